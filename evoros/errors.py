@@ -1,0 +1,101 @@
+"""What can go wrong, and the check that every description runs when it is built."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from numbers import Real
+from typing import Any
+
+
+class EvorosError(Exception):
+    """Base of all errors that are meant to be read by the user."""
+
+
+class InputError(EvorosError):
+    """A configuration value or file that cannot be used. Exit status 2.
+
+    The message is one line: which file or key, the rule, the value, the cure.
+    """
+
+
+class SimulationError(EvorosError):
+    """The simulation itself failed (a state that is not finite). It recurs deterministically."""
+
+
+class WorkerLost(EvorosError):
+    """A call crashed its worker process or ran past its time limit, in spite of all retries."""
+
+
+class RunStopped(EvorosError):
+    """The run stopped before its end and can be resumed. Exit status 1."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A condition on one value, and how to say it."""
+
+    text: str  # completes "must be ..."
+    holds: Callable[[Any], bool]
+
+
+def is_number(value: object) -> bool:
+    """A finite real number; True and False are not numbers here."""
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+NUMBER = Rule("a number", is_number)
+POSITIVE = Rule("a number greater than 0", lambda v: is_number(v) and v > 0)
+NOT_NEGATIVE = Rule("a number of at least 0", lambda v: is_number(v) and v >= 0)
+PROBABILITY = Rule("a number from 0 to 1", lambda v: is_number(v) and 0 <= v <= 1)
+COUNT = Rule("a whole number of at least 1", lambda v: is_whole(v) and v >= 1)
+WHOLE = Rule("a whole number of at least 0", lambda v: is_whole(v) and v >= 0)
+TEXT = Rule("a text that is not empty", lambda v: isinstance(v, str) and bool(v.strip()))
+FLAG = Rule("true or false", lambda v: isinstance(v, bool))
+
+
+def one_of(*choices: str) -> Rule:
+    return Rule("one of " + ", ".join(choices), lambda v: v in choices)
+
+
+def instance_of(kind: Any, what: str) -> Rule:
+    """``kind`` is a class or a runtime-checkable protocol; ``what`` completes "must be ..."."""
+    return Rule(what, lambda v: isinstance(v, kind))
+
+
+def sequence_of(kind: Any, what: str) -> Rule:
+    return Rule(
+        f"a list of {what}",
+        lambda v: isinstance(v, list | tuple) and all(isinstance(item, kind) for item in v),
+    )
+
+
+def mapping_of(kind: Any, what: str) -> Rule:
+    return Rule(
+        f"a mapping from names to {what}",
+        lambda v: hasattr(v, "values") and all(isinstance(item, kind) for item in v.values()),
+    )
+
+
+def check(part: object, **rules: Rule) -> None:
+    """Hold each named field of ``part`` against its rule.
+
+    Raises:
+        InputError: names the class, the field, the rule and the value.
+    """
+    for name, rule in rules.items():
+        value = getattr(part, name)
+        if not rule.holds(value):
+            raise invalid(part, name, value, f"must be {rule.text}")
+
+
+def invalid(part: object, field: str, value: object, rule: str, cure: str = "") -> InputError:
+    """The error for one field of a description, to be raised by the caller."""
+    default = getattr(type(part), field, None)
+    if not cure and isinstance(default, int | float | str):
+        cure = f"set it to such a value, for example {default}"
+    cure = f"; {cure}" if cure else "; set it to such a value"
+    return InputError(f"{type(part).__name__}.{field}: {rule}, not {value!r}{cure}")
