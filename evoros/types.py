@@ -139,8 +139,8 @@ class Sensor(Protocol):
     @property
     def range_max_m(self) -> float: ...
     @property
-    def filters(self) -> Sequence[Filter]:
-        """Applied in order to the readings of all sensors of this type: first of all its noise."""
+    def filters(self) -> Mapping[str, Filter]:
+        """By name, applied in order to the readings of all sensors of this type: first of all its noise."""
         ...
 
     def rays(self) -> Array:
@@ -190,8 +190,8 @@ class Controller(Protocol):
     @property
     def period_s(self) -> float: ...
     @property
-    def localization(self) -> Sequence[Filter]:
-        """Applied in order to the pose (x, y, yaw, speed) before the layers see it."""
+    def localization(self) -> Mapping[str, Filter]:
+        """By name, applied in order to the pose (x, y, yaw, speed) before the layers see it."""
         ...
 
     def open(

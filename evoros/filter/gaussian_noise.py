@@ -1,0 +1,51 @@
+"""White Gaussian noise on what a sensor measures."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.errors import NOT_NEGATIVE, check
+from evoros.types import Array, Channels, FilterRule
+
+
+@dataclass(frozen=True)
+class GaussianNoise:
+    """Adds an independent normal deviate to every sample, and keeps it within the limits.
+
+    A range sensor that sees nothing reports its limit exactly, so a value that is not below
+    ``high`` stays as it is.
+    """
+
+    sigma_m: float = 0.005  # standard deviation, in the unit of the values
+
+    def __post_init__(self) -> None:
+        check(self, sigma_m=NOT_NEGATIVE)
+
+    @property
+    def rule(self) -> FilterRule:
+        """Adds the noise."""
+        return add_noise
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
+        """Parameters: sigma, then ``onset``, ``low`` and ``high`` of the n channels."""
+        parameters = np.concatenate(([self.sigma_m], onset, channels.low, channels.high))
+        return parameters, np.zeros(0)
+
+
+def add_noise(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    """One draw for every channel, used or not: no channel's fate shifts another's noise."""
+    n = len(values)
+    sigma = parameters[0]
+    for i in range(n):
+        deviate = rng.standard_normal()
+        value = values[i]
+        high = parameters[2 * n + 1 + i]
+        if value < high and time >= parameters[1 + i]:
+            value = value + sigma * deviate
+            low = parameters[n + 1 + i]
+            if value < low:
+                value = low
+            elif value > high:
+                value = high
+            values[i] = value

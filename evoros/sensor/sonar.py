@@ -1,0 +1,107 @@
+"""A sonar: one range, the nearest hit of a grid of rays that fills its beam."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from evoros.errors import COUNT, NOT_NEGATIVE, POSITIVE, Rule, check, invalid, is_number, mapping_of
+from evoros.filter.gaussian_noise import GaussianNoise
+from evoros.types import Array, Filter
+
+BEAM = Rule("an angle greater than 0 and less than 180", lambda v: is_number(v) and 0 < v < 180)
+
+GAZEBO_SENSOR = """\
+<sensor name={name} type="gpu_lidar">
+  <topic>{topic}</topic>
+  <update_rate>{rate}</update_rate>
+  <always_on>true</always_on>
+  <lidar>
+    <scan>
+      <horizontal>
+        <samples>{samples}</samples>
+        <resolution>1</resolution>
+        <min_angle>{min_angle}</min_angle>
+        <max_angle>{max_angle}</max_angle>
+      </horizontal>
+      <vertical>
+        <samples>{samples}</samples>
+        <resolution>1</resolution>
+        <min_angle>{min_angle}</min_angle>
+        <max_angle>{max_angle}</max_angle>
+      </vertical>
+    </scan>
+    <range>
+      <min>{range_min}</min>
+      <max>{range_max}</max>
+    </range>
+    <noise>
+      <type>gaussian</type>
+      <mean>0</mean>
+      <stddev>{sigma}</stddev>
+    </noise>
+  </lidar>
+</sensor>
+"""
+
+
+@dataclass(frozen=True)
+class Sonar:
+    """A range sensor with a square beam, sampled by ``rays_per_axis`` squared rays.
+
+    The defaults, with ``conf/sensor/sonar.yaml``, are the sonar of the 2018 paper (Evo-ROS).
+    """
+
+    range_min_m: float = 0.06
+    range_max_m: float = 4.5
+    fov_deg: float = 30.0  # full width of the beam, horizontal and vertical alike
+    rays_per_axis: int = 5
+    period_s: float = 0.1  # time between two readings
+    filters: Mapping[str, Filter] = field(default_factory=dict)  # applied in this order
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            range_min_m=NOT_NEGATIVE,
+            range_max_m=POSITIVE,
+            fov_deg=BEAM,
+            rays_per_axis=COUNT,
+            period_s=POSITIVE,
+            filters=mapping_of(Filter, "filters"),
+        )
+        if self.range_min_m >= self.range_max_m:
+            rule = f"must be less than range_max_m ({self.range_max_m})"
+            raise invalid(self, "range_min_m", self.range_min_m, rule)
+
+    def rays(self) -> Array:
+        """(rays_per_axis squared, 3) unit vectors in the sensor's frame: x forward, z up.
+
+        ``(cos a cos b, sin a cos b, sin b)`` for azimuth a (left positive) and elevation b, both
+        evenly spaced over the beam, its edges included; a single ray points forward.
+        """
+        edge = math.radians(self.fov_deg) / 2 if self.rays_per_axis > 1 else 0.0
+        angles = np.linspace(-edge, edge, self.rays_per_axis)
+        a, b = (grid.ravel() for grid in np.meshgrid(angles, angles, indexing="ij"))
+        return np.column_stack((np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)))
+
+    def gazebo(self, name: str) -> str:
+        """The SDF ``<sensor>`` called ``name``, which is its topic too.
+
+        Gazebo publishes all rays, of which the reader takes the least. Of the filters, Gazebo
+        itself knows Gaussian noise only.
+        """
+        edge = math.radians(self.fov_deg) / 2 if self.rays_per_axis > 1 else 0.0
+        noises = (f.sigma_m for f in self.filters.values() if isinstance(f, GaussianNoise))
+        return GAZEBO_SENSOR.format(
+            name=quoteattr(name),
+            topic=escape(name),
+            rate=1 / self.period_s,
+            samples=self.rays_per_axis,
+            min_angle=-edge,
+            max_angle=edge,
+            range_min=self.range_min_m,
+            range_max=self.range_max_m,
+            sigma=math.sqrt(sum(sigma * sigma for sigma in noises)),
+        )
