@@ -1,0 +1,1 @@
+"""Controllers and their layers: one class a file."""

@@ -1,0 +1,53 @@
+"""The rover's controller: obstacle avoidance that preempts waypoint navigation."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from numpy.random import Generator
+
+from evoros.errors import POSITIVE, check, instance_of, mapping_of
+from evoros.types import Filter, Layer, StartedLayer
+
+if TYPE_CHECKING:
+    from evoros.robot import Robot
+
+LAYER = instance_of(Layer, "a layer of a controller (mode, rule and start)")
+
+
+@dataclass(frozen=True)
+class Rover:
+    """Two layers: ``avoidance`` decides where it sees an obstacle, else ``navigation`` does.
+
+    ``localization`` stands between the true pose and both layers, applied in the order of the
+    mapping; empty means that the pose is known exactly.
+
+    Raises:
+        InputError: a part of the wrong kind, or a period that is not positive.
+    """
+
+    avoidance: Layer
+    navigation: Layer
+    period_s: float = 0.1
+    localization: Mapping[str, Filter] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            avoidance=LAYER,
+            navigation=LAYER,
+            period_s=POSITIVE,
+            localization=mapping_of(Filter, "filters"),
+        )
+
+    @contextmanager
+    def open(
+        self, robot: "Robot", rng: Callable[[str], Generator]
+    ) -> Iterator[Sequence[StartedLayer]]:
+        """The layers in order of precedence, started afresh for one mission."""
+        layers = {"avoidance": self.avoidance, "navigation": self.navigation}
+        yield [
+            StartedLayer(layer.mode, layer.rule, *layer.start(robot, self.period_s, rng(name)))
+            for name, layer in layers.items()
+        ]

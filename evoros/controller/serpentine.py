@@ -1,0 +1,93 @@
+"""Waypoint following with a weaving heading, as the 2018 paper on Evo-ROS describes it."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.errors import POSITIVE, Rule, check, is_number
+from evoros.types import DRIVE_SPEED, STEERING, TO_X, TO_Y, YAW, Array, LayerRule, X, Y
+
+if TYPE_CHECKING:
+    from evoros.robot import Robot
+
+# The rule's parameters.
+SPEED, AMPLITUDE, FREQUENCY, PHASE, GAIN, FULL_LOCK = range(6)
+
+AMPLITUDES = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v) and 0 <= v < 180)
+
+
+def follow(
+    parameters: Array,
+    memory: Array,
+    state: Array,
+    leg: Array,
+    readings: Array,
+    time: float,
+    command: Array,
+) -> bool:
+    """Decide always, except on a pose that is silent (NaN): then the last command stands."""
+    bearing = math.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
+    phase = float(parameters[FREQUENCY]) * time + float(parameters[PHASE])
+    error = bearing + float(parameters[AMPLITUDE]) * math.sin(phase) - float(state[YAW])
+    if math.isnan(error):
+        return False
+    error = (error + math.pi) % (2.0 * math.pi) - math.pi
+    full_lock = float(parameters[FULL_LOCK])
+    command[DRIVE_SPEED] = parameters[SPEED]
+    command[STEERING] = min(max(float(parameters[GAIN]) * error, -full_lock), full_lock)
+    return True
+
+
+@dataclass(frozen=True)
+class Serpentine:
+    """Steers towards the bearing to the waypoint plus a sine of time.
+
+    The heading error, wrapped to [-180, 180) deg, times ``gain`` is the steering angle, at most
+    full lock. The paper gives a sweep of 60 deg, ``amplitude_deg`` to either side; the phase is
+    drawn for each mission.
+
+    Raises:
+        InputError: a value outside of its range.
+    """
+
+    speed_mps: float = 0.29
+    amplitude_deg: float = 30.0
+    period_s: float = 9.7
+    gain: float = 1.5
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            speed_mps=POSITIVE,
+            amplitude_deg=AMPLITUDES,
+            period_s=POSITIVE,
+            gain=POSITIVE,
+        )
+
+    @property
+    def mode(self) -> str:
+        """Following the route."""
+        return "navigating"
+
+    @property
+    def rule(self) -> LayerRule:
+        """Steers to the waypoint."""
+        return follow
+
+    def start(self, robot: "Robot", period: float, rng: Generator) -> tuple[Array, Array]:
+        """Parameters with this mission's phase; no memory."""
+        turn = 2.0 * math.pi
+        parameters = np.array(
+            [
+                self.speed_mps,
+                math.radians(self.amplitude_deg),
+                turn / self.period_s,
+                rng.uniform(0.0, turn),
+                self.gain,
+                robot.drive.steering_limit,
+            ]
+        )
+        return parameters, np.zeros(0)

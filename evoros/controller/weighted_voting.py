@@ -1,0 +1,116 @@
+"""Obstacle avoidance by weighted voting (the 2018 paper on Evo-ROS, section 4, Eq. 2)."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.errors import NOT_NEGATIVE, POSITIVE, Rule, check, is_number
+from evoros.types import DRIVE_SPEED, STEERING, Array, LayerRule
+
+if TYPE_CHECKING:
+    from evoros.robot import Robot
+
+# The rule's parameters; the direction of each sensor's vote follows (1: left, -1: right).
+RANGE, MAX_RANGE, SPEED, FULL_LOCK, DEADLOCK_DIFFERENCE, DEADLOCK_SUM, DIRECTIONS = range(7)
+
+HALF_TURN = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v) and 0 <= v < 180)
+ROUNDING = 1e-9
+"""[rad]: a mount at exactly ``ahead_deg`` is ahead, though its yaw has been through rotations."""
+
+
+def vote(
+    parameters: Array,
+    memory: Array,
+    state: Array,
+    leg: Array,
+    readings: Array,
+    time: float,
+    command: Array,
+) -> bool:
+    """Take the decision when a sensor reads less than the threshold; silence (NaN) is no vote."""
+    threshold = float(parameters[RANGE])
+    left = 0.0
+    right = 0.0
+    seen = False
+    for i in range(len(readings)):
+        reading = float(readings[i])
+        if reading < threshold:
+            seen = True
+            if parameters[DIRECTIONS + i] > 0.0:
+                left += threshold - reading
+            else:
+                right += threshold - reading
+    if not seen:
+        return False
+    surplus = left - right
+    turn = min(max(surplus / float(parameters[MAX_RANGE]), -1.0), 1.0)
+    enough = float(parameters[DEADLOCK_SUM])
+    if left > enough and right > enough and abs(surplus) <= float(parameters[DEADLOCK_DIFFERENCE]):
+        turn = 1.0
+    command[DRIVE_SPEED] = parameters[SPEED]
+    command[STEERING] = turn * float(parameters[FULL_LOCK])
+    return True
+
+
+@dataclass(frozen=True)
+class WeightedVoting:
+    """Each sensor that sees an obstacle votes for the side it does not face.
+
+    A reading below ``range_m`` is a vote of weight ``range_m - reading``: for the left from a
+    sensor that faces right or ahead (within ``ahead_deg``, itself included), for the right from
+    one that faces left. The robot steers towards the greater sum by ``|difference| /
+    max_range_m`` of full lock, at most full lock (Eq. 2); equal sums go straight on. Where the
+    sums differ by at most ``deadlock_difference_m`` and both exceed ``deadlock_sum_m``, the
+    obstacle lies right ahead: hard left.
+
+    Raises:
+        InputError: a value outside of its range.
+    """
+
+    range_m: float = 2.0
+    max_range_m: float = 2.0
+    speed_mps: float = 0.3175
+    ahead_deg: float = 3.0
+    deadlock_difference_m: float = 1.0
+    deadlock_sum_m: float = 1.5
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            range_m=POSITIVE,
+            max_range_m=POSITIVE,
+            speed_mps=POSITIVE,
+            ahead_deg=HALF_TURN,
+            deadlock_difference_m=NOT_NEGATIVE,
+            deadlock_sum_m=NOT_NEGATIVE,
+        )
+
+    @property
+    def mode(self) -> str:
+        """Keeping off an obstacle."""
+        return "avoiding"
+
+    @property
+    def rule(self) -> LayerRule:
+        """Counts the votes."""
+        return vote
+
+    def start(self, robot: "Robot", period: float, rng: Generator) -> tuple[Array, Array]:
+        """Parameters with each sensor's direction, from where it is mounted; no memory."""
+        ahead = math.radians(self.ahead_deg) + ROUNDING
+        yaws = [math.atan2(math.sin(yaw), math.cos(yaw)) for yaw in robot.sensor_poses()[:, 3]]
+        parameters = np.array(
+            [
+                self.range_m,
+                self.max_range_m,
+                self.speed_mps,
+                robot.drive.steering_limit,
+                self.deadlock_difference_m,
+                self.deadlock_sum_m,
+                *(1.0 if yaw <= ahead else -1.0 for yaw in yaws),
+            ]
+        )
+        return parameters, np.zeros(0)
