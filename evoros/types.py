@@ -140,7 +140,7 @@ class Sensor(Protocol):
     def range_max_m(self) -> float: ...
     @property
     def filters(self) -> Mapping[str, Filter]:
-        """By name, applied in order to the readings of all sensors of this type: first of all its noise."""
+        """By name, applied in order to the readings of all sensors of this type: its noise first."""
         ...
 
     def rays(self) -> Array:

@@ -1,0 +1,1 @@
+"""Failures: which sensors fail in a mission, when and how."""

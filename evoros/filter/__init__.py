@@ -1,0 +1,1 @@
+"""Filters: noise, delay, faults. They stand between a source of values and the controller."""

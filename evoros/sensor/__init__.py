@@ -1,0 +1,1 @@
+"""Types of sensors: what a sensor sees, how often and how well."""

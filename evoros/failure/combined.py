@@ -1,0 +1,33 @@
+"""Several failures in one mission."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from numpy.random import Generator
+
+from evoros import rng as randomness
+from evoros.errors import check, mapping_of
+from evoros.types import Channels, Failure, Fault
+
+
+@dataclass(frozen=True)
+class CombinedFailure:
+    """All of the named failures, each drawn by itself: one sensor may be hit more than once."""
+
+    failures: Mapping[str, Failure] = field(default_factory=dict)  # faults act in this order
+
+    def __post_init__(self) -> None:
+        check(self, failures=mapping_of(Failure, "failures"))
+
+    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
+        """The faults of every failure.
+
+        Each failure has a generator of its own, made from one draw and its name, so that adding
+        one never shifts another's.
+        """
+        key = rng.bytes(16).hex()
+        return tuple(
+            fault
+            for name, failure in self.failures.items()
+            for fault in failure.draw(channels, randomness.generator(key, name))
+        )

@@ -1,0 +1,52 @@
+"""A systematic error of a sensor: too long or too short by the same amount all the time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.errors import NOT_NEGATIVE, NUMBER, check
+from evoros.types import Array, Channels, FilterRule
+
+
+@dataclass(frozen=True)
+class Bias:
+    """Adds an offset to each channel, constant during a mission, and keeps it within the limits.
+
+    The offset is ``offset_m`` plus a normal deviate drawn for each channel at the start. A value
+    that is not below ``high`` stays as it is: the sensor sees nothing.
+    """
+
+    offset_m: float = 0.0  # in the unit of the values
+    sd_m: float = 0.02  # standard deviation between channels, in the unit of the values
+
+    def __post_init__(self) -> None:
+        check(self, offset_m=NUMBER, sd_m=NOT_NEGATIVE)
+
+    @property
+    def rule(self) -> FilterRule:
+        """Adds the offsets."""
+        return add_offset
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
+        """Parameters: the offset, ``onset``, ``low`` and ``high`` of the n channels."""
+        offsets = self.offset_m + self.sd_m * rng.standard_normal(channels.size)
+        return np.concatenate((offsets, onset, channels.low, channels.high)), np.zeros(0)
+
+
+def add_offset(
+    parameters: Array, memory: Array, rng: Generator, values: Array, time: float
+) -> None:
+    """Add each channel's own offset."""
+    n = len(values)
+    for i in range(n):
+        value = values[i]
+        high = parameters[3 * n + i]
+        if value < high and time >= parameters[n + i]:
+            value = value + parameters[i]
+            low = parameters[2 * n + i]
+            if value < low:
+                value = low
+            elif value > high:
+                value = high
+            values[i] = value

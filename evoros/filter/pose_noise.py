@@ -1,0 +1,60 @@
+"""White Gaussian noise of a localization."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.errors import NOT_NEGATIVE, InputError, check
+from evoros.types import POSE_SIZE, Array, Channels, FilterRule
+
+
+@dataclass(frozen=True)
+class PoseNoise:
+    """Adds independent normal deviates to x and y, to the yaw and to the speed of each sample.
+
+    The yaw is not wrapped: it may leave the interval from -pi to pi by its noise.
+    """
+
+    sigma_position_m: float = 0.02  # of x and of y
+    sigma_yaw_deg: float = 1.0
+    sigma_speed_mps: float = 0.0
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            sigma_position_m=NOT_NEGATIVE,
+            sigma_yaw_deg=NOT_NEGATIVE,
+            sigma_speed_mps=NOT_NEGATIVE,
+        )
+
+    @property
+    def rule(self) -> FilterRule:
+        """Adds the noise."""
+        return disturb
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
+        """Parameters: sigma of x, y, yaw [rad] and speed, ``onset`` (4,).
+
+        Raises:
+            InputError: the channels are not a pose.
+        """
+        # Four range sensors are as many values as a pose, but they have limits.
+        if channels.size != POSE_SIZE or np.isfinite(channels.high).any():
+            raise InputError(
+                f"PoseNoise: filters a pose (x, y, yaw, speed), not {channels.size} readings; "
+                f"put it into the controller's localization, or use GaussianNoise here"
+            )
+        yaw = math.radians(self.sigma_yaw_deg)
+        sigma = [self.sigma_position_m, self.sigma_position_m, yaw, self.sigma_speed_mps]
+        return np.concatenate((sigma, onset)), np.zeros(0)
+
+
+def disturb(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    """One draw for every value, used or not: what is disturbed never shifts the rest."""
+    n = len(values)
+    for i in range(n):
+        deviate = rng.standard_normal()
+        if time >= parameters[n + i]:
+            values[i] = values[i] + parameters[i] * deviate
