@@ -1,0 +1,1 @@
+"""Optimizers: what is asked to be evaluated, and what becomes of it."""

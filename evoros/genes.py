@@ -1,0 +1,136 @@
+"""From genes in 0..1 to values, and from values to the parts of an experiment that hold them."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from evoros.errors import FLAG, NUMBER, TEXT, InputError, Rule, check, invalid, is_number, is_whole
+
+Part = TypeVar("Part")
+
+# What an individual *is* may evolve. Its worlds, failures and simulator are the test: evolution
+# would make the test easier rather than the robot better. The rest of the robot comes from files.
+EVOLVABLE = ("controller.", "robot.drive.", "design.sensors.")
+
+
+def _is_interval(value: object) -> bool:
+    pair = isinstance(value, list | tuple) and len(value) == 2 and all(map(is_number, value))
+    return is_number(value) or (pair and value[0] <= value[1])  # type: ignore[index]
+
+
+INTERVAL = Rule("a number, or [low, high] with low at most high", _is_interval)
+
+
+def ends(interval: Any) -> tuple[float, float]:
+    """Lowest and highest value of an interval as configured: a number, or [low, high]."""
+    low, high = (interval, interval) if is_number(interval) else interval
+    return float(low), float(high)
+
+
+def scaled(gene: float, low: float, high: float) -> float:
+    """The value at ``gene`` (0..1) between ``low`` and ``high``, which rounding never leaves."""
+    return min(max(low + gene * (high - low), low), high)
+
+
+def chosen(gene: float, count: int) -> int:
+    """The index, 0..count-1, at ``gene`` (0..1); each has an equal share, and 1 is the last."""
+    return min(int(gene * count), count - 1)
+
+
+@dataclass(frozen=True)
+class Gene:
+    """One evolved value: the dotted key of a number in the configuration, and its range.
+
+    The key starts with ``controller.``, ``robot.drive.`` or ``design.sensors.``.
+    """
+
+    key: str
+    low: float
+    high: float
+    whole: bool = False  # whole numbers only, both ends included
+
+    def __post_init__(self) -> None:
+        check(self, key=TEXT, low=NUMBER, high=NUMBER, whole=FLAG)
+        if not self.key.startswith(EVOLVABLE) or not all(self.key.split(".")):
+            rule = f"must be a dotted key that starts with {' or '.join(EVOLVABLE)}"
+            cure = "worlds, failures and the simulator are the test and do not evolve"
+            raise invalid(self, "key", self.key, rule, cure)
+        if self.high < self.low:
+            raise invalid(self, "high", self.high, f"must be at least low, which is {self.low}")
+        if self.whole and not (is_whole(self.low) and is_whole(self.high)):
+            value = [self.low, self.high]
+            raise invalid(
+                self, "whole", value, "low and high must be whole numbers where it is true"
+            )
+
+    def value(self, gene: float) -> float:
+        """The value at ``gene`` (0..1); a whole number where the gene is whole."""
+        if self.whole:
+            return self.low + chosen(gene, int(self.high - self.low) + 1)
+        return scaled(gene, float(self.low), float(self.high))
+
+
+def replaced(part: Part, values: Mapping[str, float], at: str = "") -> Part:
+    """A copy of ``part`` that has, at each dotted path, the given number instead of its own.
+
+    Walks through fields of dataclasses, keys of mappings and positions in lists. Each dataclass on
+    the way is built once, with all its changes, and so checks itself again. ``at`` is where
+    ``part`` stands, for messages.
+
+    Raises:
+        InputError: a path does not lead to a number, or a part refuses its new values.
+    """
+    inner: dict[str, dict[str, float]] = {}
+    for path, value in values.items():
+        head, _, rest = path.partition(".")
+        inner.setdefault(head, {})[rest] = value
+    children = _children(part)
+    changes: dict[str, Any] = {}
+    for head, deeper in inner.items():
+        where = f"{at}.{head}" if at else head
+        if head not in children:
+            there = f"there is {', '.join(children)}" if children else "there are no values inside"
+            raise InputError(f"{where}: must lead to an existing value; {at or 'here'}: {there}")
+        if set(deeper) != {""}:
+            changes[head] = replaced(children[head], deeper, where)
+        elif is_number(children[head]):
+            changes[head] = deeper[""]
+        else:
+            kind = type(children[head]).__name__
+            inside = ", ".join(_children(children[head])) or "nothing"
+            raise InputError(f"{where}: must lead to a number, not a {kind}; inside is {inside}")
+    return _with(part, changes) if changes else part
+
+
+def _children(part: object) -> dict[str, Any]:
+    if dataclasses.is_dataclass(part):
+        return {f.name: getattr(part, f.name) for f in dataclasses.fields(part) if f.init}
+    if isinstance(part, Mapping):
+        return dict(part)
+    if isinstance(part, list | tuple):
+        return {str(position): item for position, item in enumerate(part)}
+    return {}
+
+
+def _with(part: Any, changes: dict[str, Any]) -> Any:
+    if dataclasses.is_dataclass(part):
+        return dataclasses.replace(part, **changes)  # type: ignore[type-var]
+    if isinstance(part, Mapping):
+        return {**part, **changes}
+    return type(part)(changes.get(str(position), item) for position, item in enumerate(part))
+
+
+def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
+    """Try the lowest and the highest values before a run starts.
+
+    ``parts`` are named as the keys begin: ``{"controller": ..., "robot": ..., "design": ...}``.
+
+    Raises:
+        InputError: a key leads nowhere, or a part refuses one end of a range.
+    """
+    for end, name in ((0.0, "low"), (1.0, "high")):
+        try:
+            replaced(parts, {gene.key: gene.value(end) for gene in genes.values()})
+        except InputError as error:
+            raise InputError(f"design.genes, all at {name}: {error}") from None

@@ -1,0 +1,190 @@
+"""The genetic algorithm of Evo-ROS (2018), Section 5, "Evolutionary Parameters", and Table 1."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.errors import COUNT, PROBABILITY, WHOLE, InputError, Rule, check, is_number, one_of
+from evoros.types import Array, Aspect, Candidate, Individual, Search, Space
+
+STEP = Rule("a number greater than 0, at most 1", lambda v: is_number(v) and 0 < v <= 1)
+
+
+@dataclass(frozen=True)
+class GeneticAlgorithm:
+    """Tournaments, single-point crossover between blocks, mutation of aspects, one elite.
+
+    Each generation: tournaments in the population fill a parent pool of the same size; consecutive
+    parents cross over or are cloned; population and children together are the candidate pool; each
+    candidate but the elite may mutate; what is new is evaluated; the elite and the winners of
+    tournaments in the pool are the next population.
+
+    ``elite`` is ``best_so_far``, or ``best_child``: the best of those that were new in this
+    generation, which is what the original study ran and which can lose the best so far.
+    """
+
+    population_size: int = 30
+    generations: int = 25  # the first, random one included
+    mutation_probability: float = 0.15  # per candidate
+    crossover_probability: float = 0.25  # per pair of parents
+    tournament_size: int = 2
+    validation_trials: int = 5  # of the champion, after the search
+    mutation_step: float = 1.0  # width of the redrawn part of the range; 1: all of it
+    elite: str = "best_so_far"
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            population_size=COUNT,
+            generations=COUNT,
+            mutation_probability=PROBABILITY,
+            crossover_probability=PROBABILITY,
+            tournament_size=COUNT,
+            validation_trials=WHOLE,
+            mutation_step=STEP,
+            elite=one_of("best_so_far", "best_child"),
+        )
+
+    def start(self, space: Space, rng: Generator) -> Search:
+        """A fresh search; it draws from ``rng`` and from nothing else.
+
+        Raises:
+            InputError: the space has no genes.
+        """
+        if not space.blocks:
+            raise InputError(
+                "design: must leave something to evolve, not only constants; "
+                "give a region or a gene a range, or choose optimizer=random_search"
+            )
+        return _GeneticSearch(self, space, rng)
+
+
+class _GeneticSearch:
+    """A started search. The elite is always the first of the population, and so of the pool."""
+
+    def __init__(self, settings: GeneticAlgorithm, space: Space, rng: Generator) -> None:
+        self._settings, self._space, self._rng = settings, space, rng
+        self._fitness: dict[int, float] = {}  # by the individual's id
+        self._created = 0
+        self._pool: list[tuple[Individual, str]] = []  # with what each place was filled
+        for _ in range(settings.population_size):
+            individual = self._new(rng.random(space.size), (), "initial")
+            self._pool.append((individual, "initial"))
+
+    def ask(self) -> list[Individual]:
+        return [member for member, _ in self._pool if member.id not in self._fitness]
+
+    def tell(self, fitness: Sequence[float]) -> list[Candidate]:
+        asked = self.ask()
+        if len(fitness) != len(asked) or any(map(math.isnan, fitness)):
+            raise InputError(
+                f"fitness: must be {len(asked)} numbers, not {list(fitness)}; "
+                f"give one for each individual asked for"
+            )
+        new = {individual.id for individual in asked}
+        self._fitness |= {
+            individual.id: float(value) for individual, value in zip(asked, fitness, strict=True)
+        }
+        winners = self._select(new)
+        copies = Counter(winners)
+        table = [
+            Candidate(member, operator, self._fitness[member.id], copies[place])
+            for place, (member, operator) in enumerate(self._pool)
+        ]
+        self._breed([self._pool[place][0] for place in winners])
+        return table
+
+    def _select(self, new: set[int]) -> list[int]:
+        """The places in the pool of the next population, the elite first."""
+        members = [member for member, _ in self._pool]
+        eligible = list(range(len(members)))
+        if self._settings.elite == "best_child":
+            eligible = [place for place in eligible if members[place].id in new] or eligible
+        elite = max(eligible, key=lambda place: self._fitness[members[place].id])
+        others = (self._tournament(members) for _ in range(self._settings.population_size - 1))
+        return [elite, *others]
+
+    def _tournament(self, members: list[Individual]) -> int:
+        """The place of the best of a few drawn with replacement; of equals, the first drawn."""
+        drawn: list[int] = self._rng.integers(
+            len(members), size=self._settings.tournament_size
+        ).tolist()
+        return max(drawn, key=lambda place: self._fitness[members[place].id])
+
+    def _breed(self, population: list[Individual]) -> None:
+        """Fill the candidate pool of the next generation."""
+        parents = [population[self._tournament(population)] for _ in population]
+        pool = [(member, "survivor") for member in population]
+        for first, second in zip(parents[0::2], parents[1::2], strict=False):
+            pool += self._pair(first, second)
+        if len(parents) % 2:
+            pool.append((parents[-1], "clone"))
+        self._pool = pool[:1] + [self._mutated(*candidate) for candidate in pool[1:]]
+
+    def _pair(self, first: Individual, second: Individual) -> list[tuple[Individual, str]]:
+        """Two children: by single-point crossover over the blocks, or clones."""
+        blocks = self._space.blocks
+        if self._rng.random() >= self._settings.crossover_probability or len(blocks) < 2:
+            return [(first, "clone"), (second, "clone")]
+        cut = int(self._rng.integers(1, len(blocks)))
+        tail = [gene for block in blocks[cut:] for gene in block.genes]
+        return [self._child(first, second, tail), self._child(second, first, tail)]
+
+    def _child(
+        self, head: Individual, other: Individual, tail: list[int]
+    ) -> tuple[Individual, str]:
+        genome = head.genome.copy()
+        genome[tail] = other.genome[tail]
+        for parent in (head, other):
+            if np.array_equal(genome, parent.genome):
+                return parent, "clone"  # nothing new that would need an evaluation
+        return self._new(genome, (head.id, other.id), "crossover"), "crossover"
+
+    def _mutated(self, individual: Individual, operator: str) -> tuple[Individual, str]:
+        if self._rng.random() >= self._settings.mutation_probability:
+            return individual, operator
+        genome = individual.genome.copy()
+        blocks = self._space.blocks
+        for i in self._some(len(blocks)):
+            for j in self._some(len(blocks[i].aspects)):
+                self._redraw(genome, blocks[i].aspects[j])
+        if np.array_equal(genome, individual.genome):
+            return individual, operator
+        if individual.id in self._fitness:
+            return self._new(genome, (individual.id,), "mutation"), "mutation"
+        # A child that nobody has evaluated yet stays one individual, made in two steps.
+        both = f"{individual.operator}+mutation"
+        return replace(individual, genome=_frozen(genome), operator=both), both
+
+    def _some(self, count: int) -> list[int]:
+        """One or more of ``count``: each with probability 1/count, drawn again if there is none."""
+        while True:
+            picked = np.flatnonzero(self._rng.random(count) * count < 1)
+            if len(picked):
+                return picked.tolist()
+
+    def _redraw(self, genome: Array, aspect: Aspect) -> None:
+        step, rng = self._settings.mutation_step, self._rng
+        for gene in aspect.categorical:
+            if rng.random() < step:
+                genome[gene] = rng.random()
+        for gene in aspect.continuous:
+            if step == 1:
+                genome[gene] = rng.random()
+            else:
+                value = abs(genome[gene] + step * (rng.random() - 0.5))  # reflected at 0
+                genome[gene] = min(value, 2 - value)  # and at 1
+
+    def _new(self, genome: Array, parents: tuple[int, ...], operator: str) -> Individual:
+        self._created += 1
+        return Individual(self._created - 1, _frozen(genome), parents, operator)
+
+
+def _frozen(genome: Array) -> Array:
+    """The same array, protected: an individual never changes once it is made."""
+    genome.flags.writeable = False
+    return genome

@@ -1,0 +1,60 @@
+"""Random search: the baseline that any other optimizer has to beat."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from numpy.random import Generator
+
+from evoros.errors import COUNT, WHOLE, InputError, check
+from evoros.types import Candidate, Individual, Search, Space
+
+
+@dataclass(frozen=True)
+class RandomSearch:
+    """Each generation is drawn uniformly from the whole space; only the best so far is kept."""
+
+    population_size: int = 16
+    generations: int = 25
+    validation_trials: int = 5  # of the champion, after the search
+
+    def __post_init__(self) -> None:
+        check(self, population_size=COUNT, generations=COUNT, validation_trials=WHOLE)
+
+    def start(self, space: Space, rng: Generator) -> Search:
+        """A fresh search; it draws from ``rng`` and from nothing else."""
+        return _RandomSearch(self.population_size, space, rng)
+
+
+class _RandomSearch:
+    def __init__(self, population_size: int, space: Space, rng: Generator) -> None:
+        self._population_size, self._space, self._rng = population_size, space, rng
+        self._best: Candidate | None = None
+        self._created = 0
+        self._draw()
+
+    def ask(self) -> list[Individual]:
+        return self._asked
+
+    def tell(self, fitness: Sequence[float]) -> list[Candidate]:
+        if len(fitness) != len(self._asked) or any(map(math.isnan, fitness)):
+            raise InputError(
+                f"fitness: must be {len(self._asked)} numbers, not {list(fitness)}; "
+                f"give one for each individual asked for"
+            )
+        table = [] if self._best is None else [self._best]
+        table += [
+            Candidate(individual, individual.operator, value, 0)
+            for individual, value in zip(self._asked, fitness, strict=True)
+        ]
+        best = max(range(len(table)), key=lambda row: table[row].fitness)
+        chosen = table[best]
+        self._best = Candidate(chosen.individual, "survivor", chosen.fitness, 0)
+        table[best] = Candidate(chosen.individual, chosen.operator, chosen.fitness, 1)
+        self._draw()
+        return table
+
+    def _draw(self) -> None:
+        ids = range(self._created, self._created + self._population_size)
+        self._asked = [Individual(i, self._rng.random(self._space.size), (), "random") for i in ids]
+        self._created = ids.stop
