@@ -1,0 +1,185 @@
+"""Reads robot descriptions: xacro is expanded in a process of its own, XML is parsed strictly."""
+
+import json
+import logging
+import math
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from lxml import etree
+
+from evoros import assets, xacro_child
+from evoros.errors import InputError
+
+_LOG = logging.getLogger(__name__)
+_MESH_SCHEMES = ("package://", "model://", "file://")
+
+
+def read(
+    name: str,
+    arguments: Mapping[str, object],
+    packages: Sequence[str] = (),
+    time_limit_s: float = 10.0,
+) -> tuple[Path, etree._Element]:
+    """The file and the root element of a URDF, or of what a xacro file expands to.
+
+    ``packages`` are the folders, besides the file's own package, in which ``$(find name)``,
+    ``package://`` and ``model://`` look. ``time_limit_s`` [s of processor time] bounds the
+    expansion. Files that the description names are given as absolute paths in the result.
+
+    Raises:
+        InputError: the file is missing, not well-formed, does not expand, has a document type,
+            or names a file that is missing or outside its package and ``packages``.
+    """
+    file = assets.find(name, "robots")
+    root = parse(_content(file), file, with_lines=True)
+    roots = _roots(file, packages)
+    if file.suffix == ".xacro" or "http://www.ros.org/wiki/xacro" in root.nsmap.values():
+        text = expand(file, arguments, roots, time_limit_s)
+        root = parse(text.encode(), file, with_lines=False)
+    elif arguments:
+        raise InputError(
+            f"{file}: a plain URDF takes no arguments, not {sorted(arguments)}; "
+            f"remove them or name a .xacro file"
+        )
+    _resolve_files(root, file, roots)
+    return file, root
+
+
+def expand(
+    file: Path, arguments: Mapping[str, object], roots: Sequence[Path], time_limit_s: float
+) -> str:
+    """The text that a xacro file expands to.
+
+    Raises:
+        InputError: it does not expand within the limits, or does not know an argument.
+    """
+    given = {name: _argument(file, name, value) for name, value in arguments.items()}
+    request = {
+        "file": str(file),
+        "arguments": given,
+        "roots": [str(root) for root in roots],
+        "path": [folder for folder in sys.path if folder],  # not the folder of the file
+        "seconds": math.ceil(time_limit_s),
+    }
+    answer = _answer(request, file, time_limit_s)
+    if "error" in answer:
+        where = f"{answer['file']}:{answer['line']}" if answer.get("line") else answer["file"]
+        raise InputError(
+            f"{where}: xacro must expand without error, but: {answer['error']}; correct the file"
+        )
+    unknown = sorted(set(given) - set(answer["known"]))
+    if unknown:
+        raise InputError(
+            f"{file}: arguments must be declared by <xacro:arg>, not {', '.join(unknown)}; "
+            f"it knows {', '.join(answer['known']) or 'none'}"
+        )
+    return str(answer["text"])
+
+
+def _answer(request: dict[str, object], file: Path, time_limit_s: float) -> dict[str, str]:
+    """What the child process says, which has no more than the request, and no environment."""
+    rule = f"xacro must expand within {time_limit_s:g} s and {xacro_child.MEMORY_BYTES >> 20} MiB"
+    cure = "look for an endless or huge expression, include or macro"
+    try:
+        done = subprocess.run(
+            [sys.executable, "-I", xacro_child.__file__],
+            input=json.dumps(request),
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            env={"LC_ALL": "C.UTF-8"},
+            cwd=file.parent,
+            timeout=3 * time_limit_s,  # the processor may be shared
+        )
+    except subprocess.TimeoutExpired as error:
+        raise InputError(f"{file}: {rule}, which it does not; {cure}") from error
+    notes = " ".join(done.stderr.split())
+    if done.returncode != 0:
+        raise InputError(
+            f"{file}: {rule}, but it ended with status {done.returncode} {notes[-200:]}; {cure}"
+        )
+    if notes:
+        _LOG.warning("%s: xacro says: %s", file, notes)
+    answer: dict[str, str] = json.loads(done.stdout)
+    return answer
+
+
+def _argument(file: Path, name: str, value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str | int | float):
+        return str(value)
+    raise InputError(f"{file}: argument {name}: must be a number, a text or a flag, not {value!r}")
+
+
+def parse(content: bytes, file: Path, with_lines: bool) -> etree._Element:
+    """The root element, without comments. Entities are not expanded, nothing else is fetched.
+
+    Raises:
+        InputError: not well-formed, or it has a document type.
+    """
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, huge_tree=False, load_dtd=False,
+        remove_comments=True, remove_pis=True, remove_blank_text=True,
+    )  # fmt: skip
+    try:
+        root = etree.fromstring(content, parser)
+    except etree.XMLSyntaxError as error:
+        where = f"{file}:{error.lineno}" if with_lines else str(file)
+        reason = " ".join((error.msg or "empty").split())
+        raise InputError(f"{where}: must be well-formed XML, but: {reason}; correct it") from error
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise InputError(f"{file}: must not have a document type (<!DOCTYPE>); remove it")
+    return root
+
+
+def _content(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise InputError(f"{file}: must be readable, but: {error.strerror}; permit it") from error
+
+
+def _roots(file: Path, packages: Sequence[str]) -> list[Path]:
+    """The folder of the file, the ROS package around it, and the declared folders."""
+    roots = [file.parent]
+    roots += [folder for folder in file.parents if (folder / "package.xml").is_file()][:1]
+    for name in packages:
+        folder = Path(name).expanduser()
+        if not folder.is_dir():
+            raise InputError(f"packages: {name}: no such folder; give an existing one")
+        roots.append(folder.resolve())
+    return roots
+
+
+def _resolve_files(root: etree._Element, file: Path, roots: Sequence[Path]) -> None:
+    for element in root.iter("mesh", "texture"):
+        name = element.get("filename")
+        if name is None:
+            raise InputError(f"{file}: <{element.tag!s}> must have a filename; add it")
+        element.set("filename", str(_inside(name, file, roots)))
+
+
+def _inside(name: str, file: Path, roots: Sequence[Path]) -> Path:
+    """The real path of a named file, which must lie in one of ``roots``."""
+    scheme = next((s for s in _MESH_SCHEMES if name.startswith(s)), "")
+    rest = name[len(scheme) :]
+    if "://" in rest:
+        raise InputError(f"{file}: {name}: files must be local; use {', '.join(_MESH_SCHEMES)}")
+    if scheme in ("package://", "model://"):
+        package, _, inner = rest.partition("/")
+        named = [root for root in roots if root.name == package]
+        candidates = [root / inner for root in named] + [root / rest for root in roots]
+    else:
+        candidates = [file.parent / rest]
+    for candidate in candidates:
+        real = candidate.resolve()
+        if real.is_file() and any(real.is_relative_to(root.resolve()) for root in roots):
+            return real
+    raise InputError(
+        f"{file}: {name}: must be an existing file inside {', '.join(map(str, roots))}; "
+        f"add its folder to the robot's packages"
+    )

@@ -1,0 +1,244 @@
+"""The robot: its description, where it is wide, how it drives, and which sensors it carries."""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from itertools import product
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from lxml import etree
+
+from evoros import description as descriptions
+from evoros.drive import Drive, DriveDescription
+from evoros.errors import NUMBER, TEXT, InputError, check
+from evoros.types import Array, Mount, Sensor
+from evoros.urdf import Collision, Urdf, read_tree
+
+SENSOR_SIZE_M = (0.02, 0.045, 0.02)
+SENSOR_MASS_KG = 0.009
+"""Of the common small sonars. A body without mass would be dropped by simulators."""
+
+_CIRCLE = 64  # corners of the polygon that stands for a circle
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+
+@dataclass(frozen=True)
+class MountDefaults:
+    """Where a sensor sits as long as nothing else is said."""
+
+    link: str
+    z_m: float  # in the frame of ``link``
+    pitch_deg: float  # nose up positive
+
+    def __post_init__(self) -> None:
+        check(self, link=TEXT, z_m=NUMBER, pitch_deg=NUMBER)
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot, with or without sensors. Its frame is that of the root link: on the ground at
+    rest, x forward, y left.
+    """
+
+    name: str
+    base_urdf: str  # without sensors
+    drive: Drive
+    outline: Array  # (k, 2) [m] convex, counter-clockwise: footprint of what can touch obstacles
+    height_m: float  # top of what can touch obstacles, above the ground
+    mount_link: str
+    mount_z_m: float
+    mount_pitch_deg: float
+    places: Mapping[str, tuple[float, float, float, float]]
+    """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot's frame."""
+    taken: frozenset[str] = frozenset()  # names of links and joints
+    mounts: tuple[Mount, ...] = ()  # those of one sensor type are contiguous
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
+
+    @property
+    def urdf(self) -> str:
+        """The whole description: with a link, a joint and a Gazebo sensor for every mount."""
+        head, _, _ = self.base_urdf.rpartition("</robot>")
+        parts = [
+            _sensor_xml(f"{mount.sensor}_{i}", mount, self.sensors[mount.sensor])
+            for i, mount in enumerate(self.mounts)
+        ]
+        return "".join((head, *parts, "</robot>\n"))
+
+    def equipped(self, mounts: Sequence[Mount], sensors: Mapping[str, Sensor]) -> "Robot":
+        """This robot with these sensors instead of its own, ordered by the types in ``sensors``.
+
+        Raises:
+            InputError: an unknown sensor type or link, a number that is not finite, or a name
+                that the robot already has.
+        """
+        order = {name: place for place, name in enumerate(sensors)}
+        for mount in mounts:
+            self._check(mount, order)
+        ordered = tuple(sorted(mounts, key=lambda mount: order[mount.sensor]))
+        for i, mount in enumerate(ordered):
+            if f"{mount.sensor}_{i}" in self.taken:
+                raise InputError(
+                    f"robot {self.name}: link {mount.sensor}_{i} must not exist before the sensor "
+                    f"is added; rename the sensor type"
+                )
+        return replace(self, mounts=ordered, sensors=dict(sensors))
+
+    def sensor_poses(self) -> Array:
+        """(n, 5): x, y, z [m], yaw (left positive), pitch (nose up positive) [rad]."""
+        poses = np.empty((len(self.mounts), 5))
+        for i, mount in enumerate(self.mounts):
+            x, y, z, yaw = self.places[mount.link]
+            cos, sin = math.cos(yaw), math.sin(yaw)
+            poses[i] = (
+                x + cos * mount.x_m - sin * mount.y_m,
+                y + sin * mount.x_m + cos * mount.y_m,
+                z + mount.z_m,
+                yaw + math.radians(mount.yaw_deg),
+                math.radians(mount.pitch_deg),
+            )
+        return poses
+
+    def _check(self, mount: Mount, known: Mapping[str, int]) -> None:
+        if mount.sensor not in known:
+            raise InputError(
+                f"mount on {mount.link}: sensor must be one of {', '.join(known) or 'none'}, "
+                f"not {mount.sensor!r}; define that sensor type or rename it"
+            )
+        if not _NAME.fullmatch(mount.sensor):
+            raise InputError(
+                f"sensor {mount.sensor!r}: names must consist of letters, digits and _; rename it"
+            )
+        if mount.link not in self.places:
+            raise self._no_place(mount.link)
+        for entry in fields(mount):
+            value = getattr(mount, entry.name)
+            if not isinstance(value, str) and not math.isfinite(value):
+                raise InputError(
+                    f"mount of {mount.sensor}: {entry.name} must be finite, not {value}; set it"
+                )
+
+    def _no_place(self, link: str) -> InputError:
+        return InputError(
+            f"robot {self.name}: mount link must be fixed to the root link and upright, "
+            f"not {link!r}; name one of {', '.join(self.places)}"
+        )
+
+
+def load_robot(
+    description: str,
+    drive: DriveDescription,
+    mount: MountDefaults,
+    arguments: Mapping[str, Any] | None = None,
+    packages: Sequence[str] = (),
+) -> Robot:
+    """The robot that a xacro or URDF file describes.
+
+    ``description`` is a path, or relative to the bundled robots; ``arguments`` are those of the
+    xacro file; ``packages`` are folders where it may find others' files.
+
+    Raises:
+        InputError: the file cannot be used, or ``drive`` or ``mount`` name what it has not.
+    """
+    file, root = descriptions.read(description, arguments or {}, packages)
+    urdf = read_tree(root, file, with_lines=file.suffix != ".xacro")
+    fitted = drive.fit(urdf)
+    wheels = {urdf.joints[name].child for name in fitted.wheel_joints}
+    touching = [
+        shape for n, shapes in urdf.collisions.items() if n not in wheels for shape in shapes
+    ]
+    if not touching:
+        raise urdf.fault("collision", "something beside the wheels must have a shape", "add a box")
+    points = np.concatenate([_points(shape) for shape in touching])
+    robot = Robot(
+        name=urdf.name,
+        base_urdf=etree.tostring(root, encoding="unicode", pretty_print=True),
+        drive=fitted,
+        outline=_hull(points[:, :2]),
+        height_m=float(points[:, 2].max()),
+        mount_link=mount.link,
+        mount_z_m=float(mount.z_m),
+        mount_pitch_deg=float(mount.pitch_deg),
+        places=_places(urdf),
+        taken=frozenset(urdf.poses) | frozenset(urdf.joints),
+    )
+    if mount.link not in robot.places:
+        raise robot._no_place(mount.link)
+    return robot
+
+
+def _places(urdf: Urdf) -> dict[str, tuple[float, float, float, float]]:
+    """The links that keep their place on the robot and stand upright."""
+    places = {}
+    for link, pose in urdf.poses.items():
+        fixed = all(joint.type == "fixed" for joint in urdf.above(link))
+        if fixed and pose[2, 2] > 1.0 - 1e-9:
+            x, y, z = pose[:3, 3].tolist()
+            places[link] = (x, y, z, math.atan2(pose[1, 0], pose[0, 0]))
+    return places
+
+
+def _points(shape: Collision) -> Array:
+    """(n, 3) points of the root's frame whose hull has the footprint and top of the shape."""
+    turn = np.linspace(0.0, 2.0 * math.pi, _CIRCLE, endpoint=False)
+    if shape.kind == "sphere":
+        circle = np.stack([np.cos(turn), np.sin(turn), np.zeros(_CIRCLE)], axis=1)
+        around: Array = np.vstack([circle, [[0.0, 0.0, 1.0]]]) * shape.size[0] + shape.pose[:3, 3]
+        return around
+    if shape.kind == "box":
+        corners = np.array(list(product((-0.5, 0.5), repeat=3))) * shape.size
+    else:
+        radius, length = shape.size
+        rim = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1)
+        corners = np.vstack([np.insert(rim, 2, end * length, axis=1) for end in (-0.5, 0.5)])
+    placed: Array = corners @ shape.pose[:3, :3].T + shape.pose[:3, 3]
+    return placed
+
+
+def _hull(points: Array) -> Array:
+    """(k, 2) the corners of the convex hull, counter-clockwise (Andrew's monotone chain)."""
+    ordered = sorted({(round(x, 9), round(y, 9)) for x, y in points.tolist()})
+    halves = []
+    for sweep in (ordered, ordered[::-1]):
+        half: list[tuple[float, float]] = []
+        for point in sweep:
+            while len(half) > 1 and _turn(half[-2], half[-1], point) <= 1e-12:
+                half.pop()
+            half.append(point)
+        halves.append(half[:-1])
+    return np.array(halves[0] + halves[1])
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    """Twice the area of the triangle a b c, positive if it turns left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _sensor_xml(name: str, mount: Mount, sensor: Sensor) -> str:
+    # A positive rotation about y lowers the nose.
+    xyz = f"{float(mount.x_m)!r} {float(mount.y_m)!r} {float(mount.z_m)!r}"
+    rpy = f"0 {-math.radians(mount.pitch_deg)!r} {math.radians(mount.yaw_deg)!r}"
+    return (
+        f'  <link name="{name}">{_SENSOR_BODY}</link>\n'
+        f'  <joint name="{name}_joint" type="fixed">'
+        f"<parent link={quoteattr(mount.link)}/>"
+        f'<child link="{name}"/><origin xyz="{xyz}" rpy="{rpy}"/></joint>\n'
+        f'  <gazebo reference="{name}">{sensor.gazebo(name)}</gazebo>\n'
+    )
+
+
+def _sensor_body() -> str:
+    x, y, z = SENSOR_SIZE_M
+    moments = (y * y + z * z, x * x + z * z, x * x + y * y)
+    xx, yy, zz = (SENSOR_MASS_KG * moment / 12.0 for moment in moments)
+    return (
+        f'<inertial><mass value="{SENSOR_MASS_KG}"/><origin xyz="0 0 0" rpy="0 0 0"/>'
+        f'<inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/></inertial>'
+        f'<visual><origin xyz="0 0 0" rpy="0 0 0"/><geometry><box size="{x} {y} {z}"/></geometry>'
+        f'<material name="sensor"><color rgba="0.1 0.3 0.8 1"/></material></visual>'
+    )
+
+
+_SENSOR_BODY = _sensor_body()
