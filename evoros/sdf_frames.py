@@ -1,0 +1,128 @@
+"""Frames of an SDF file: which pose is relative to which, resolved into world poses.
+
+A frame's path is the names of the models around it and its own: ``("shelf", "board")``; the path
+of the world is empty.
+"""
+
+import math
+from dataclasses import dataclass
+
+from lxml.etree import _Element as Element
+
+from evoros.body import Pose, Vector, normalized
+from evoros.xmlfile import child, fault, flag_attribute, name_of, numbers, shown
+
+Path = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Frame:
+    element: Element
+    pose: Pose  # in the frame of `base`
+    base: str  # name looked up in `scope`; empty: `parent`
+    scope: Path
+    parent: Path
+
+
+class Frames:
+    """World poses of models, links, frames and joints by their path.
+
+    Raises:
+        InputError: two with one name, a frame that does not exist, a circle of frames.
+    """
+
+    def __init__(self, container: Element) -> None:
+        self._frames: dict[Path, _Frame] = {}
+        self._poses: dict[Path, Pose] = {(): Pose()}
+        self._collect(container, ())
+
+    def _collect(self, container: Element, scope: Path) -> None:
+        for element in container:
+            if element.tag not in ("model", "link", "frame", "joint"):
+                continue
+            name = name_of(element)
+            path = (*scope, name)
+            if path in self._frames:
+                cure = "rename one of the two"
+                raise fault(element, f"has a name that is taken: {shown(name)}", cure)
+            if name == "world" or (name.startswith("__") and name.endswith("__")):
+                raise fault(element, f"has a reserved name: {shown(name)}", "rename it")
+            pose, base = read_pose(element)
+            if not base and element.tag == "frame":
+                base = element.get("attached_to", "")
+            if not base and element.tag == "joint":
+                base = (element.findtext("child") or "").strip()
+            self._frames[path] = _Frame(element, pose, base, scope, scope)
+            if element.tag == "model":
+                if element.get("placement_frame"):
+                    cure = "give the pose of the model itself"
+                    raise fault(element, "has an unsupported placement_frame", cure)
+                self._collect(element, path)
+
+    def place(self, path: Path, pose: Pose) -> bool:
+        """Put a frame at a pose in the world; False where there is no such frame."""
+        if path not in self._frames:
+            return False
+        self._frames[path] = _Frame(self._frames[path].element, pose, "", (), ())
+        return True
+
+    def find(self, scope: Path, name: str, element: Element) -> Path:
+        """The path of the frame that ``element`` in ``scope`` calls ``name``."""
+        if name == "__model__" and scope:
+            return scope
+        if name == "world" and not scope:
+            return ()
+        for path in ((*scope, name), (*scope, *name.split("::"))):
+            if path in self._frames:
+                return path
+        inside = "::".join(scope) or "the world"
+        cure = "name a model, link, frame or joint beside it"
+        raise fault(element, f"refers to {shown(name)}, which is not in {inside}", cure)
+
+    def world_pose(self, path: Path) -> Pose:
+        """The pose in the world of the frame with this path."""
+        open_paths: list[Path] = []
+        while path not in self._poses:
+            if path in open_paths:
+                circle = " -> ".join("::".join(p) for p in [*open_paths, path])
+                cure = "make one of them relative to its model"
+                raise fault(self._frames[path].element, f"has a circular pose: {circle}", cure)
+            open_paths.append(path)
+            path = self._base(self._frames[path])
+        for path in reversed(open_paths):
+            frame = self._frames[path]
+            self._poses[path] = self._poses[self._base(frame)] @ frame.pose
+        return self._poses[path]
+
+    def _base(self, frame: _Frame) -> Path:
+        return self.find(frame.scope, frame.base, frame.element) if frame.base else frame.parent
+
+    def pose_of(self, element: Element, link: Path) -> Pose:
+        """The pose in the world of a collision or inertia of the link with this path."""
+        pose, base = read_pose(element)
+        anchor = self.find(link[:-1], base, element) if base else link
+        return self.world_pose(anchor) @ pose
+
+
+def read_pose(element: Element) -> tuple[Pose, str]:
+    """The ``<pose>`` of an element, and the name of the frame that it is relative to or ""."""
+    found = child(element, "pose")
+    if found is None:
+        return Pose(), ""
+    base = (found.get("relative_to") or found.get("frame") or "").strip()
+    if not len(found) and not (found.text or "").strip():
+        return Pose(), base
+    form = found.get("rotation_format", "euler_rpy")
+    degrees = flag_attribute(found, "degrees")
+    if form == "quat_xyzw" and not degrees:
+        x, y, z, *quaternion = numbers(found, 7)
+        if sum(q * q for q in quaternion) < 1e-12:
+            raise fault(found, "has a quaternion of length 0", "write 0 0 0 1 for no rotation")
+        return Pose((x, y, z), normalized(quaternion)), base
+    if form != "euler_rpy":
+        cure = 'use "euler_rpy", or "quat_xyzw" without degrees'
+        raise fault(found, f"has rotation_format {shown(form)}, degrees {degrees}", cure)
+    x, y, z, *angles = numbers(found, 6)
+    roll, pitch, yaw = (math.radians(a) if degrees else a for a in angles)
+    position: Vector = (x, y, z)
+    return Pose.from_rpy(position, roll, pitch, yaw), base
