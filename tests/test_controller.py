@@ -290,12 +290,13 @@ def test_every_bad_value_is_refused_in_one_line(part: Callable[..., object]) -> 
 
 def test_a_part_of_the_wrong_kind_is_refused() -> None:
     good = WeightedVoting(), Serpentine()
-    for bad in (
+    attempts: list[Callable[[], object]] = [
         lambda: Rover("voting", good[1]),  # type: ignore[arg-type]
         lambda: Rover(good[0], None),  # type: ignore[arg-type]
         lambda: Rover(*good, period_s=0.0),
         lambda: Rover(*good, localization={"gps": 3}),  # type: ignore[dict-item]
-    ):
+    ]
+    for bad in attempts:
         with pytest.raises(InputError, match="Rover"):
             bad()
 
@@ -305,7 +306,7 @@ def test_a_part_of_the_wrong_kind_is_refused() -> None:
 
 def configured(*overrides: str) -> Controller:
     folder = str(CONF / "controller")
-    with initialize_config_dir(folder, version_base="1.3"):  # type: ignore[no-untyped-call]
+    with initialize_config_dir(folder, version_base="1.3"):
         configuration = compose("rover", list(overrides))
     controller = instantiate(configuration, _convert_="all")
     assert isinstance(controller, Controller)

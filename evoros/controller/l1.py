@@ -1,0 +1,209 @@
+"""Waypoint following by ArduPilot's law: L1 guidance, then steering at a demanded yaw rate.
+
+The guidance is that of ArduPilot's ``AP_L1_Control``, after S. Park, J. Deyst and J. P. How, "A
+new nonlinear guidance logic for trajectory tracking", AIAA 2004-4900; the steering is that of its
+``AP_SteerController``. Here left is positive.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.errors import NOT_NEGATIVE, POSITIVE, check
+from evoros.types import (
+    DRIVE_SPEED,
+    FROM_X,
+    FROM_Y,
+    SPEED,
+    STEERING,
+    TO_X,
+    TO_Y,
+    YAW,
+    YAW_RATE,
+    Array,
+    LayerRule,
+    X,
+    Y,
+)
+
+if TYPE_CHECKING:
+    from evoros.robot import Robot
+
+# The rule's parameters: a yaw rate [rad/s] becomes an output [deg], and LOCK makes it steering.
+(
+    CRUISE,  # [m/s]
+    LOOK_AHEAD,  # L1 for each m/s of speed [s]
+    K_L1,
+    CROSSTRACK_STEP,  # gain times control period
+    CROSSTRACK_LIMIT,  # [rad]
+    KP,  # [deg s/rad]
+    KD,  # [s]
+    KI_STEP,  # gain times control period
+    INTEGRAL_LIMIT,  # [deg]
+    OUTPUT_LIMIT,  # [deg]
+    LOCK,  # [rad/deg]
+    LEAST_SPEED,  # [m/s]
+    INTERRUPTION,  # [s]
+) = range(13)
+
+# The rule's memory.
+CROSSTRACK, INTEGRAL, LAST_OUTPUT, LAST_TIME = range(4)
+"""The integrals [rad, deg], the output before its limit [deg], the time [s] of the last call."""
+
+STILL = 0.1  # [m/s], [m]: below, the speed and the look-ahead distance mean nothing
+CAPTURE = math.sqrt(0.5)  # sine of 45 deg, the steepest approach to the leg
+CONVERGED = math.radians(5.0)  # the crosstrack integral waits for Nu1 to be less
+POINT = 1e-6  # [m]: a shorter leg has no direction
+BEYOND = 3.0  # [s]: so far past its end the leg no longer leads, but its end
+DEGREES = 180.0 / math.pi
+TURN = 2.0 * math.pi
+
+
+def track(
+    parameters: Array,
+    memory: Array,
+    state: Array,
+    leg: Array,
+    readings: Array,
+    time: float,
+    command: Array,
+) -> bool:
+    """Decide always, except on a pose that is silent (NaN): then the last command stands.
+
+    One long function, for a rule calls no other.
+    """
+    speed = max(float(state[SPEED]), STILL)
+    look_ahead = float(parameters[LOOK_AHEAD]) * speed
+    x = float(state[X]) - float(leg[FROM_X])
+    y = float(state[Y]) - float(leg[FROM_Y])
+    distance = math.sqrt(x * x + y * y)
+    yaw = float(state[YAW])
+    if math.isnan(distance + yaw + speed):
+        return False
+    if time - float(memory[LAST_TIME]) > float(parameters[INTERRUPTION]):
+        memory[CROSSTRACK] = 0.0
+        memory[INTEGRAL] = 0.0
+        memory[LAST_OUTPUT] = 0.0
+    memory[LAST_TIME] = time
+
+    # Guidance: (aim_x, aim_y) is where to go, nu1 how far from there the leg pulls to itself.
+    aim_x = float(leg[TO_X]) - float(leg[FROM_X])
+    aim_y = float(leg[TO_Y]) - float(leg[FROM_Y])
+    length = math.sqrt(aim_x * aim_x + aim_y * aim_y)
+    along = (x * aim_x + y * aim_y) / max(length, POINT)
+    nu1 = 0.0
+    if distance > look_ahead and along < -CAPTURE * max(distance, 1.0):
+        aim_x = -x
+        aim_y = -y
+    elif along > length + BEYOND * speed or length < POINT:
+        aim_x = aim_x - x
+        aim_y = aim_y - y
+    else:
+        left_of_leg = (aim_x * y - aim_y * x) / length
+        sine = -left_of_leg / max(look_ahead, STILL)
+        nu1 = math.asin(min(max(sine, -CAPTURE), CAPTURE))
+        if abs(nu1) < CONVERGED:
+            limit = float(parameters[CROSSTRACK_LIMIT])
+            pull = float(memory[CROSSTRACK]) + float(parameters[CROSSTRACK_STEP]) * nu1
+            memory[CROSSTRACK] = min(max(pull, -limit), limit)
+        nu1 += float(memory[CROSSTRACK])
+    nu2 = (math.atan2(aim_y, aim_x) - yaw + math.pi) % TURN - math.pi
+    nu = min(max(nu1 + nu2, -0.5 * math.pi), 0.5 * math.pi)
+    acceleration = float(parameters[K_L1]) * speed * speed / look_ahead * math.sin(nu)
+
+    # Steering: ArduPilot mixes units, the error is in degrees and the demand in radians.
+    scale = 1.0 / max(speed, float(parameters[LEAST_SPEED]))
+    rate = acceleration * scale
+    error = (rate - float(state[YAW_RATE])) * DEGREES * scale
+    step = error * float(parameters[KI_STEP]) * scale
+    limit = float(parameters[OUTPUT_LIMIT])
+    last = float(memory[LAST_OUTPUT])
+    if last < -limit:  # at its limit, the integral may only bring the output back
+        step = max(step, 0.0)
+    elif last > limit:
+        step = min(step, 0.0)
+    most = float(parameters[INTEGRAL_LIMIT])
+    integral = min(max(float(memory[INTEGRAL]) + step, -most), most)
+    output = error * float(parameters[KD]) + rate * float(parameters[KP]) * scale + integral
+    memory[INTEGRAL] = integral
+    memory[LAST_OUTPUT] = output
+    command[DRIVE_SPEED] = parameters[CRUISE]
+    command[STEERING] = min(max(output, -limit), limit) * float(parameters[LOCK])
+    return True
+
+
+@dataclass(frozen=True)
+class L1:
+    """ArduPilot's route following, with the names of its parameters at the fields.
+
+    It was made for speeds above ``least_speed_mps``: on a slow robot with a late pose the heading
+    swings by some 30 deg, the serpentine of the 2018 paper (Evo-ROS); with an exact pose it goes
+    straight. The yaw rate is a gyroscope's, which no localization delays.
+
+    Raises:
+        InputError: a value outside of its range.
+    """
+
+    speed_mps: float = 0.29
+    period_s: float = 6.0
+    damping: float = 0.75
+    crosstrack_gain: float = 0.02
+    crosstrack_limit: float = 0.1
+    p: float = 1.8
+    i: float = 0.2
+    d: float = 0.005
+    tau_s: float = 0.75
+    integral_limit_deg: float = 15.0
+    output_limit_deg: float = 45.0
+    least_speed_mps: float = 1.0
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            speed_mps=POSITIVE,
+            period_s=POSITIVE,
+            damping=POSITIVE,
+            crosstrack_gain=NOT_NEGATIVE,
+            crosstrack_limit=NOT_NEGATIVE,
+            p=NOT_NEGATIVE,
+            i=NOT_NEGATIVE,
+            d=NOT_NEGATIVE,
+            tau_s=POSITIVE,
+            integral_limit_deg=NOT_NEGATIVE,
+            output_limit_deg=POSITIVE,
+            least_speed_mps=POSITIVE,
+        )
+
+    @property
+    def mode(self) -> str:
+        """Following the route."""
+        return "navigating"
+
+    @property
+    def rule(self) -> LayerRule:
+        """Steers along the leg."""
+        return track
+
+    def start(self, robot: "Robot", period: float, rng: Generator) -> tuple[Array, Array]:
+        """Parameters with the gains for this control period; memory with empty integrals."""
+        parameters = np.zeros(INTERRUPTION + 1)
+        parameters[CRUISE] = self.speed_mps
+        parameters[LOOK_AHEAD] = self.damping * self.period_s / math.pi
+        parameters[K_L1] = 4.0 * self.damping * self.damping
+        parameters[CROSSTRACK_STEP] = self.crosstrack_gain * period
+        parameters[CROSSTRACK_LIMIT] = self.crosstrack_limit
+        parameters[KP] = max((self.p - self.i * self.tau_s) * self.tau_s - self.d, 0.0) * 45.0
+        parameters[KD] = 4.0 * self.d
+        parameters[KI_STEP] = self.i * self.tau_s * 45.0 * period
+        parameters[INTEGRAL_LIMIT] = self.integral_limit_deg
+        parameters[OUTPUT_LIMIT] = self.output_limit_deg
+        parameters[LOCK] = robot.drive.steering_limit / self.output_limit_deg
+        parameters[LEAST_SPEED] = self.least_speed_mps
+        # What has been integrated is out of date once avoidance has driven for a while.
+        parameters[INTERRUPTION] = max(1.0, 1.5 * period)
+        memory = np.zeros(LAST_TIME + 1)
+        memory[LAST_TIME] = -math.inf
+        return parameters, memory
