@@ -15,7 +15,7 @@ from evoros import description as descriptions
 from evoros.drive import Drive, DriveDescription
 from evoros.errors import NUMBER, TEXT, InputError, check
 from evoros.types import Array, Mount, Sensor
-from evoros.urdf import Collision, Urdf, read_tree
+from evoros.urdf import Collision, Urdf, read_tree, transform
 
 SENSOR_SIZE_M = (0.02, 0.045, 0.02)
 SENSOR_MASS_KG = 0.009
@@ -100,6 +100,13 @@ class Robot:
                 math.radians(mount.pitch_deg),
             )
         return poses
+
+    def sensor_frames(self) -> Array:
+        """(n, 4, 4): the frame of each sensor, x along its beam, in the robot's frame [m]."""
+        frames = np.empty((len(self.mounts), 4, 4))
+        for i, (x, y, z, yaw, pitch) in enumerate(self.sensor_poses().tolist()):
+            frames[i] = transform(np.array((x, y, z)), 0.0, -pitch, yaw)
+        return frames
 
     def _check(self, mount: Mount, known: Mapping[str, int]) -> None:
         if mount.sensor not in known:
