@@ -185,8 +185,8 @@ def test_a_silent_pose_leaves_the_command_and_the_memory() -> None:
     call(y=-0.03, yaw_rate=0.1)
     before = call.memory.copy()
     for silent in range(4):
-        pose = [math.nan if i == silent else 0.2 for i in range(4)]
-        assert math.isnan(call(*pose))
+        x, y, yaw, speed = (math.nan if i == silent else 0.2 for i in range(4))
+        assert math.isnan(call(x, y, yaw, speed))
     assert (call.memory == before).all()
 
 
