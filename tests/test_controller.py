@@ -191,6 +191,7 @@ def test_deadlock_needs_both_sums_above_the_threshold_and_a_small_difference() -
 
     assert turn(1.5, 1.5) == 0.0  # a sum of exactly 1.5 does not exceed it
     assert turn(1.75, 1.5) == 0.125
+    assert turn(1.5, 1.75) == -0.125
     assert turn(1.75, 1.75) == 1.0
     assert turn(1.75, 2.75) == 1.0  # a difference of exactly 1
     assert turn(1.75, 3.0) == -0.625
@@ -268,6 +269,7 @@ def test_avoidance_comes_first_and_each_layer_draws_from_its_own_generator() -> 
     with Rover(WeightedVoting(), Serpentine()).open(robot(0.0), rng) as layers:
         assert [layer.mode for layer in layers] == ["avoiding", "navigating"]
         phase = layers[1].parameters[3]
+    assert phase == rng("navigation").uniform(0.0, 2.0 * math.pi)
     with Rover(Blind(), Serpentine()).open(robot(), rng) as others:
         assert others[1].parameters[3] == phase
         assert others[1].parameters is not layers[1].parameters

@@ -144,18 +144,32 @@ def test_a_leg_without_length_leads_to_its_point() -> None:
         assert Call(PURE)(x, y, math.atan2(-y, -x), leg=(0.0, 0.0, 0.0, 0.0)) == pytest.approx(0)
 
 
-@given(st.floats(0.02, 0.1), st.integers(1, 100))
+@given(st.floats(0.02, 0.1), st.integers(1, 100), speeds)
 def test_the_integral_grows_with_the_error_of_the_yaw_rate_up_to_its_limit(
-    rate: float, calls: int
+    rate: float, calls: int, speed: float
 ) -> None:
     """On the leg nothing is demanded, so the error is the measured rate."""
     call = Call()
     for _ in range(calls):
-        turn = call(yaw_rate=rate)
-    integral = -min(15.0, 0.2 * 0.75 * 45.0 * math.degrees(rate) * PERIOD * calls)
-    damping = -4.0 * 0.005 * math.degrees(rate)
+        turn = call(yaw_rate=rate, speed=speed)
+    reckoned = max(speed, 1.0)  # what the steering takes for the speed [m/s]
+    error = math.degrees(rate) / reckoned
+    integral = -min(15.0, 0.2 * 0.75 * 45.0 * error / reckoned * PERIOD * calls)
+    damping = -4.0 * 0.005 * error
     assert call.memory[INTEGRAL] == pytest.approx(integral)
     assert turn == pytest.approx((integral + damping) / 45.0 * FULL_LOCK)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_at_full_lock_the_integral_winds_no_further(side: int) -> None:
+    call = Call(L1(p=9.0, i=0.02))
+    for _ in range(100):
+        assert call(yaw=-side * 1.5) == side * FULL_LOCK
+    first = Call(L1(p=9.0, i=0.02))
+    first(yaw=-side * 1.5)
+    assert call.memory[INTEGRAL] == first.memory[INTEGRAL] != 0.0
+    call(yaw=-side * 1.5, yaw_rate=side * 2.0)  # turning faster than demanded
+    assert abs(call.memory[INTEGRAL] - first.memory[INTEGRAL]) > 1.0
 
 
 def test_the_crosstrack_integral_is_slow_limited_and_only_near_the_leg() -> None:
