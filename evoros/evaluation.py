@@ -1,0 +1,159 @@
+"""A design over its worlds and trials: expanded into missions, computed by a pool, scored."""
+
+import pickle
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass
+from functools import lru_cache
+
+from evoros.errors import EvorosError, RunStopped, WorkerLost
+from evoros.fitness import Fitness
+from evoros.mission import Mission, Place, Task, not_flown, run_mission
+from evoros.outcome import LOST, Outcome
+from evoros.types import Array, Design, Pool
+
+SELECTION, VALIDATION, EVALUATION = "selection", "validation", "evaluation"
+POLICIES = ("generation", "individual", "run")
+STOP, WORST = "stop", "worst"
+AHEAD = 4
+"""Missions submitted for each worker ahead of time: enough that none waits, few to lose."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Which missions score a design, and the key of each one's draws."""
+
+    seed: int
+    worlds: tuple[str, ...]
+    trials: int
+    validation_trials: int
+    policy: str  # who meets the same draws: a generation, an individual only, or the whole run
+
+    def selection(self, generation: int, design_id: int, design: Design) -> list[Mission]:
+        """The missions that give a design its fitness."""
+        parts = {
+            "generation": f"{generation}",
+            "individual": f"{generation}:{design_id}",
+            "run": "all",
+        }
+        return self._missions(
+            generation, design_id, design, SELECTION, parts[self.policy], range(self.trials)
+        )
+
+    def validation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
+        """Missions under draws that never enter selection: the same ones for every design.
+
+        Their trials are numbered after those of the selection.
+        """
+        trials = range(self.trials, self.trials + self.validation_trials)
+        return self._missions(generation, design_id, design, VALIDATION, "all", trials)
+
+    def evaluation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
+        """Missions outside a run, under draws that no run is selected or validated on."""
+        return self._missions(
+            generation, design_id, design, EVALUATION, f"{generation}", range(self.trials)
+        )
+
+    def _missions(
+        self,
+        generation: int,
+        design_id: int,
+        design: Design,
+        purpose: str,
+        part: str,
+        trials: range,
+    ) -> list[Mission]:
+        return [
+            Mission(
+                generation,
+                design_id,
+                design,
+                world,
+                trial,
+                purpose,
+                f"{self.seed}/{purpose}/{part}/{world}/{trial}",
+            )
+            for trial in trials
+            for world in self.worlds
+        ]
+
+
+def fitness_of(
+    fitness: Fitness, missions: Sequence[Mission], outcomes: Mapping[Place, Outcome]
+) -> float:
+    """Mean over the trials of the score over the worlds."""
+    by_trial: dict[int, list[Outcome]] = {}
+    for mission in missions:
+        by_trial.setdefault(mission.trial, []).append(outcomes[mission.place])
+    scores = [float(fitness.score(trial)) for trial in by_trial.values()]
+    return sum(scores) / len(scores)
+
+
+def compute(
+    task: Task, missions: Sequence[Mission], pool: Pool, workers: int, lost: str
+) -> Iterator[tuple[Mission, Outcome]]:
+    """The outcomes of the missions, as they come; at most a few are submitted ahead.
+
+    Raises:
+        RunStopped: a mission crashed or hung in spite of its retries, and ``lost`` is ``stop``.
+    """
+    blob = pickle.dumps(task)
+    waiting = list(reversed(missions))
+    running: dict[Future[Outcome], Mission] = {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < workers * AHEAD:
+                mission = waiting.pop()
+                running[pool.submit(_outcome, blob, mission)] = mission
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                mission = running.pop(future)
+                yield mission, _result(task, mission, future, lost)
+    finally:
+        for future in running:
+            future.cancel()
+
+
+def trajectories(task: Task, missions: Sequence[Mission], pool: Pool) -> list[Array]:
+    """The trajectories of the missions, in order."""
+    blob = pickle.dumps(task)
+    futures = [pool.submit(_trajectory, blob, mission) for mission in missions]
+    return [future.result() for future in futures]
+
+
+def _result(task: Task, mission: Mission, future: "Future[Outcome]", lost: str) -> Outcome:
+    try:
+        return future.result()
+    except EvorosError as error:
+        if not isinstance(error, WorkerLost):
+            raise
+        reason = str(error)
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        if lost == STOP:
+            raise RunStopped(f"{describe(mission)} raised {reason}") from error
+    if lost == STOP:
+        raise RunStopped(f"{describe(mission)}: {reason}")
+    return not_flown(task, mission, LOST, reason)
+
+
+def describe(mission: Mission) -> str:
+    """For messages: which mission."""
+    return (
+        f"the mission of design {mission.design_id} in {mission.world}, "
+        f"generation {mission.generation}, trial {mission.trial},"
+    )
+
+
+def _outcome(blob: bytes, mission: Mission) -> Outcome:
+    return run_mission(_task(blob), mission)[0]
+
+
+def _trajectory(blob: bytes, mission: Mission) -> Array:
+    return run_mission(_task(blob), mission)[1]
+
+
+@lru_cache(maxsize=2)
+def _task(blob: bytes) -> Task:
+    """Unpickled once in each worker process."""
+    task: Task = pickle.loads(blob)
+    return task

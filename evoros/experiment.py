@@ -1,0 +1,203 @@
+"""The evolution of designs: ask, evaluate, tell, record."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+from evoros.design import DesignSpace, SensorDesign
+from evoros.errors import COUNT, WHOLE, check, instance_of, one_of
+from evoros.evaluation import POLICIES, STOP, WORST, Plan, compute, fitness_of, trajectories
+from evoros.fitness import Fitness
+from evoros.genes import check_genes
+from evoros.mission import Mission, Task
+from evoros.outcome import Outcome
+from evoros.record import RunFolder
+from evoros.rng import generator
+from evoros.robot import Robot
+from evoros.tables import design_table, gene_table, generation_table, trajectory_table
+from evoros.types import (
+    Candidate,
+    Controller,
+    Design,
+    Executor,
+    Failure,
+    Optimizer,
+    Pool,
+    Simulator,
+)
+from evoros.world import World
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """All that a run is: a pure function from this to a run folder.
+
+    The field names are the keys and groups of ``conf/config.yaml``.
+
+    Raises:
+        InputError: a value out of range, a part of the wrong kind, parts that do not fit.
+    """
+
+    robot: Robot
+    world: Mapping[str, World]
+    design: SensorDesign
+    failure: Failure
+    controller: Controller
+    simulator: Simulator
+    fitness: Fitness
+    optimizer: Optimizer
+    executor: Executor
+    seed: int = 0
+    trials: int = 1  # missions of a design in each world
+    draws: str = "generation"  # who meets the same random draws: generation, individual or run
+    lost_missions: str = STOP  # a mission that crashes or hangs: stop the run, or worst
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            fitness=instance_of(Fitness, "a fitness (score)"),
+            optimizer=instance_of(Optimizer, "an optimizer (generations and start)"),
+            executor=instance_of(Executor, "an executor (workers and open)"),
+            seed=WHOLE,
+            trials=COUNT,
+            draws=one_of(*POLICIES),
+            lost_missions=one_of(STOP, WORST),
+        )
+        parts = {"robot": self.robot, "controller": self.controller, "design": self.design}
+        check_genes(self.task.design.genes, parts)
+        _ = self.space  # the regions must lie on the robot
+
+    @cached_property
+    def task(self) -> Task:
+        """What a mission needs of the experiment."""
+        return Task(
+            self.robot, self.world, self.design, self.failure, self.controller, self.simulator
+        )
+
+    @cached_property
+    def space(self) -> DesignSpace:
+        """The search space."""
+        return self.design.space(self.robot)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """Which missions score a design."""
+        return Plan(
+            self.seed,
+            tuple(self.world),
+            self.trials,
+            self.optimizer.validation_trials,
+            self.draws,
+        )
+
+
+@dataclass(frozen=True)
+class Generation:
+    """What is known when a generation is over."""
+
+    number: int
+    candidates: Sequence[Candidate]
+    best: Candidate
+    validated: float | None  # of the best; None without validation trials
+    mean: float  # fitness of the candidate pool
+
+
+class Observer(Protocol):
+    """Watches a run; nothing depends on it."""
+
+    def begin(self, generation: int, missions: int, known: int) -> None:
+        """So many missions are wanted next, of which so many are on disk already."""
+        ...
+
+    def mission(self, mission: Mission, outcome: Outcome) -> None:
+        """A mission was flown and is on disk."""
+        ...
+
+    def generation(self, generation: Generation) -> None:
+        """A generation is over and on disk."""
+        ...
+
+
+@dataclass
+class Evolution:
+    """A run in progress: the experiment, its folder, and what the search has found so far."""
+
+    experiment: Experiment
+    folder: RunFolder
+    observer: Observer
+    generations: int
+    validated: dict[int, float] = field(default_factory=dict)  # fitness by individual
+    born: dict[int, int] = field(default_factory=dict)  # generation by individual
+    best: Candidate | None = None
+
+    def run(self) -> Generation:
+        """Evolve to the last generation and record the champion; replays what is on disk."""
+        experiment = self.experiment
+        search = experiment.optimizer.start(
+            experiment.space, generator(f"{experiment.seed}", "optimizer")
+        )
+        with experiment.executor.open() as pool:
+            for number in range(self.generations):
+                individuals = search.ask()
+                self.born.update({one.id: number for one in individuals})
+                designs = {one.id: experiment.space.decode(one.genome) for one in individuals}
+                fitness = self._score(number, designs, experiment.plan.selection, pool)
+                candidates = search.tell(fitness)
+                generation = self._conclude(number, candidates, pool)
+            self._record_champion(generation.best, pool)
+        return generation
+
+    def _score(
+        self,
+        number: int,
+        designs: Mapping[int, Design],
+        plan: Callable[[int, int, Design], list[Mission]],
+        pool: Pool,
+    ) -> list[float]:
+        """The fitness of each design: from disk where it is known, else flown and recorded."""
+        experiment, folder = self.experiment, self.folder
+        missions = {name: plan(number, name, design) for name, design in designs.items()}
+        wanted = [mission for each in missions.values() for mission in each]
+        missing = [mission for mission in wanted if folder.find(mission) is None]
+        self.observer.begin(number, len(wanted), len(wanted) - len(missing))
+        workers, lost = experiment.executor.workers, experiment.lost_missions
+        for mission, outcome in compute(experiment.task, missing, pool, workers, lost):
+            folder.record(mission, outcome)
+            self.observer.mission(mission, outcome)
+        known = {place: outcome for place, (_, outcome) in folder.outcomes.items()}
+        return [fitness_of(experiment.fitness, each, known) for each in missions.values()]
+
+    def _conclude(self, number: int, candidates: Sequence[Candidate], pool: Pool) -> Generation:
+        """Validate the generation's best and record the generation."""
+        space = self.experiment.space
+        best = max(candidates, key=lambda candidate: candidate.fitness)
+        one = best.individual
+        if self.experiment.plan.validation_trials and one.id not in self.validated:
+            designs = {one.id: space.decode(one.genome)}
+            (score,) = self._score(number, designs, self.experiment.plan.validation, pool)
+            self.validated[one.id] = score
+        genes = [space.values(candidate.individual.genome) for candidate in candidates]
+        table = generation_table(number, candidates, self.validated, genes)
+        self.folder.write_generation(number, table)
+        self.folder.sync()
+        mean = sum(candidate.fitness for candidate in candidates) / len(candidates)
+        generation = Generation(number, candidates, best, self.validated.get(one.id), mean)
+        self.observer.generation(generation)
+        return generation
+
+    def _record_champion(self, best: Candidate, pool: Pool) -> None:
+        """The design, its robot and its first selection mission in each world, flown again."""
+        experiment, one = self.experiment, best.individual
+        design = experiment.space.decode(one.genome)
+        missions = experiment.plan.selection(self.born[one.id], one.id, design)
+        first = missions[: len(experiment.world)]
+        names = {gene.key: name for name, gene in experiment.design.genes.items()}
+        files = {
+            "design.csv": design_table({one.id: design}),
+            "genes.csv": gene_table(one.id, design, names),
+            "robot.urdf": experiment.task.embody(design).robot.urdf,
+        }
+        for mission, track in zip(first, trajectories(experiment.task, first, pool), strict=True):
+            files[f"trajectory_{mission.world}.csv"] = trajectory_table(track)
+        self.folder.write_champion(files)

@@ -1,0 +1,48 @@
+"""From metrics to fitness."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from evoros.errors import NOT_NEGATIVE, check
+from evoros.outcome import Outcome
+
+
+@runtime_checkable
+class Fitness(Protocol):
+    """Scores a design; more is better."""
+
+    def score(self, outcomes: Sequence[Outcome]) -> float:
+        """The fitness of one trial: ``outcomes`` has one mission in each world.
+
+        A mission that could not be flown is among them with nothing done. The fitness of a design
+        is the mean over its trials.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class EquationOne:
+    """Eq. 1 of the 2018 paper: sum over worlds of (1 + progress)^2 + C (1 + time left)^2.
+
+    C is 1 for a completed mission, else 0; time left is a share of the time limit. From 1 for
+    nothing done to 8 in each world.
+    """
+
+    sensor_penalty: float = 0.0  # subtracted once for each sensor; 0.3 in the original runs
+
+    def __post_init__(self) -> None:
+        check(self, sensor_penalty=NOT_NEGATIVE)
+
+    def score(self, outcomes: Sequence[Outcome]) -> float:
+        """Sum of the missions, less the penalty for the sensors that the design carries."""
+        penalty = self.sensor_penalty * outcomes[0].sensors if outcomes else 0.0
+        return sum(map(equation_one, outcomes)) - penalty
+
+
+def equation_one(outcome: Outcome) -> float:
+    """Eq. 1 for one mission, 1..8."""
+    done = (1.0 + outcome.progress) ** 2
+    if not outcome.completed:
+        return done
+    return done + (2.0 - outcome.time_s / outcome.time_limit_s) ** 2

@@ -1,0 +1,155 @@
+"""The mission loop: observe, sense, filter, decide, advance, until the mission is over.
+
+One plain function of plain arguments: functions, tuples and float64 arrays. Nothing here knows an
+engine, a configuration or a file.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from numpy.random import Generator
+
+from evoros.types import (
+    CONTACT,
+    SPEED,
+    STEERING,
+    YAW,
+    Array,
+    FilterRule,
+    LayerRule,
+    X,
+    Y,
+)
+
+FLYING, COMPLETED, COLLISION, TIME_LIMIT, NOT_FINITE = range(5)
+"""How the loop ended."""
+
+
+class Timing(NamedTuple):
+    """Periods in ticks; a tick is the greatest common divisor of all periods."""
+
+    tick: float  # [s]
+    sense_every: int
+    decide_every: int
+    record_every: int
+    limit: int  # ticks until the time limit
+
+
+class Link(NamedTuple):
+    """One filter of the chain, started for the sensors of one type."""
+
+    every: int  # ticks
+    rule: FilterRule
+    parameters: Array
+    memory: Array
+    rng: Generator
+    values: Array  # view of the values that it changes
+
+
+class Step(NamedTuple):
+    """One layer of the controller."""
+
+    rule: LayerRule
+    parameters: Array
+    memory: Array
+
+
+class Arrays(NamedTuple):
+    """What the loop works on; all float64."""
+
+    state: Array  # (STATE_SIZE,) true
+    pose: Array  # (STATE_SIZE,) as localized
+    leg: Array  # (LEG_SIZE,)
+    command: Array  # (COMMAND_SIZE,)
+    raw: Array  # (sensors,) true ranges [m]
+    readings: Array  # (sensors,) after the filters
+    trajectory: Array  # (rows, columns + sensors)
+
+
+class Count(NamedTuple):
+    """What the loop counted."""
+
+    ended: int
+    ticks: int
+    rows: int
+    visited: int
+    collisions: int
+    first_collision: int  # tick, -1: none
+
+
+def publish(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    """The first link of every chain: a sensor publishes what it measured."""
+    values[:] = memory
+
+
+def fly(
+    observe: Callable[[Array], None],
+    sense: Callable[[Array], None],
+    advance: Callable[[Array, float], None],
+    filters: tuple[Link, ...],
+    localization: tuple[Link, ...],
+    layers: tuple[Step, ...],
+    route: Array,  # (legs, 2) waypoints in order [m]
+    acceptance: float,  # [m]
+    end_on_collision: bool,
+    timing: Timing,
+    arrays: Arrays,
+) -> Count:
+    """Fly one mission; ``arrays.leg`` starts with home as its first point."""
+    tick, sense_every, decide_every, record_every, limit = timing
+    state, pose, leg, command, raw, readings, trajectory = arrays
+    legs, reach = len(route), acceptance * acceptance
+    visited = collisions = mode = rows = 0
+    first_collision, touching, ended = -1, False, FLYING
+    goal_x, goal_y = leg[2], leg[3] = route[0, 0], route[0, 1]
+    for k in range(limit + 1):
+        time = k * tick
+        observe(state)
+        x, y = state[X], state[Y]
+        if not math.isfinite(x + y + state[YAW] + state[SPEED]):
+            ended = NOT_FINITE
+            break
+        if (goal_x - x) * (goal_x - x) + (goal_y - y) * (goal_y - y) <= reach:
+            visited += 1
+            if visited == legs:
+                ended = COMPLETED
+            else:
+                leg[0], leg[1] = goal_x, goal_y
+                goal_x, goal_y = leg[2], leg[3] = route[visited, 0], route[visited, 1]
+        contact = state[CONTACT] > 0.0
+        if contact and not touching:
+            collisions += 1
+            if first_collision < 0:
+                first_collision = k
+            if end_on_collision and ended == FLYING:
+                ended = COLLISION
+        touching = contact
+        if k == limit and ended == FLYING:
+            ended = TIME_LIMIT
+        if ended == FLYING:
+            if k % sense_every == 0:
+                sense(raw)
+                for every, rule, parameters, memory, rng, values in filters:
+                    if k % every == 0:
+                        rule(parameters, memory, rng, values, time)
+            if k % decide_every == 0:
+                pose[:] = state
+                for _, rule, parameters, memory, rng, values in localization:
+                    rule(parameters, memory, rng, values, time)
+                mode = 0
+                for number, (decide, parameters, memory) in enumerate(layers):
+                    if decide(parameters, memory, pose, leg, readings, time, command):
+                        mode = number + 1
+                        break
+        if k % record_every == 0 or ended != FLYING:
+            row = trajectory[rows]
+            row[0], row[1], row[2], row[3] = time, x, y, state[YAW]
+            row[4], row[5], row[6] = state[SPEED], command[STEERING], mode
+            row[7], row[8] = visited, contact
+            row[9:] = readings
+            rows += 1
+        if ended != FLYING:
+            break
+        advance(command, tick)
+    return Count(ended, k, rows, visited, collisions, first_collision)

@@ -1,0 +1,176 @@
+"""What one mission measured: its trajectory, and the metrics computed from it.
+
+The metrics are computed after the mission, from the trajectory alone, so that they exist once
+for every simulator.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from evoros.geometry import clearances, footprint, lowest
+from evoros.robot import Robot
+from evoros.types import Array, Fault
+from evoros.world import World
+
+# How a mission ended.
+COMPLETED, COLLISION, TIME_LIMIT, SIMULATION_FAILURE, LOST = (
+    "completed",
+    "collision",
+    "time_limit",
+    "simulation_failure",
+    "lost",
+)
+
+# Columns of a trajectory; the readings of the sensors [m] follow, NaN where silent.
+TRAJECTORY = (
+    "time_s",
+    "x_m",
+    "y_m",
+    "yaw_rad",
+    "speed_mps",
+    "steering_rad",
+    "mode",
+    "visited",
+    "contact",
+)
+TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJECTORY))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The metrics of one mission, in the order of the columns of ``missions.csv``.
+
+    A mission whose simulation failed, or whose worker was lost, has done nothing: progress 0,
+    and NaN where nothing was measured.
+    """
+
+    ended: str  # completed, collision, time_limit, simulation_failure or lost
+    reason: str  # of a failure; otherwise empty
+    completed: bool
+    progress: float  # 0..1
+    time_s: float
+    time_limit_s: float
+    sensors: int
+    visited: int  # waypoints reached, in order
+    mean_speed_mps: float
+    max_speed_mps: float
+    distance_m: float
+    least_waypoint_distances_m: tuple[float, ...]  # to each distinct waypoint, home last
+    collisions: int
+    first_collision_s: float  # NaN: none
+    avoiding: float  # share of time, 0..1
+    least_clearance_m: float
+    failed_sensors: tuple[int, ...]
+    failed_at_s: tuple[float, ...]  # NaN-free, in the order of failed_sensors
+    failed_by: tuple[str, ...]  # the effect: silence, stuck ...
+
+    @classmethod
+    def failure(cls, ended: str, reason: str, time_limit: float, sensors: int) -> "Outcome":
+        """Nothing done, because of ``reason``."""
+        empty: dict[str, Any] = {
+            "ended": ended,
+            "reason": " ".join(reason.split()),
+            "time_limit_s": time_limit,
+            "sensors": sensors,
+        }
+        blank: dict[Any, Any] = {bool: False, int: 0, float: float("nan"), str: ""}
+        for field in fields(cls):
+            empty.setdefault(field.name, blank.get(field.type, ()))
+        return cls(**(empty | {"progress": 0.0, "time_s": 0.0, "distance_m": 0.0}))
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What the mission loop leaves: how it ended, what it counted, and its trajectory."""
+
+    ended: str
+    time: float  # [s]
+    visited: int
+    collisions: int
+    first_collision: float  # [s], NaN: none
+    trajectory: Array  # (rows, len(TRAJECTORY) + sensors)
+
+
+def measure(
+    flight: Flight,
+    robot: Robot,
+    world: World,
+    route: Array,
+    avoiding: int,
+    faults: tuple[Fault, ...],
+) -> Outcome:
+    """The metrics of a flight along ``route`` (n, 2); ``avoiding`` is the number of that mode."""
+    track = flight.trajectory
+    steps = np.diff(track[:, [AT_X, AT_Y]], axis=0)
+    distance = float(np.sqrt((steps * steps).sum(axis=1)).sum())
+    hurt = failures(faults, flight.time)
+    return Outcome(
+        ended=flight.ended,
+        reason="",
+        completed=flight.ended == COMPLETED,
+        progress=progress(
+            track[-1, [AT_X, AT_Y]], flight.visited, route, world.course.acceptance_m
+        ),
+        time_s=flight.time,
+        time_limit_s=world.course.time_limit_s,
+        sensors=len(robot.mounts),
+        visited=flight.visited,
+        mean_speed_mps=distance / flight.time if flight.time > 0 else 0.0,
+        max_speed_mps=float(np.abs(track[:, PACE]).max()),
+        distance_m=distance,
+        least_waypoint_distances_m=_least_distances(track, world),
+        collisions=flight.collisions,
+        first_collision_s=flight.first_collision,
+        avoiding=float((track[:-1, MODE] == avoiding).mean()) if len(track) > 1 else 0.0,
+        least_clearance_m=_least_clearance(track, robot, world),
+        failed_sensors=tuple(index for index, _, _ in hurt),
+        failed_at_s=tuple(onset for _, onset, _ in hurt),
+        failed_by=tuple(effect for _, _, effect in hurt),
+    )
+
+
+def progress(position: Array, visited: int, route: Array, acceptance: float) -> float:
+    """Share of the mission that is done, 0..1.
+
+    Each of the n waypoints counts 1/n; the one that is being approached counts 1/n divided by
+    the distance [m] that is left to its circle, at most 1/n; at most 0.99 until all are reached
+    (the study's ``10 visited + 10 / max(distance - 1, 1)`` percent for its ten waypoints).
+    """
+    if visited == len(route):
+        return 1.0
+    left = float(np.sqrt(((route[visited] - position) ** 2).sum())) - acceptance
+    return min(0.99, (visited + 1.0 / max(left, 1.0)) / len(route))
+
+
+def failures(faults: tuple[Fault, ...], end: float) -> list[tuple[int, float, str]]:
+    """(sensor, onset [s], effect) of every fault that began before the mission's end."""
+    return sorted(
+        (index, float(onset), type(fault.filter).__name__.lower())
+        for fault in faults
+        for index, onset in enumerate(fault.onset)
+        if onset <= end
+    )
+
+
+def _least_distances(track: Array, world: World) -> tuple[float, ...]:
+    """Least distance [m] to every corner and to home, in the order of the course."""
+    course = world.course
+    places = np.array([*course.waypoints, (course.home_x_m, course.home_y_m)], dtype=float)
+    gaps = track[:, None, [AT_X, AT_Y]] - places[None]
+    return tuple(np.sqrt((gaps * gaps).sum(axis=2)).min(axis=0).tolist())
+
+
+def _least_clearance(track: Array, robot: Robot, world: World) -> float:
+    """Least distance [m] between the robot's outline and any obstacle's; NaN without obstacles."""
+    outlines = [
+        footprint(shape, pose)
+        for body in world.obstacles
+        for shape in body.shapes
+        if lowest(shape, pose := body.pose @ shape.pose) <= robot.height_m
+    ]
+    if not outlines:
+        return float("nan")
+    poses = np.ascontiguousarray(track[:, [AT_X, AT_Y, HEADING]])
+    return float(clearances(robot.outline, poses, outlines).min())

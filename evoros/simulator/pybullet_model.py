@@ -1,0 +1,208 @@
+"""A robot and a world as PyBullet bodies: building them, and putting them back."""
+
+import math
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from evoros.body import Body, Shape
+from evoros.errors import SimulationError
+from evoros.robot import Robot
+from evoros.world import World
+
+# Collision groups, and what rays see. Wheels meet the ground only, the robot never itself.
+OBSTACLE, ROBOT, GROUND = 1, 2, 4
+SEEN = OBSTACLE | GROUND
+EVERYTHING = 0xFFFF
+
+Frame = tuple[tuple[float, ...], tuple[float, ...]]  # position [m], quaternion (x, y, z, w)
+
+
+class Settings(NamedTuple):
+    """What the engine is told besides robot and world."""
+
+    time_step: float
+    solver_iterations: int
+    wheel_friction: float
+
+
+@dataclass(frozen=True)
+class Model:
+    """The loaded bodies, and where each belongs at the start of a mission."""
+
+    robot: Robot
+    body: int  # of the robot
+    ground: frozenset[int]  # bodies that are no obstacle
+    steering: tuple[int, ...]  # joints
+    wheels: tuple[int, ...]
+    steering_forces: tuple[float, ...]  # [N m]
+    wheel_forces: tuple[float, ...]
+    movable: tuple[int, ...]  # joints that are not fixed
+    start: Frame  # of the robot's centre of mass
+    to_base: Frame  # from the centre of mass to the base link
+
+
+class Engine:
+    """One PyBullet client and the model that it holds."""
+
+    def __init__(self, bullet: Any) -> None:
+        self.bullet = bullet
+        self.client: int = bullet.connect(bullet.DIRECT)
+        self.touched = False  # did the last mission leave bodies displaced?
+        self._loaded: tuple[str, World, Settings] | None = None
+        self._model: Model | None = None
+
+    def close(self) -> None:
+        """Disconnect; the engine cannot be used any more."""
+        self.bullet.disconnect(self.client)
+
+    def prepare(self, robot: Robot, world: World, settings: Settings) -> Model:
+        """The model at the start of a mission: reset where it can be, else built."""
+        wanted = (robot.urdf, world, settings)
+        if self._model is None or self.touched or self._loaded != wanted:
+            self._loaded = None
+            try:
+                self._model = self._build(robot, world, settings)
+            except self.bullet.error as error:
+                raise SimulationError(f"PyBullet refuses {robot.name} in {world.name}: {error}")
+            self._loaded = wanted
+        self._reset(self._model)
+        return self._model
+
+    def _reset(self, model: Model) -> None:
+        """The robot at its start, at rest: also after building, so that both give the same bits."""
+        bullet, client = self.bullet, self.client
+        bullet.resetBasePositionAndOrientation(model.body, *model.start, physicsClientId=client)
+        bullet.resetBaseVelocity(model.body, (0, 0, 0), (0, 0, 0), physicsClientId=client)
+        for joint in model.movable:
+            bullet.resetJointState(model.body, joint, 0, 0, physicsClientId=client)
+
+    def _build(self, robot: Robot, world: World, settings: Settings) -> Model:
+        bullet, client = self.bullet, self.client
+        bullet.resetSimulation(physicsClientId=client)
+        bullet.setGravity(0, 0, -9.81, physicsClientId=client)
+        bullet.setPhysicsEngineParameter(
+            fixedTimeStep=settings.time_step,
+            numSolverIterations=settings.solver_iterations,
+            enableFileCaching=0,  # else a rewritten URDF loads its old geometry
+            deterministicOverlappingPairs=1,
+            physicsClientId=client,
+        )
+        ground = frozenset(
+            number
+            for number, body in [(self._add(body), body) for body in world.bodies]
+            if body.is_ground
+        )
+        return self._load(robot, world, settings, ground)
+
+    def _add(self, body: Body) -> int:
+        """One body of the world; movable ones start asleep and wake when touched."""
+        bullet, client = self.bullet, self.client
+        number: int = bullet.createMultiBody(
+            body.mass or 0.0,
+            self._shapes(body.shapes),
+            -1,
+            body.pose.position,
+            body.pose.quaternion,
+            physicsClientId=client,
+        )
+        group = GROUND if body.is_ground else OBSTACLE
+        bullet.setCollisionFilterGroupMask(number, -1, group, EVERYTHING, physicsClientId=client)
+        bullet.changeDynamics(number, -1, lateralFriction=body.friction, physicsClientId=client)
+        if body.inertia is not None:
+            bullet.changeDynamics(
+                number, -1, localInertiaDiagonal=body.inertia, physicsClientId=client
+            )
+        if body.mass is not None:
+            asleep = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
+            bullet.changeDynamics(number, -1, activationState=asleep, physicsClientId=client)
+        return number
+
+    def _shapes(self, shapes: Sequence[Shape]) -> int:
+        """One collision shape, compound where the body has several."""
+        arguments = [self._shape(shape) for shape in shapes]
+        if len(arguments) == 1 and shapes[0].kind == "plane":
+            return int(
+                self.bullet.createCollisionShape(
+                    self.bullet.GEOM_PLANE,
+                    planeNormal=shapes[0].size,
+                    physicsClientId=self.client,
+                )
+            )
+        columns = {key: [shape[key] for shape in arguments] for key in arguments[0]}
+        return int(self.bullet.createCollisionShapeArray(**columns, physicsClientId=self.client))
+
+    def _shape(self, shape: Shape) -> dict[str, Any]:
+        bullet, size = self.bullet, shape.size
+        kinds = {
+            "box": bullet.GEOM_BOX,
+            "cylinder": bullet.GEOM_CYLINDER,
+            "sphere": bullet.GEOM_SPHERE,
+            "plane": bullet.GEOM_PLANE,
+        }
+        return {
+            "shapeTypes": kinds[shape.kind],
+            "halfExtents": [edge / 2 for edge in size] if shape.kind == "box" else [0, 0, 0],
+            "radii": size[0] if shape.kind in ("sphere", "cylinder") else 0.0,
+            "lengths": size[1] if shape.kind == "cylinder" else 0.0,
+            "planeNormals": size if shape.kind == "plane" else [0, 0, 1],
+            "collisionFramePositions": shape.pose.position,
+            "collisionFrameOrientations": shape.pose.quaternion,
+        }
+
+    def _load(
+        self, robot: Robot, world: World, settings: Settings, ground: frozenset[int]
+    ) -> Model:
+        bullet, client, course = self.bullet, self.client, world.course
+        position, yaw = course.home[:3], course.home[3]
+        facing = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+        body = self._load_urdf(robot.urdf, position, facing)
+        infos = [
+            bullet.getJointInfo(body, joint, physicsClientId=client)
+            for joint in range(bullet.getNumJoints(body, physicsClientId=client))
+        ]
+        number = {info[1].decode(): info[0] for info in infos}
+        wheels = tuple(number[name] for name in robot.drive.wheel_joints)
+        steering = tuple(number[name] for name in robot.drive.steering_joints)
+        for link in range(-1, len(infos)):
+            meets = GROUND if link in wheels else SEEN
+            bullet.setCollisionFilterGroupMask(body, link, ROBOT, meets, physicsClientId=client)
+            bullet.changeDynamics(
+                body,
+                link,
+                lateralFriction=settings.wheel_friction,
+                linearDamping=0,
+                angularDamping=0,
+                jointDamping=0,
+                physicsClientId=client,
+            )
+        local = bullet.getDynamicsInfo(body, -1, physicsClientId=client)[3:5]
+        return Model(
+            robot=robot,
+            body=body,
+            ground=ground,
+            steering=steering,
+            wheels=wheels,
+            steering_forces=tuple(infos[joint][10] for joint in steering),
+            wheel_forces=tuple(infos[joint][10] for joint in wheels),
+            movable=tuple(info[0] for info in infos if info[2] != bullet.JOINT_FIXED),
+            start=bullet.multiplyTransforms(position, facing, *local),
+            to_base=bullet.invertTransform(*local),
+        )
+
+    def _load_urdf(
+        self, urdf: str, position: tuple[float, ...], quaternion: tuple[float, ...]
+    ) -> int:
+        """PyBullet reads URDF from a file only."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "robot.urdf"
+            path.write_text(urdf)
+            # Not URDF_MERGE_FIXED_LINKS: it loses the origin of the chassis' inertia.
+            flags = self.bullet.URDF_USE_INERTIA_FROM_FILE | self.bullet.URDF_IGNORE_VISUAL_SHAPES
+            return int(
+                self.bullet.loadURDF(
+                    str(path), position, quaternion, flags=flags, physicsClientId=self.client
+                )
+            )

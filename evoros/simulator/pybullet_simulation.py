@@ -1,0 +1,123 @@
+"""One mission's dealings with PyBullet: observe, sense, advance."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from evoros.robot import Robot
+from evoros.simulator.pybullet_model import SEEN, Model
+from evoros.types import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
+
+MOST_RAYS = 16_383  # that one call of rayTestBatch takes
+
+
+class PyBulletSimulation:
+    """The robot of ``model`` in its world.
+
+    The calls of the engine are bound once: looking them up costs as much as some of them.
+    """
+
+    def __init__(self, bullet: Any, client: int, model: Model, time_step: float) -> None:
+        self.touched = False  # has anything but the ground been touched?
+        self._bullet, self._client, self._model = bullet, client, model
+        self._time_step = time_step
+        self._command: tuple[float, float] | None = None
+        self._beams = _beams(model.robot, bullet, model)
+
+    def observe(self, state: Array) -> None:
+        """The true state, of the base link; contact with anything but the ground."""
+        bullet, client, model = self._bullet, self._client, self._model
+        position, facing = bullet.getBasePositionAndOrientation(model.body, physicsClientId=client)
+        (vx, vy, _), (_, _, yaw_rate) = bullet.getBaseVelocity(model.body, physicsClientId=client)
+        (x, y, _), (qx, qy, qz, qw) = bullet.multiplyTransforms(position, facing, *model.to_base)
+        yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+        state[X], state[Y], state[YAW], state[YAW_RATE] = x, y, yaw, yaw_rate
+        state[SPEED] = vx * math.cos(yaw) + vy * math.sin(yaw)
+        state[CONTACT] = self._contact()
+
+    def _contact(self) -> bool:
+        """Contact points come with bodies that are near; touching is a force or an overlap."""
+        for point in self._bullet.getContactPoints(self._model.body, physicsClientId=self._client):
+            if point[2] not in self._model.ground and (point[8] <= 0.0 or point[9] > 0.0):
+                self.touched = True
+                return True
+        return False
+
+    def sense(self, readings: Array) -> None:
+        """The nearest hit of each sensor's rays [m], within the sensor's range."""
+        sensor = 0
+        for starts, ends, beams in self._beams:
+            hits = self._bullet.rayTestBatch(
+                starts,
+                ends,
+                parentObjectUniqueId=self._model.body,
+                parentLinkIndex=-1,
+                collisionFilterMask=SEEN,
+                physicsClientId=self._client,
+            )
+            fractions = [hit[2] for hit in hits]
+            for first, last, low, high in beams:
+                reading = high * min(fractions[first:last])
+                readings[sensor] = reading if reading > low else low
+                sensor += 1
+
+    def advance(self, command: Array, duration: float) -> None:
+        """Step the engine; motors are told only what has changed."""
+        speed, steering = float(command[DRIVE_SPEED]), float(command[STEERING])
+        if self._command != (speed, steering):
+            self._command = (speed, steering)
+            self._drive(speed, steering)
+        step, client = self._bullet.stepSimulation, self._client
+        for _ in range(round(duration / self._time_step)):
+            step(client)
+
+    def _drive(self, speed: float, steering: float) -> None:
+        bullet, model = self._bullet, self._model
+        angles, rates = model.robot.drive.targets(speed, steering)
+        if angles:
+            bullet.setJointMotorControlArray(
+                model.body,
+                model.steering,
+                bullet.POSITION_CONTROL,
+                targetPositions=angles,
+                forces=model.steering_forces,
+                physicsClientId=self._client,
+            )
+        bullet.setJointMotorControlArray(
+            model.body,
+            model.wheels,
+            bullet.VELOCITY_CONTROL,
+            targetVelocities=rates,
+            forces=model.wheel_forces,
+            physicsClientId=self._client,
+        )
+
+
+Beam = tuple[int, int, float, float]  # first ray, behind the last, least and greatest range [m]
+
+
+def _beams(
+    robot: Robot, bullet: Any, model: Model
+) -> list[tuple[list[list[float]], list[list[float]], list[Beam]]]:
+    """Rays in the frame of the chassis' centre of mass, in batches that the engine takes."""
+    position, quaternion = model.to_base
+    to_base = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
+    batches: list[tuple[list[list[float]], list[list[float]], list[Beam]]] = []
+    for mount, (x, y, z, yaw, pitch) in zip(robot.mounts, robot.sensor_poses(), strict=True):
+        sensor = robot.sensors[mount.sensor]
+        origin = to_base @ (x, y, z) + position
+        ends = origin + sensor.range_max_m * (sensor.rays() @ (to_base @ _facing(yaw, pitch)).T)
+        if not batches or len(batches[-1][0]) + len(ends) > MOST_RAYS:
+            batches.append(([], [], []))
+        starts, stops, beams = batches[-1]
+        beams.append((len(starts), len(starts) + len(ends), sensor.range_min_m, sensor.range_max_m))
+        starts.extend([origin.tolist()] * len(ends))
+        stops.extend(ends.tolist())
+    return batches
+
+
+def _facing(yaw: float, pitch: float) -> Array:
+    """(3, 3) Rz(yaw) Ry(-pitch): a sensor's frame in the robot's, nose up for positive pitch."""
+    cy, sy, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
+    return np.array([[cy * cp, -sy, -cy * sp], [sy * cp, cy, -sy * sp], [sp, 0.0, cp]])

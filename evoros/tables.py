@@ -1,0 +1,136 @@
+"""The CSV files of a run: how a mission, a generation and a trajectory become text and back.
+
+Numbers are written in full (``repr``), so that what is read equals what was computed. An empty
+cell is a number that was not measured; lists are separated by semicolons. ``docs/run_folder.md``
+documents every column.
+"""
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any, get_type_hints
+
+from evoros.mission import Mission, Place
+from evoros.outcome import TRAJECTORY, Outcome
+from evoros.types import Array, Candidate, Design
+
+MISSION_COLUMNS = ("generation", "design", "world", "trial", "purpose", "draws")
+CANDIDATE_COLUMNS = (
+    "generation",
+    "id",
+    "parents",
+    "operator",
+    "survived",
+    "fitness",
+    "validated_fitness",
+)
+DESIGN_COLUMNS = (
+    "design",
+    "sensor",
+    "type",
+    "link",
+    "x_m",
+    "y_m",
+    "z_m",
+    "yaw_deg",
+    "pitch_deg",
+)
+GENE_COLUMNS = ("design", "gene", "key", "value")
+
+_TYPES = get_type_hints(Outcome)
+OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome))
+MISSIONS_HEADER = (*MISSION_COLUMNS, *OUTCOME_COLUMNS)
+
+
+def text(rows: Iterable[Sequence[object]]) -> str:
+    """CSV text of the rows."""
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows([cell(v) for v in row] for row in rows)
+    return buffer.getvalue()
+
+
+def cell(value: object) -> str:
+    """One value as text."""
+    if isinstance(value, tuple | list):
+        return ";".join(map(cell, value))
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return "" if math.isnan(value) else repr(float(value))
+    return "" if value is None else str(value)
+
+
+def mission_row(mission: Mission, outcome: Outcome) -> list[object]:
+    """One row of ``missions.csv``."""
+    place = [mission.generation, mission.design_id, mission.world, mission.trial]
+    values = [getattr(outcome, name) for name in OUTCOME_COLUMNS]
+    return [*place, mission.purpose, mission.draws, *values]
+
+
+def read_mission(row: Mapping[str, str]) -> tuple[Place, str, Outcome]:
+    """The place, the key of the draws and the outcome of one row.
+
+    Raises:
+        ValueError, KeyError: the row is damaged.
+    """
+    place = (int(row["generation"]), int(row["design"]), row["world"], int(row["trial"]))
+    values = {name: _parse(row[name], _TYPES[name]) for name in OUTCOME_COLUMNS}
+    return place, row["draws"], Outcome(**values)
+
+
+def _parse(content: str, kind: Any) -> Any:
+    if kind is str:
+        return content
+    if kind is bool:
+        return {"true": True, "false": False}[content]
+    if kind is float:
+        return float(content) if content else math.nan
+    if kind is int:
+        return int(content)
+    inner = kind.__args__[0]
+    return tuple(_parse(item, inner) for item in content.split(";")) if content else ()
+
+
+def generation_table(
+    generation: int,
+    candidates: Sequence[Candidate],
+    validated: Mapping[int, float],
+    genes: Sequence[Mapping[str, object]],
+) -> str:
+    """The text of ``generations/NNNNN.csv``: a row for each candidate of the pool."""
+    names = list(genes[0]) if genes else []
+    rows: list[Sequence[object]] = [(*CANDIDATE_COLUMNS, *names)]
+    for candidate, values in zip(candidates, genes, strict=True):
+        one = candidate.individual
+        head = (generation, one.id, one.parents, candidate.operator, candidate.survived)
+        known = validated.get(one.id, math.nan)
+        rows.append([*head, candidate.fitness, known, *(values[name] for name in names)])
+    return text(rows)
+
+
+def design_table(designs: Mapping[int, Design]) -> str:
+    """The text of ``design.csv``: a row for each sensor of each design."""
+    rows: list[Sequence[object]] = [DESIGN_COLUMNS]
+    for name, design in designs.items():
+        for i, m in enumerate(design.mounts):
+            pose = (m.x_m, m.y_m, m.z_m, m.yaw_deg, m.pitch_deg)
+            rows.append([name, i, m.sensor, m.link, *pose])
+    return text(rows)
+
+
+def gene_table(design_id: int, design: Design, names: Mapping[str, str]) -> str:
+    """The text of ``genes.csv``: every other evolved value; ``names`` maps keys to gene names."""
+    rows = [[design_id, names[key], key, value] for key, value in design.values.items()]
+    return text([GENE_COLUMNS, *rows])
+
+
+def trajectory_table(trajectory: Array) -> str:
+    """The text of a trajectory: a row for each record, a column for each sensor at the end."""
+    sensors = trajectory.shape[1] - len(TRAJECTORY)
+    whole = {TRAJECTORY.index(name) for name in ("mode", "visited", "contact")}
+    rows: list[Sequence[object]] = [(*TRAJECTORY, *(f"range_{i}_m" for i in range(sensors)))]
+    for values in trajectory.tolist():
+        rows.append([int(v) if i in whole else v for i, v in enumerate(values)])
+    return text(rows)
