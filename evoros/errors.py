@@ -44,6 +44,7 @@ def is_number(value: object) -> bool:
 
 
 def is_whole(value: object) -> bool:
+    """An integer; True and False are not numbers here."""
     return isinstance(value, int) and not isinstance(value, bool)
 
 
@@ -58,6 +59,7 @@ FLAG = Rule("true or false", lambda v: isinstance(v, bool))
 
 
 def one_of(*choices: str) -> Rule:
+    """One of the given texts."""
     return Rule("one of " + ", ".join(choices), lambda v: v in choices)
 
 
@@ -67,6 +69,7 @@ def instance_of(kind: Any, what: str) -> Rule:
 
 
 def sequence_of(kind: Any, what: str) -> Rule:
+    """A list or tuple of instances; ``what`` completes "a list of ..."."""
     return Rule(
         f"a list of {what}",
         lambda v: isinstance(v, list | tuple) and all(isinstance(item, kind) for item in v),
@@ -74,6 +77,7 @@ def sequence_of(kind: Any, what: str) -> Rule:
 
 
 def mapping_of(kind: Any, what: str) -> Rule:
+    """A mapping whose values are instances; ``what`` is their plural."""
     return Rule(
         f"a mapping from names to {what}",
         lambda v: hasattr(v, "values") and all(isinstance(item, kind) for item in v.values()),

@@ -130,7 +130,9 @@ def trajectory_table(trajectory: Array) -> str:
     """The text of a trajectory: a row for each record, a column for each sensor at the end."""
     sensors = trajectory.shape[1] - len(TRAJECTORY)
     whole = {TRAJECTORY.index(name) for name in ("mode", "visited", "contact")}
-    rows: list[Sequence[object]] = [(*TRAJECTORY, *(f"range_{i}_m" for i in range(sensors)))]
-    for values in trajectory.tolist():
-        rows.append([int(v) if i in whole else v for i, v in enumerate(values)])
-    return text(rows)
+    header = [*TRAJECTORY, *(f"range_{i}_m" for i in range(sensors))]
+    rows = (
+        [int(value) if i in whole else value for i, value in enumerate(row)]
+        for row in trajectory.tolist()
+    )
+    return text([header, *rows])

@@ -42,7 +42,7 @@ LEG_SIZE = 4
 
 # The command of a controller: a float64 array of COMMAND_SIZE values.
 DRIVE_SPEED, STEERING = range(2)
-"""Speed [m/s] of the rear axle's centre; steering angle [rad] of the bicycle model, left positive."""
+"""Speed [m/s] of the rear axle's centre; steering [rad] of the bicycle model, left positive."""
 COMMAND_SIZE = 2
 
 
@@ -82,11 +82,12 @@ class Channels:
 
     @property
     def size(self) -> int:
+        """How many values."""
         return len(self.low)
 
 
 FilterRule: TypeAlias = Callable[[Array, Array, Generator, Array, float], None]
-"""(parameters, memory, generator, values, time [s]): changes ``values`` in place; NaN is silence."""
+"""(parameters, memory, generator, values, time [s]): changes values in place; NaN is silence."""
 
 LayerRule: TypeAlias = Callable[[Array, Array, Array, Array, Array, float, Array], bool]
 """(parameters, memory, state, leg, readings [m], time [s], command) -> took the decision?
@@ -100,7 +101,9 @@ class Filter(Protocol):
     """Stands between a source (sensors, localization) and the controller: noise, delay, faults."""
 
     @property
-    def rule(self) -> FilterRule: ...
+    def rule(self) -> FilterRule:
+        """What it does to each sample."""
+        ...
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
         """Parameters and memory for one mission.
@@ -133,14 +136,23 @@ class Sensor(Protocol):
     """A type of range sensor: what it sees along which rays, how often, how well."""
 
     @property
-    def period_s(self) -> float: ...
+    def period_s(self) -> float:
+        """Time between two readings."""
+        ...
+
     @property
-    def range_min_m(self) -> float: ...
+    def range_min_m(self) -> float:
+        """The least that it can read."""
+        ...
+
     @property
-    def range_max_m(self) -> float: ...
+    def range_max_m(self) -> float:
+        """What it reads where it sees nothing."""
+        ...
+
     @property
     def filters(self) -> Mapping[str, Filter]:
-        """By name, applied in order to the readings of all sensors of this type: its noise first."""
+        """By name, applied in order to the readings of this type: first of all its noise."""
         ...
 
     def rays(self) -> Array:
@@ -162,7 +174,9 @@ class Layer(Protocol):
         ...
 
     @property
-    def rule(self) -> LayerRule: ...
+    def rule(self) -> LayerRule:
+        """How it decides."""
+        ...
 
     def start(self, robot: "Robot", period: float, rng: Generator) -> tuple[Array, Array]:
         """Parameters and memory for one mission; ``period`` is the controller's [s]."""
@@ -188,7 +202,10 @@ class Controller(Protocol):
     """
 
     @property
-    def period_s(self) -> float: ...
+    def period_s(self) -> float:
+        """Time between two decisions."""
+        ...
+
     @property
     def localization(self) -> Mapping[str, Filter]:
         """By name, applied in order to the pose (x, y, yaw, speed) before the layers see it."""
@@ -285,16 +302,22 @@ class Block:
 
     @property
     def genes(self) -> tuple[int, ...]:
-        return tuple(i for aspect in self.aspects for i in (*aspect.categorical, *aspect.continuous))
+        """The indices of all of them."""
+        return tuple(i for each in self.aspects for i in (*each.categorical, *each.continuous))
 
 
 class Space(Protocol):
     """The search space as an optimizer sees it: the unit cube, and which genes belong together."""
 
     @property
-    def size(self) -> int: ...
+    def size(self) -> int:
+        """The number of genes."""
+        ...
+
     @property
-    def blocks(self) -> tuple[Block, ...]: ...
+    def blocks(self) -> tuple[Block, ...]:
+        """All genes, each in one block, in the order in which a crossover may cut."""
+        ...
 
 
 @runtime_checkable
@@ -302,9 +325,14 @@ class Optimizer(Protocol):
     """Searches the unit cube of a design space."""
 
     @property
-    def generations(self) -> int: ...
+    def generations(self) -> int:
+        """How many generations a run has, the first one included."""
+        ...
+
     @property
-    def validation_trials(self) -> int: ...
+    def validation_trials(self) -> int:
+        """On how many fresh draws each generation's best is scored; 0: none."""
+        ...
 
     def start(self, space: Space, rng: Generator) -> Search:
         """A fresh search. The same generator must give the same search: resuming replays it."""

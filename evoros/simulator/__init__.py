@@ -1,0 +1,1 @@
+"""Simulators: one file an engine; nothing else imports the engine's library."""

@@ -66,7 +66,8 @@ class Engine:
             try:
                 self._model = self._build(robot, world, settings)
             except self.bullet.error as error:
-                raise SimulationError(f"PyBullet refuses {robot.name} in {world.name}: {error}")
+                reason = f"PyBullet refuses {robot.name} in {world.name}: {error}"
+                raise SimulationError(reason) from error
             self._loaded = wanted
         self._reset(self._model)
         return self._model
