@@ -8,10 +8,11 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from lxml import etree
+from lxml.etree import _Element as Element
 
 from evoros import assets, xacro_child
 from evoros.errors import InputError
+from evoros.xmlfile import fault, parse
 
 _LOG = logging.getLogger(__name__)
 _MESH_SCHEMES = ("package://", "model://", "file://")
@@ -22,7 +23,7 @@ def read(
     arguments: Mapping[str, object],
     packages: Sequence[str] = (),
     time_limit_s: float = 10.0,
-) -> tuple[Path, etree._Element]:
+) -> tuple[Path, Element]:
     """The file and the root element of a URDF, or of what a xacro file expands to.
 
     ``packages`` are the folders, besides the file's own package, in which ``$(find name)``,
@@ -34,11 +35,11 @@ def read(
             or names a file that is missing or outside its package and ``packages``.
     """
     file = assets.find(name, "robots")
-    root = parse(_content(file), file, with_lines=True)
+    root = parse(_content(file), str(file))
     roots = _roots(file, packages)
     if file.suffix == ".xacro" or "http://www.ros.org/wiki/xacro" in root.nsmap.values():
         text = expand(file, arguments, roots, time_limit_s)
-        root = parse(text.encode(), file, with_lines=False)
+        root = parse(text.encode(), f"{file} (expanded)")  # the lines are not those of the file
     elif arguments:
         raise InputError(
             f"{file}: a plain URDF takes no arguments, not {sorted(arguments)}; "
@@ -115,27 +116,6 @@ def _argument(file: Path, name: str, value: object) -> str:
     raise InputError(f"{file}: argument {name}: must be a number, a text or a flag, not {value!r}")
 
 
-def parse(content: bytes, file: Path, with_lines: bool) -> etree._Element:
-    """The root element, without comments. Entities are not expanded, nothing else is fetched.
-
-    Raises:
-        InputError: not well-formed, or it has a document type.
-    """
-    parser = etree.XMLParser(
-        resolve_entities=False, no_network=True, huge_tree=False, load_dtd=False,
-        remove_comments=True, remove_pis=True, remove_blank_text=True,
-    )  # fmt: skip
-    try:
-        root = etree.fromstring(content, parser)
-    except etree.XMLSyntaxError as error:
-        where = f"{file}:{error.lineno}" if with_lines else str(file)
-        reason = " ".join((error.msg or "empty").split())
-        raise InputError(f"{where}: must be well-formed XML, but: {reason}; correct it") from error
-    if root.getroottree().docinfo.internalDTD is not None:
-        raise InputError(f"{file}: must not have a document type (<!DOCTYPE>); remove it")
-    return root
-
-
 def _content(file: Path) -> bytes:
     try:
         return file.read_bytes()
@@ -155,11 +135,11 @@ def _roots(file: Path, packages: Sequence[str]) -> list[Path]:
     return roots
 
 
-def _resolve_files(root: etree._Element, file: Path, roots: Sequence[Path]) -> None:
+def _resolve_files(root: Element, file: Path, roots: Sequence[Path]) -> None:
     for element in root.iter("mesh", "texture"):
         name = element.get("filename")
-        if name is None:
-            raise InputError(f"{file}: <{element.tag!s}> must have a filename; add it")
+        if not name:
+            raise fault(element, "must have a filename", "add it")
         element.set("filename", str(_inside(name, file, roots)))
 
 

@@ -4,7 +4,6 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from itertools import product
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
@@ -12,10 +11,12 @@ import numpy as np
 from lxml import etree
 
 from evoros import description as descriptions
+from evoros.body import Pose, Shape
 from evoros.drive import Drive, DriveDescription
-from evoros.errors import NUMBER, TEXT, InputError, check
+from evoros.errors import NUMBER, TEXT, InputError, check, is_number
+from evoros.geometry import convex_hull, footprint, lowest
 from evoros.types import Array, Mount, Sensor
-from evoros.urdf import Collision, Urdf, read_tree, transform
+from evoros.urdf import Urdf, read_tree
 
 SENSOR_SIZE_M = (0.02, 0.045, 0.02)
 SENSOR_MASS_KG = 0.009
@@ -105,7 +106,13 @@ class Robot:
         """(n, 4, 4): the frame of each sensor, x along its beam, in the robot's frame [m]."""
         frames = np.empty((len(self.mounts), 4, 4))
         for i, (x, y, z, yaw, pitch) in enumerate(self.sensor_poses().tolist()):
-            frames[i] = transform(np.array((x, y, z)), 0.0, -pitch, yaw)
+            cy, sy, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
+            frames[i] = (
+                (cy * cp, -sy, -cy * sp, x),
+                (sy * cp, cy, -sy * sp, y),
+                (sp, 0.0, cp, z),
+                (0.0, 0.0, 0.0, 1.0),
+            )
         return frames
 
     def _check(self, mount: Mount, known: Mapping[str, int]) -> None:
@@ -122,9 +129,9 @@ class Robot:
             raise self._no_place(mount.link)
         for entry in fields(mount):
             value = getattr(mount, entry.name)
-            if not isinstance(value, str) and not math.isfinite(value):
+            if entry.name not in ("sensor", "link") and not is_number(value):
                 raise InputError(
-                    f"mount of {mount.sensor}: {entry.name} must be finite, not {value}; set it"
+                    f"mount of {mount.sensor}: {entry.name} must be a number, not {value!r}; set it"
                 )
 
     def _no_place(self, link: str) -> InputError:
@@ -149,22 +156,33 @@ def load_robot(
     Raises:
         InputError: the file cannot be used, or ``drive`` or ``mount`` name what it has not.
     """
+    for name, given, kind, what in (
+        ("description", description, str, "the path of a file"),
+        ("drive", drive, DriveDescription, "the description of a drive"),
+        ("mount", mount, MountDefaults, "a MountDefaults"),
+        ("arguments", arguments or {}, Mapping, "a mapping from names to values"),
+        ("packages", packages, list | tuple, "a list of folders"),
+    ):
+        if not isinstance(given, kind):
+            raise InputError(f"robot.{name}: must be {what}, not {given!r}; give one")
     file, root = descriptions.read(description, arguments or {}, packages)
-    urdf = read_tree(root, file, with_lines=file.suffix != ".xacro")
+    urdf = read_tree(root, str(file))
     fitted = drive.fit(urdf)
     wheels = {urdf.joints[name].child for name in fitted.wheel_joints}
     touching = [
-        shape for n, shapes in urdf.collisions.items() if n not in wheels for shape in shapes
+        (shape, urdf.poses[link] @ shape.pose)
+        for link, shapes in urdf.shapes.items()
+        if link not in wheels
+        for shape in shapes
     ]
     if not touching:
-        raise urdf.fault("collision", "something beside the wheels must have a shape", "add a box")
-    points = np.concatenate([_points(shape) for shape in touching])
+        raise urdf.fault("a link beside the wheels must have a <collision>", "give it a box")
     robot = Robot(
         name=urdf.name,
         base_urdf=etree.tostring(root, encoding="unicode", pretty_print=True),
         drive=fitted,
-        outline=_hull(points[:, :2]),
-        height_m=float(points[:, 2].max()),
+        outline=_outline(touching),
+        height_m=max(_top(shape, pose) for shape, pose in touching),
         mount_link=mount.link,
         mount_z_m=float(mount.z_m),
         mount_pitch_deg=float(mount.pitch_deg),
@@ -181,46 +199,26 @@ def _places(urdf: Urdf) -> dict[str, tuple[float, float, float, float]]:
     places = {}
     for link, pose in urdf.poses.items():
         fixed = all(joint.type == "fixed" for joint in urdf.above(link))
-        if fixed and pose[2, 2] > 1.0 - 1e-9:
-            x, y, z = pose[:3, 3].tolist()
-            places[link] = (x, y, z, math.atan2(pose[1, 0], pose[0, 0]))
+        if fixed and pose.rotation[2, 2] > 1.0 - 1e-9:
+            places[link] = (*pose.position, pose.yaw)
     return places
 
 
-def _points(shape: Collision) -> Array:
-    """(n, 3) points of the root's frame whose hull has the footprint and top of the shape."""
-    turn = np.linspace(0.0, 2.0 * math.pi, _CIRCLE, endpoint=False)
-    if shape.kind == "sphere":
-        circle = np.stack([np.cos(turn), np.sin(turn), np.zeros(_CIRCLE)], axis=1)
-        around: Array = np.vstack([circle, [[0.0, 0.0, 1.0]]]) * shape.size[0] + shape.pose[:3, 3]
-        return around
-    if shape.kind == "box":
-        corners = np.array(list(product((-0.5, 0.5), repeat=3))) * shape.size
-    else:
-        radius, length = shape.size
-        rim = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1)
-        corners = np.vstack([np.insert(rim, 2, end * length, axis=1) for end in (-0.5, 0.5)])
-    placed: Array = corners @ shape.pose[:3, :3].T + shape.pose[:3, 3]
-    return placed
+def _outline(shapes: Sequence[tuple[Shape, Pose]]) -> Array:
+    """(k, 2) the hull of the footprints of shapes, discs as polygons around them."""
+    turn = np.arange(_CIRCLE) * (2.0 * math.pi / _CIRCLE)
+    disc = np.stack([np.cos(turn), np.sin(turn)], axis=1) / math.cos(math.pi / _CIRCLE)
+    corners = []
+    for shape, pose in shapes:
+        area = footprint(shape, pose)
+        reach = area.radius * disc if area.radius > 0 else np.zeros((1, 2))
+        corners.append((area.vertices[:, None] + reach[None]).reshape(-1, 2))
+    return convex_hull(np.concatenate(corners))
 
 
-def _hull(points: Array) -> Array:
-    """(k, 2) the corners of the convex hull, counter-clockwise (Andrew's monotone chain)."""
-    ordered = sorted({(round(x, 9), round(y, 9)) for x, y in points.tolist()})
-    halves = []
-    for sweep in (ordered, ordered[::-1]):
-        half: list[tuple[float, float]] = []
-        for point in sweep:
-            while len(half) > 1 and _turn(half[-2], half[-1], point) <= 1e-12:
-                half.pop()
-            half.append(point)
-        halves.append(half[:-1])
-    return np.array(halves[0] + halves[1])
-
-
-def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    """Twice the area of the triangle a b c, positive if it turns left."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+def _top(shape: Shape, pose: Pose) -> float:
+    """Height [m] of the highest point: these shapes are symmetric about their centres."""
+    return 2.0 * pose.position[2] - lowest(shape, pose)
 
 
 def _sensor_xml(name: str, mount: Mount, sensor: Sensor) -> str:

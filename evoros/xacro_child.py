@@ -5,6 +5,7 @@ is code: its expressions reach Python. The limits set here, and the empty enviro
 parent gives, keep a faulty file from harming the run; they do not make a hostile file safe.
 """
 
+import contextlib
 import json
 import resource
 import sys
@@ -39,7 +40,10 @@ def _limit(seconds: int) -> None:
         resource.RLIMIT_CORE: 0,
     }
     for kind, value in limits.items():
-        resource.setrlimit(kind, (value, value))
+        given = resource.getrlimit(kind)[1]
+        least = value if given == resource.RLIM_INFINITY else min(value, given)
+        with contextlib.suppress(ValueError, OSError):  # not every system has every limit
+            resource.setrlimit(kind, (least, least))
 
 
 def _package(name: str, roots: list[str]) -> str:

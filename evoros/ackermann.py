@@ -1,0 +1,166 @@
+"""Ackermann steering: four wheels, the front ones steered so that none of them slips."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from evoros.drive import TOLERANCE_M, UP, axle, driven_joint, wheel
+from evoros.errors import NUMBER, POSITIVE, Rule, check, invalid
+from evoros.urdf import Urdf
+
+ANGLE = Rule(
+    "an angle greater than 0 and less than pi/2",
+    lambda v: POSITIVE.holds(v) and v < 0.5 * math.pi,
+)
+PAIR = Rule(
+    "a list of the names of two joints, left and right",
+    lambda v: (
+        isinstance(v, list | tuple)
+        and len(v) == 2
+        and all(isinstance(name, str) and name for name in v)
+        and v[0] != v[1]
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Ackermann:
+    """All axles meet in the instant centre of rotation, about which every wheel rolls.
+
+    It lies on the rear axle's line, ``wheelbase / tan(steering)`` to the left of its middle,
+    where ``steering`` is the bicycle model's angle. Each wheel stands across its line to the
+    centre and is as fast as it is far from it.
+    """
+
+    steering_joints: tuple[str, ...]  # front left, front right
+    wheel_joints: tuple[str, ...]  # front left, front right, rear left, rear right
+    wheelbase_m: float
+    kingpin_track_m: float  # between the axes of the steering joints
+    front_track_m: float  # between the centres of the front wheels, straight ahead
+    rear_track_m: float
+    wheel_radius_m: float
+    turning_x_m: float  # of the rear axle, in the robot's frame
+    steering_stop_rad: float  # how far the steering joints can turn
+    steering_limit_rad: float  # how far each of them may turn
+    max_speed_mps: float  # of the rear axle's middle
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            wheelbase_m=POSITIVE,
+            kingpin_track_m=POSITIVE,
+            front_track_m=POSITIVE,
+            rear_track_m=POSITIVE,
+            wheel_radius_m=POSITIVE,
+            turning_x_m=NUMBER,
+            steering_stop_rad=POSITIVE,
+            steering_limit_rad=ANGLE,
+            max_speed_mps=POSITIVE,
+        )
+        if self.steering_limit_rad > self.steering_stop_rad:
+            rule = f"must be at most {self.steering_stop_rad:g}, where the steering joints stop"
+            raise invalid(self, "steering_limit_rad", self.steering_limit_rad, rule)
+
+    @cached_property
+    def steering_limit(self) -> float:
+        """Full lock: the bicycle model's angle [rad] at which the inner wheel is at its limit."""
+        tangent = math.tan(self.steering_limit_rad)
+        length = self.wheelbase_m
+        return math.atan(length * tangent / (length + 0.5 * self.kingpin_track_m * tangent))
+
+    def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Angles [rad] of (left, right), rates [rad/s] of (front left, front right, rear ...).
+
+        ``speed`` [m/s] of the rear axle's middle and ``steering`` [rad] of the bicycle model are
+        clipped to what the robot can do. The curvature is the variable, not the radius: it is 0
+        straight ahead. In units of the radius, a front wheel's steering axis is ``1 -+ kingpin``
+        to the side of the centre of rotation and ``tangent`` ahead of it.
+        """
+        fastest, lock, limit = self.max_speed_mps, self.steering_limit, self.steering_limit_rad
+        rate = min(max(speed, -fastest), fastest) / self.wheel_radius_m
+        tangent = math.tan(min(max(steering, -lock), lock))
+        curvature = tangent / self.wheelbase_m
+        kingpin = 0.5 * self.kingpin_track_m * curvature
+        stub = 0.5 * (self.front_track_m - self.kingpin_track_m) * curvature
+        rear = 0.5 * self.rear_track_m * curvature
+        left, right = 1.0 - kingpin, 1.0 + kingpin
+        angles = (math.atan(tangent / left), math.atan(tangent / right))
+        return (
+            # Rounding may pass the limit by a bit.
+            (min(max(angles[0], -limit), limit), min(max(angles[1], -limit), limit)),
+            (
+                rate * (math.sqrt(left * left + tangent * tangent) - stub),
+                rate * (math.sqrt(right * right + tangent * tangent) + stub),
+                rate * (1.0 - rear),
+                rate * (1.0 + rear),
+            ),
+        )
+
+
+@dataclass(frozen=True)
+class AckermannDescription:
+    """Which joints of a robot form an Ackermann drive, and its limits."""
+
+    steering_joints: Sequence[str]  # left, right: revolute, axis up
+    front_wheel_joints: Sequence[str]  # left, right: continuous, axis to the left
+    rear_wheel_joints: Sequence[str]  # left, right: continuous, axis to the left
+    steering_limit_rad: float  # of each front wheel
+    max_speed_mps: float  # of the rear axle's middle
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            steering_joints=PAIR,
+            front_wheel_joints=PAIR,
+            rear_wheel_joints=PAIR,
+            steering_limit_rad=ANGLE,
+            max_speed_mps=POSITIVE,
+        )
+
+    def fit(self, urdf: Urdf) -> Ackermann:
+        """The drive with the wheelbase, tracks, radius and stops of this robot.
+
+        Raises:
+            InputError: a joint is missing, or does not fit such a drive.
+        """
+        names = (*self.front_wheel_joints, *self.rear_wheel_joints)
+        centers, radii = zip(*(wheel(urdf, name) for name in names), strict=True)
+        if max(radii) - min(radii) > TOLERANCE_M:
+            raise urdf.fault(f"wheels must be equally large, not {radii}", "correct their shapes")
+        front_x, front_track = axle(urdf, self.front_wheel_joints, centers[:2])
+        rear_x, rear_track = axle(urdf, self.rear_wheel_joints, centers[2:])
+        kingpin_x, kingpin_track, stop = self._steering(urdf)
+        if abs(kingpin_x - front_x) > TOLERANCE_M or front_x <= rear_x:
+            found = f"not at x = {front_x:g} m with the axes at {kingpin_x:g} and the rear wheels "
+            rule = "front wheels must be on their steering axes, ahead of the rear wheels"
+            raise urdf.fault(f"{rule}, {found}at {rear_x:g} m", "correct the joints' <origin>")
+        return Ackermann(
+            steering_joints=tuple(self.steering_joints),
+            wheel_joints=names,
+            wheelbase_m=front_x - rear_x,
+            kingpin_track_m=kingpin_track,
+            front_track_m=front_track,
+            rear_track_m=rear_track,
+            wheel_radius_m=math.fsum(radii) / len(radii),
+            turning_x_m=rear_x,
+            steering_stop_rad=stop,
+            steering_limit_rad=self.steering_limit_rad,
+            max_speed_mps=self.max_speed_mps,
+        )
+
+    def _steering(self, urdf: Urdf) -> tuple[float, float, float]:
+        """x [m], track [m] and stop [rad] of the steering joints."""
+        joints = [driven_joint(urdf, name, "revolute", UP) for name in self.steering_joints]
+        for joint, name in zip(joints, self.front_wheel_joints, strict=True):
+            link = urdf.joints[name].child
+            if joint.name not in [above.name for above in urdf.above(link)]:
+                rule = f"joint {name!r} must be steered by {joint.name!r}"
+                raise urdf.fault(rule, "swap the names or correct its <parent>")
+        places = [np.array(urdf.poses[joint.child].position) for joint in joints]
+        stop = min(min(joint.upper, -joint.lower) for joint in joints)
+        if stop <= 0:
+            raise urdf.fault("steering joints must turn to both sides", "widen their <limit>")
+        return (*axle(urdf, self.steering_joints, places), stop)
