@@ -1,6 +1,6 @@
 """Where on a robot a sensor may be, and where it may face."""
 
-import re
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -49,39 +49,47 @@ class Region:
         Raises:
             InputError: the region, or its mirror image where ``mirrored``, is off the robot.
         """
-        if self.link in (None, robot.mount_link):
-            self._check_outline(robot, mirrored, where)
-        else:
-            self._check_link(robot, where)
+        link = robot.mount_link if self.link is None else self.link
+        self._check_link(link, robot, mirrored, where)
+        self._check_outline(link, robot, mirrored, where)
         return replace(
             self,
             z_m=robot.mount_z_m if self.z_m is None else self.z_m,
             pitch_deg=robot.mount_pitch_deg if self.pitch_deg is None else self.pitch_deg,
-            link=robot.mount_link if self.link is None else self.link,
+            link=link,
         )
 
-    def _check_link(self, robot: "Robot", where: str) -> None:
-        links = re.findall(r"<link\s[^>]*?name\s*=\s*[\"']([^\"']+)", robot.urdf)
-        if self.link not in links:
+    def _check_link(self, link: str, robot: "Robot", mirrored: bool, where: str) -> None:
+        if link not in robot.places:
             raise InputError(
-                f"{where}.link: must be a link of {robot.name}, not {self.link!r}; "
-                f"choose one of {', '.join(links)}"
+                f"{where}.link: must be a link of {robot.name} that can carry sensors, "
+                f"not {link!r}; choose one of {', '.join(robot.places)}"
             )
-        if self.z_m is None or self.pitch_deg is None:
+        if self.z_m is None and link != robot.mount_link:
             raise InputError(
-                f"{where}: z_m and pitch_deg must be numbers on the link {self.link}, not null; "
-                f"give them, for the robot's default mount is on {robot.mount_link}"
+                f"{where}.z_m: must be a number on the link {link}, not null; "
+                f"give it, for the robot's default height is that on {robot.mount_link}"
+            )
+        _, y, _, yaw = robot.places[link]
+        if mirrored and (y, yaw) != (0, 0):
+            raise InputError(
+                f"{where}.link: must lie on the robot's x axis and face along it where sensors "
+                f"are mirrored, not {link!r} at y {y:g} m, yaw {yaw:g} rad; "
+                f"choose another link or set mirrored to false"
             )
 
-    def _check_outline(self, robot: "Robot", mirrored: bool, where: str) -> None:
-        (x_low, x_high), (y_low, y_high) = ends(self.x_m), ends(self.y_m)
-        if mirrored:
-            y_low, y_high = min(y_low, -y_high), max(y_high, -y_low)
+    def _check_outline(self, link: str, robot: "Robot", mirrored: bool, where: str) -> None:
+        x, y, _, yaw = robot.places[link]
+        sides = (1, -1) if mirrored else (1,)
+        corners = [(a, side * b) for a in ends(self.x_m) for b in ends(self.y_m) for side in sides]
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        in_frame = [(x + cos * a - sin * b, y + sin * a + cos * b) for a, b in corners]
         least, most = robot.outline.min(axis=0), robot.outline.max(axis=0)
-        for axis, name, low, high in ((0, "x_m", x_low, x_high), (1, "y_m", y_low, y_high)):
+        for axis, name in enumerate(("x", "y")):
+            low, high = (end([corner[axis] for corner in in_frame]) for end in (min, max))
             if low < least[axis] - OVERHANG_M or high > most[axis] + OVERHANG_M:
                 raise InputError(
-                    f"{where}.{name}: must lie within {OVERHANG_M} m of the outline of "
-                    f"{robot.name} ({least[axis]:g} to {most[axis]:g} m), not [{low:g}, {high:g}]; "
-                    f"move the region onto the robot"
+                    f"{where}: {name} must be at most {OVERHANG_M} m outside the outline of "
+                    f"{robot.name} ({least[axis]:g} to {most[axis]:g} m), not {low:g} to {high:g} "
+                    f"m; move the region onto the robot"
                 )

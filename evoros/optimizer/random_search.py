@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from numpy.random import Generator
 
 from evoros.errors import COUNT, WHOLE, InputError, check
-from evoros.types import Candidate, Individual, Search, Space
+from evoros.types import Array, Candidate, Individual, Search, Space
 
 
 @dataclass(frozen=True)
@@ -56,5 +56,10 @@ class _RandomSearch:
 
     def _draw(self) -> None:
         ids = range(self._created, self._created + self._population_size)
-        self._asked = [Individual(i, self._rng.random(self._space.size), (), "random") for i in ids]
+        self._asked = [Individual(i, self._genome(), (), "random") for i in ids]
         self._created = ids.stop
+
+    def _genome(self) -> Array:
+        genome = self._rng.random(self._space.size)
+        genome.flags.writeable = False
+        return genome
