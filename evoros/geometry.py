@@ -14,6 +14,7 @@ from evoros.types import Array
 _Flags: TypeAlias = NDArray[np.bool_]
 
 _ELLIPSE_CORNERS = 64
+_ROUND = 1.2e-3  # 1 / cos(pi / 64) - 1: by how much 64 corners reach too far
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +28,8 @@ class Footprint:
 def footprint(shape: Shape, pose: Pose) -> Footprint:
     """The projection of a box, cylinder or sphere at ``pose`` (in the world) onto the ground.
 
-    Exact, but for a cylinder that neither stands nor lies: its two discs become ellipses, which
-    are circumscribed by polygons of 64 corners (at most 0.13 % larger).
+    Exact, but for a cylinder that neither stands nor lies: its projected discs are ellipses,
+    which are circumscribed, so that it reaches farther by at most 0.13 % of its radius.
     """
     center = np.array(pose.position[:2])
     if shape.kind == "sphere":
@@ -39,21 +40,20 @@ def footprint(shape: Shape, pose: Pose) -> Footprint:
         return Footprint(convex_hull(corners[:, :2]) + center)
     radius, length = shape.size
     axis = pose.rotation[:, 2]
-    tilt = math.hypot(axis[0], axis[1])
-    if tilt < 1e-9:
-        return Footprint(center[None], radius)
-    along = axis[:2] / tilt
+    reach = length / 2 * axis[:2]
+    if abs(axis[2]) > 1 - _ROUND:  # the ellipses are nearly circles
+        return Footprint(convex_hull(np.array([reach, -reach])) + center, radius)
+    along = axis[:2] / math.hypot(axis[0], axis[1])
     across = np.array([-along[1], along[0]])
     disc = _ellipse(radius * abs(float(axis[2])), radius) @ np.array([along, across])
-    reach = length / 2 * axis[:2]
     ends = np.concatenate([disc + reach, disc - reach])
     return Footprint(convex_hull(ends) + center)
 
 
 def _ellipse(along: float, across: float) -> Array:
-    """Corners of a polygon around an ellipse; of the segment if it has no width along."""
-    if along < 1e-9 * across:
-        return np.array([[0.0, across], [0.0, -across]])
+    """Corners of a polygon around the ellipse of these half axes: four if it is very narrow."""
+    if along < _ROUND * across:
+        return np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (along, across)
     angles = np.arange(_ELLIPSE_CORNERS) * (2 * math.pi / _ELLIPSE_CORNERS)
     grow = 1 / math.cos(math.pi / _ELLIPSE_CORNERS)
     return grow * np.stack([along * np.cos(angles), across * np.sin(angles)], axis=1)

@@ -20,6 +20,7 @@ from evoros.xmlfile import (
     child,
     fault,
     flag,
+    local_tag,
     name_of,
     needed,
     numbers,
@@ -69,18 +70,17 @@ def _check_world(world: Element) -> None:
 
 
 def _apply_state(state: Element, scope: Path, frames: Frames) -> None:
-    for part in state:
-        if part.tag not in ("model", "link"):
-            continue
-        check_children(part, f"state/{part.tag}")
+    for part in state.iterchildren("model", "link"):
+        check_children(part, f"state/{local_tag(part)}")
         path = (*scope, name_of(part))
         scale = child(part, "scale")
         if scale is not None and numbers(scale, 3) != (1.0, 1.0, 1.0):
             raise fault(scale, "must be 1 1 1", "change the sizes of the model's shapes")
-        pose, base = read_pose(part)
-        if base:
-            raise fault(part, f"must not be relative to {shown(base)}", "give its world pose")
-        if part.find("pose") is not None and not frames.place(path, pose):
+        place = read_pose(part)
+        if place.base not in ("", "world"):
+            problem = f"must not be relative to {shown(place.base)}"
+            raise fault(place.element, problem, "give its world pose")
+        if place.element is not part and not frames.place(path, place.pose):
             warn(LOG, part, "is left out: the world has nothing of this name")
         elif part.tag == "model":
             _apply_state(part, path, frames)
@@ -135,10 +135,10 @@ def _join(joint: Element, scope: Path, frames: Frames, owner: dict[Path, Path]) 
         if path and path not in owner:
             raise fault(end, f"must name a link, not {shown(text_of(end))}", "name a link")
         ends.append(_root(owner, path))
-    parent, part = ends
-    # The ground stands for itself, so it must stay at the end of the chain.
-    owner[parent if part == () else part] = part if part == () else parent
-    owner.pop((), None)
+    # The ground, (), stays at the end of the chain.
+    first, last = ends if ends[0] else ends[::-1]
+    if first:
+        owner[first] = last
 
 
 def _root(owner: dict[Path, Path], path: Path) -> Path:

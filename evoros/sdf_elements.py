@@ -9,10 +9,13 @@ from evoros.xmlfile import fault, local_tag, warn
 
 LOG = logging.getLogger("evoros.sdf")
 
+# Of physics, only gravity is looked at: the rest is how Gazebo computes.
 _USED = {
     "sdf": "world model",
     "world": "model frame state gravity physics",
     "model": "static pose frame link joint model",
+    "frame": "pose",
+    "joint": "pose parent child",
     "link": "pose inertial collision gravity kinematic",
     "collision": "pose geometry surface",
     "inertial": "pose mass inertia",
@@ -38,6 +41,8 @@ _IGNORED = {
     "model": "self_collide allow_auto_disable enable_wind",
     "link": "visual light sensor projector audio_sink audio_source battery particle_emitter "
     "self_collide enable_wind must_be_base_link",
+    "joint": "axis axis2 physics sensor gearbox_ratio gearbox_reference_body thread_pitch "
+    "screw_thread_pitch",
     "collision": "laser_retro max_contacts density auto_inertia_params",
     "inertial": "density auto_inertia_params",
     "state": "sim_time wall_time real_time iterations light",
@@ -47,6 +52,7 @@ _IGNORED = {
 
 # What the engines here do not have: reported, unless it says no more than 0 or false.
 _REPORTED = {
+    "sdf": "plugin",
     "world": "plugin",
     "link": "velocity_decay",
     "surface": "contact bounce soft_contact",
@@ -56,7 +62,7 @@ _REPORTED = {
 }
 
 _CURES = {
-    "include": "write the included model itself into this file",
+    "include": "write the included model itself into this file; a sun and level ground need none",
     "mesh": "approximate it by boxes, cylinders and spheres",
     "capsule": "approximate it by a cylinder and two spheres",
     "plugin": "delete it: only worlds may have plugins, models must not move by themselves",

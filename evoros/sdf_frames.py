@@ -9,19 +9,26 @@ from dataclasses import dataclass
 
 from lxml.etree import _Element as Element
 
-from evoros.body import Pose, Vector, normalized
+from evoros.body import Pose, normalized
+from evoros.sdf_elements import check_children
 from evoros.xmlfile import child, fault, flag_attribute, name_of, numbers, shown
 
 Path = tuple[str, ...]
 
 
 @dataclass(frozen=True)
+class Placement:
+    """A pose in the frame called ``base``, or in the one around it if that is empty."""
+
+    pose: Pose
+    base: str
+    element: Element  # where this stands
+
+
+@dataclass(frozen=True)
 class _Frame:
-    element: Element
-    pose: Pose  # in the frame of `base`
-    base: str  # name looked up in `scope`; empty: `parent`
-    scope: Path
-    parent: Path
+    place: Placement
+    scope: Path  # where the name of its base is looked up
 
 
 class Frames:
@@ -37,9 +44,9 @@ class Frames:
         self._collect(container, ())
 
     def _collect(self, container: Element, scope: Path) -> None:
-        for element in container:
-            if element.tag not in ("model", "link", "frame", "joint"):
-                continue
+        for element in container.iterchildren("model", "link", "frame", "joint"):
+            if element.tag in ("frame", "joint"):
+                check_children(element)
             name = name_of(element)
             path = (*scope, name)
             if path in self._frames:
@@ -47,12 +54,12 @@ class Frames:
                 raise fault(element, f"has a name that is taken: {shown(name)}", cure)
             if name == "world" or (name.startswith("__") and name.endswith("__")):
                 raise fault(element, f"has a reserved name: {shown(name)}", "rename it")
-            pose, base = read_pose(element)
-            if not base and element.tag == "frame":
-                base = element.get("attached_to", "")
-            if not base and element.tag == "joint":
-                base = (element.findtext("child") or "").strip()
-            self._frames[path] = _Frame(element, pose, base, scope, scope)
+            place = read_pose(element)
+            if not place.base and element.tag == "frame":
+                place = Placement(place.pose, element.get("attached_to", ""), element)
+            if not place.base and element.tag == "joint":
+                place = Placement(place.pose, (element.findtext("child") or "").strip(), element)
+            self._frames[path] = _Frame(place, scope)
             if element.tag == "model":
                 if element.get("placement_frame"):
                     cure = "give the pose of the model itself"
@@ -63,7 +70,7 @@ class Frames:
         """Put a frame at a pose in the world; False where there is no such frame."""
         if path not in self._frames:
             return False
-        self._frames[path] = _Frame(self._frames[path].element, pose, "", (), ())
+        self._frames[path] = _Frame(Placement(pose, "", self._frames[path].place.element), ())
         return True
 
     def find(self, scope: Path, name: str, element: Element) -> Path:
@@ -86,43 +93,45 @@ class Frames:
             if path in open_paths:
                 circle = " -> ".join("::".join(p) for p in [*open_paths, path])
                 cure = "make one of them relative to its model"
-                raise fault(self._frames[path].element, f"has a circular pose: {circle}", cure)
+                raise fault(
+                    self._frames[path].place.element, f"has a circular pose: {circle}", cure
+                )
             open_paths.append(path)
             path = self._base(self._frames[path])
         for path in reversed(open_paths):
             frame = self._frames[path]
-            self._poses[path] = self._poses[self._base(frame)] @ frame.pose
+            self._poses[path] = self._poses[self._base(frame)] @ frame.place.pose
         return self._poses[path]
 
     def _base(self, frame: _Frame) -> Path:
-        return self.find(frame.scope, frame.base, frame.element) if frame.base else frame.parent
+        place = frame.place
+        return self.find(frame.scope, place.base, place.element) if place.base else frame.scope
 
     def pose_of(self, element: Element, link: Path) -> Pose:
         """The pose in the world of a collision or inertia of the link with this path."""
-        pose, base = read_pose(element)
-        anchor = self.find(link[:-1], base, element) if base else link
-        return self.world_pose(anchor) @ pose
+        place = read_pose(element)
+        base = self.find(link[:-1], place.base, place.element) if place.base else link
+        return self.world_pose(base) @ place.pose
 
 
-def read_pose(element: Element) -> tuple[Pose, str]:
-    """The ``<pose>`` of an element, and the name of the frame that it is relative to or ""."""
+def read_pose(element: Element) -> Placement:
+    """Where the ``<pose>`` of an element puts it."""
     found = child(element, "pose")
     if found is None:
-        return Pose(), ""
+        return Placement(Pose(), "", element)
     base = (found.get("relative_to") or found.get("frame") or "").strip()
     if not len(found) and not (found.text or "").strip():
-        return Pose(), base
+        return Placement(Pose(), base, found)
     form = found.get("rotation_format", "euler_rpy")
     degrees = flag_attribute(found, "degrees")
     if form == "quat_xyzw" and not degrees:
         x, y, z, *quaternion = numbers(found, 7)
         if sum(q * q for q in quaternion) < 1e-12:
             raise fault(found, "has a quaternion of length 0", "write 0 0 0 1 for no rotation")
-        return Pose((x, y, z), normalized(quaternion)), base
+        return Placement(Pose((x, y, z), normalized(quaternion)), base, found)
     if form != "euler_rpy":
         cure = 'use "euler_rpy", or "quat_xyzw" without degrees'
         raise fault(found, f"has rotation_format {shown(form)}, degrees {degrees}", cure)
     x, y, z, *angles = numbers(found, 6)
     roll, pitch, yaw = (math.radians(a) if degrees else a for a in angles)
-    position: Vector = (x, y, z)
-    return Pose.from_rpy(position, roll, pitch, yaw), base
+    return Placement(Pose.from_rpy((x, y, z), roll, pitch, yaw), base, found)

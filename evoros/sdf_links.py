@@ -35,17 +35,21 @@ class Link:
 def read_link(element: Element, path: Path, frames: Frames, fixed: bool) -> Link:
     """Read a link; ``fixed`` if it belongs to a static model."""
     check_children(element)
+    names: set[str] = set()
     shapes: list[tuple[str, Shape, float]] = []
     for collision in element.findall("collision"):
         name = name_of(collision)
-        if any(name == other for other, _, _ in shapes):
+        if name in names:
             raise fault(collision, "has a name that is taken", "rename one of the two")
+        names.add(name)
         shape = _shape(collision, frames.pose_of(collision, path))
         if shape is not None:
             shapes.append((name, shape, _friction(collision)))
     inertia = _inertia(element, path, frames)
     if not fixed:
         _check_free(element)
+        if element.find("inertial/mass") is None:
+            warn(LOG, element, "is not static and has no mass: 1 kg is taken, as SDF says")
     return Link(path, element, tuple(shapes), None if fixed else inertia)
 
 
@@ -62,7 +66,9 @@ def _shape(collision: Element, pose: Pose) -> Shape | None:
     geometry = needed(collision, "geometry")
     check_children(geometry)
     if len(geometry) != 1:
-        raise fault(geometry, f"must have one shape, not {len(geometry)}", "keep one of them")
+        where = geometry[1] if len(geometry) else geometry
+        problem = f"makes {len(geometry)} shapes in one <geometry>, not one"
+        raise fault(where, problem, "use one <collision> for each")
     solid = geometry[0]
     kind = str(solid.tag)
     check_children(solid)

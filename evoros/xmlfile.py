@@ -12,7 +12,7 @@ from lxml.etree import _Element as Element
 from evoros.errors import InputError
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-_DOCTYPE = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
+_LARGEST = 1e9  # no length, mass or angle is larger; so no product of two overflows
 _LONGEST = 60  # characters of a value that a message shows
 
 
@@ -24,11 +24,6 @@ def parse(content: bytes, source: str) -> Element:
     Raises:
         InputError: not well-formed, or it has a DOCTYPE.
     """
-    # No DOCTYPE, no entities: they can read files and grow without bound.
-    found = _DOCTYPE.search(content.replace(b"\0", b""))  # UTF-16 has a zero beside each letter
-    if found:
-        line = content[: found.start()].count(b"\n") + 1
-        raise InputError(f"{source}:{line}: a DOCTYPE is not accepted; delete it")
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -44,7 +39,9 @@ def parse(content: bytes, source: str) -> Element:
         reason = " ".join(str(error).split())
         raise InputError(f"{source}:{line}: not well-formed XML: {reason}; correct it") from None
     if root.getroottree().docinfo.doctype:
-        raise InputError(f"{source}:1: a DOCTYPE is not accepted; delete it")
+        # It can define entities, which read files and grow without bound.
+        line = content[: content.find(b"<!DOCTYPE") + 1].count(b"\n") + 1
+        raise InputError(f"{source}:{line}: a DOCTYPE is not accepted; delete it")
     return root
 
 
@@ -130,8 +127,9 @@ def numbers(element: Element, *counts: int) -> tuple[float, ...]:
         raise fault(element, f"must have {expected} numbers, not {len(words)}: {text}", cure)
     values = tuple(float(word) if _NUMBER.fullmatch(word) else math.nan for word in words)
     for word, value in zip(words, values, strict=True):
-        if not math.isfinite(value):
-            raise fault(element, f"must be made of numbers, not {shown(word)}", "correct it")
+        if not abs(value) <= _LARGEST:
+            problem = f"must be made of numbers of at most {_LARGEST:g}, not {shown(word)}"
+            raise fault(element, problem, "correct it")
     return values
 
 
