@@ -77,21 +77,32 @@ def import_pybullet() -> Any:
     Raises:
         InputError: it is not installed, as where it publishes no wheel.
     """
-    libc = ctypes.CDLL(None)
-    libc.fflush(None)
-    screen, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
     try:
-        import pybullet
+        with _quiet():
+            import pybullet
     except ImportError as error:
         raise InputError(
             "simulator=pybullet: PyBullet is not installed; it publishes wheels up to Python "
             "3.11: install evoros with Python 3.11, or build PyBullet with `pip install pybullet` "
             "and a C++ compiler"
         ) from error
+    return pybullet
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Nothing reaches the terminal, C's own output included."""
+    libc = ctypes.CDLL(None)
+    libc.fflush(None)
+    streams = [(os.dup(number), number) for number in (1, 2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for _, number in streams:
+            os.dup2(nowhere, number)
+        yield
     finally:
         libc.fflush(None)
-        os.dup2(screen, 1)
-        os.close(screen)
+        for kept, number in streams:
+            os.dup2(kept, number)
+            os.close(kept)
         os.close(nowhere)
-    return pybullet

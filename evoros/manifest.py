@@ -1,0 +1,93 @@
+"""What a run was made from: versions, machine, and hashes of everything that it depends on."""
+
+import hashlib
+import platform
+import subprocess
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from evoros.errors import InputError
+from evoros.experiment import Experiment
+from evoros.record import FORMAT_VERSION
+
+PACKAGES = ("evoros", "numpy", "scipy", "pybullet", "hydra-core", "omegaconf", "xacro", "lxml")
+
+
+def manifest(experiment: Experiment, config: str) -> dict[str, Any]:
+    """The content of ``manifest.json`` for a new run whose ``config.yaml`` is ``config``."""
+    return {
+        "format_version": FORMAT_VERSION,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "seed": experiment.seed,
+        "commit": _commit(),
+        "packages": {name: _version(name) for name in PACKAGES},
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "processor": _processor(),
+        "sha256": {"configuration": _sha256(config), **hashes(experiment)},
+    }
+
+
+def hashes(experiment: Experiment) -> dict[str, str]:
+    """Of the files that the experiment was built from."""
+    worlds = {f"world.{name}": world.source_sha256 for name, world in experiment.world.items()}
+    return {"robot": _sha256(experiment.robot.urdf), **worlds}
+
+
+def check_unchanged(
+    folder: Path, recorded: Mapping[str, Any], experiment: Experiment, config: str
+) -> None:
+    """Before resuming: the run must be made of what it was made of when it began.
+
+    Raises:
+        InputError: a file has changed, or the run is of another format.
+    """
+    if recorded.get("format_version") != FORMAT_VERSION:
+        raise InputError(
+            f"{folder / 'manifest.json'}: format_version must be {FORMAT_VERSION}, not "
+            f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
+        )
+    now = {"configuration": _sha256(config), **hashes(experiment)}
+    for name, value in recorded.get("sha256", {}).items():
+        if now.get(name) != value:
+            raise InputError(
+                f"{folder}: {name} must be as it was when the run began, and it has changed; "
+                f"restore it, or start a new run"
+            )
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _commit() -> str | None:
+    """The commit of the checkout that evoros runs from, marked where files differ from it."""
+    here = Path(__file__).resolve().parent
+    if not (here.parent / ".git").exists():
+        return None
+    command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=40"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() or None
+
+
+def _processor() -> str:
+    """The model of the processor, where the system tells."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    models = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(models, platform.processor())
