@@ -8,10 +8,10 @@ LONGEST = 100  # characters; file systems allow 255 bytes
 
 
 def job_name(overrides: Sequence[str]) -> str:
-    """A readable name that is safe as a folder: ``failure=random seed=0`` -> failure-random_seed-0.
+    """A readable name, safe as a folder: ``failure=random seed=0`` -> failure-random_seed-0.
 
-    Of a key, its last part. Letters, digits, ``-``, ``_`` and ``.`` only; ``baseline`` where nothing is overridden. Longer
-    names are cut and end in a hash of the whole.
+    Of a key, its last part. Letters, digits, ``-``, ``_`` and ``.`` only; ``baseline`` where
+    nothing is overridden. Longer names are cut and end in a hash of the whole.
     """
     parts = [_part(override) for override in overrides]
     name = "_".join(part for part in parts if part)

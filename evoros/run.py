@@ -187,6 +187,6 @@ def _overridden(config: DictConfig, overrides: Sequence[str]) -> DictConfig:
         else:
             raise InputError(
                 f"{override}: only executor, executor.* and a larger optimizer.generations can be "
-                f"given with resume=; everything else is the run's own; start a new run to change it"
+                f"given with resume=; the rest is the run's own; start a new run to change it"
             )
     return config

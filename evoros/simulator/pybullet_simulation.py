@@ -104,10 +104,10 @@ def _beams(
     position, quaternion = model.to_base
     to_base = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
     batches: list[tuple[list[list[float]], list[list[float]], list[Beam]]] = []
-    for mount, (x, y, z, yaw, pitch) in zip(robot.mounts, robot.sensor_poses(), strict=True):
+    for mount, frame in zip(robot.mounts, robot.sensor_frames(), strict=True):
         sensor = robot.sensors[mount.sensor]
-        origin = to_base @ (x, y, z) + position
-        ends = origin + sensor.range_max_m * (sensor.rays() @ (to_base @ _facing(yaw, pitch)).T)
+        origin = to_base @ frame[:3, 3] + position
+        ends = origin + sensor.range_max_m * (sensor.rays() @ (to_base @ frame[:3, :3]).T)
         if not batches or len(batches[-1][0]) + len(ends) > MOST_RAYS:
             batches.append(([], [], []))
         starts, stops, beams = batches[-1]
@@ -115,9 +115,3 @@ def _beams(
         starts.extend([origin.tolist()] * len(ends))
         stops.extend(ends.tolist())
     return batches
-
-
-def _facing(yaw: float, pitch: float) -> Array:
-    """(3, 3) Rz(yaw) Ry(-pitch): a sensor's frame in the robot's, nose up for positive pitch."""
-    cy, sy, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
-    return np.array([[cy * cp, -sy, -cy * sp], [sy * cp, cy, -sy * sp], [sp, 0.0, cp]])
