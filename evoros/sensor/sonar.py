@@ -81,8 +81,10 @@ class Sonar:
         ``(cos a cos b, sin a cos b, sin b)`` for azimuth a (left positive) and elevation b, both
         evenly spaced over the beam, its edges included; a single ray points forward.
         """
-        edge = math.radians(self.fov_deg) / 2 if self.rays_per_axis > 1 else 0.0
-        angles = np.linspace(-edge, edge, self.rays_per_axis)
+        # Not linspace: its left and right rays are not mirror images to the last bit.
+        spaces = self.rays_per_axis - 1
+        half_space = math.radians(self.fov_deg) / 2 / max(spaces, 1)
+        angles = np.arange(-spaces, spaces + 1, 2) * half_space
         a, b = (grid.ravel() for grid in np.meshgrid(angles, angles, indexing="ij"))
         return np.column_stack((np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)))
 
