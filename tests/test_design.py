@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -223,16 +223,19 @@ def test_constants_have_no_gene() -> None:
     space = SensorDesign({"sonar": Sonar()}, {"nose": fixed}, 2, False).space(ROBOT)
     assert (space.size, space.blocks) == (0, ())
     assert [mount.x_m for mount in space.decode(np.zeros(0)).mounts] == [0.2, 0.2]
-    only = SensorDesign({}, {}, 0, True, {"avoid": AVOID}).space(ROBOT)
-    assert (only.size, only.decode(np.ones(1)).mounts) == (1, ())
+    held = Gene("controller.held", 2, 2)
+    only = SensorDesign({}, {}, 0, True, {"held": held, "avoid": AVOID}).space(ROBOT)
+    assert [block.name for block in only.blocks] == ["avoid"]
+    assert only.decode(np.ones(1)).values == {"controller.held": 2, AVOID.key: 4}
 
 
 @given(st.floats(0, 1), st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))
+@example(1.0, -0.1, -0.01)  # -0.1 + (-0.01 - -0.1) is greater than -0.01
 def test_rounding_never_leaves_an_interval(gene: float, one: float, other: float) -> None:
     low, high = sorted((one, other))
     assert low <= scaled(gene, low, high) <= high
     assert scaled(0, low, high) == low
-    assert scaled(1, low, high) == pytest.approx(high)
+    assert abs(scaled(1, low, high) - high) <= math.ulp(max(abs(low), abs(high), high - low))
 
 
 @given(st.integers(1, 1000), st.data())

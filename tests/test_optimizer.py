@@ -255,7 +255,7 @@ def test_a_narrow_step_stays_near_and_redraws_few_regions() -> None:
 
 
 def test_the_rates_of_crossover_and_mutation_are_those_configured() -> None:
-    """Flat fitness and many blocks: two different parents make two new children."""
+    """At first all parents differ in every gene, so that a pair that crosses makes two children."""
     pairs = crossed = candidates = mutated = 0
     for seed in range(200):
         optimizer = GeneticAlgorithm(generations=2)
@@ -265,13 +265,15 @@ def test_the_rates_of_crossover_and_mutation_are_those_configured() -> None:
     assert abs(mutated - 0.15 * candidates) < 4 * math.sqrt(candidates * 0.15 * 0.85)
     for seed in range(200):
         optimizer = GeneticAlgorithm(generations=2, mutation_probability=0)
-        _, (_, table) = run(optimizer, Sensors(20), seed, flat)
+        _, (_, table) = run(optimizer, Sensors(2), seed, flat)
         children = table[30:]
         for first, second in zip(children[0::2], children[1::2], strict=True):
             if first.individual.id != second.individual.id:  # a pair of one cannot cross over
                 pairs += 1
                 crossed += first.operator == "crossover"
                 assert first.operator == second.operator
+                if first.operator == "crossover":
+                    assert first.individual.parents == second.individual.parents[::-1]
     assert abs(crossed - 0.25 * pairs) < 4 * math.sqrt(pairs * 0.25 * 0.75)
 
 
@@ -327,6 +329,18 @@ def test_tournaments_prefer_the_better_as_much_as_they_should() -> None:
             places += 29
         share = 1 - 0.5**size
         assert abs(better - share * places) < 4 * math.sqrt(places * share * (1 - share) + 1)
+
+
+def test_parents_win_tournaments_too() -> None:
+    better = expected = variance = 0.0
+    optimizer = GeneticAlgorithm(generations=2, mutation_probability=0, crossover_probability=0)
+    for seed in range(300):
+        _, (_, table) = run(optimizer, THREE, seed, lambda one: float(one.id < 15))
+        share = 1 - (1 - sum(c.individual.id < 15 for c in table[:30]) / 30) ** 2
+        better += sum(c.individual.id < 15 for c in table[30:])
+        expected += 30 * share
+        variance += 30 * share * (1 - share)
+    assert abs(better - expected) < 4 * math.sqrt(variance)
 
 
 def test_it_beats_random_search_at_equal_cost() -> None:
