@@ -44,7 +44,7 @@ def _resume(arguments: Sequence[str]) -> int:
     path = Path(target.partition("=")[2]).expanduser()
     overrides = [argument for argument in rest if argument is not target]
 
-    from evoros.run import resume
+    from evoros.session import resume
 
     return _session(path, lambda display: resume(path, overrides, display), live=True)
 
@@ -60,7 +60,7 @@ def _compose_and_run(arguments: Sequence[str]) -> int:
     from omegaconf import DictConfig
 
     from evoros import config as configuration
-    from evoros.run import start
+    from evoros.session import start
 
     statuses: list[int] = []
 

@@ -1,0 +1,98 @@
+"""Reading run folders: tables as pandas frames. Knows the files, not the loop that writes them."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from evoros.errors import InputError
+
+FILES = {"config.yaml", "manifest.json", "status.json", "missions.csv"}
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run folder, whole or unfinished. ``docs/run_folder.md`` documents the columns."""
+
+    path: Path
+
+    @cached_property
+    def manifest(self) -> dict[str, Any]:
+        """What the run was made from."""
+        return self._json("manifest.json")
+
+    @cached_property
+    def status(self) -> dict[str, Any]:
+        """How far the run is; ``state`` is running, finished or stopped."""
+        return self._json("status.json")
+
+    @cached_property
+    def missions(self) -> pd.DataFrame:
+        """A row for each finished mission, sorted by generation, design, world and trial."""
+        frame = self._csv(self.path / "missions.csv")
+        return frame.sort_values(["generation", "design", "world", "trial"], ignore_index=True)
+
+    @cached_property
+    def generations(self) -> pd.DataFrame:
+        """A row for each candidate of each finished generation; empty where none is finished."""
+        files = sorted((self.path / "generations").glob("[0-9]*.csv"))
+        frames = [self._csv(file) for file in files]
+        return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+    @cached_property
+    def champion(self) -> pd.DataFrame:
+        """A row for each sensor of the champion; the run must be finished."""
+        return self._csv(self.path / "champion" / "design.csv")
+
+    @cached_property
+    def genes(self) -> pd.DataFrame:
+        """A row for each other evolved value of the champion; the run must be finished."""
+        return self._csv(self.path / "champion" / "genes.csv")
+
+    def trajectory(self, world: str) -> pd.DataFrame:
+        """The champion's first mission in the world; the run must be finished."""
+        return self._csv(self.path / "champion" / f"trajectory_{world}.csv")
+
+    def _json(self, name: str) -> dict[str, Any]:
+        def read(path: Path) -> Any:
+            return json.loads(path.read_text())
+
+        content = _read(self.path / name, read)
+        if not isinstance(content, dict):
+            raise InputError(f"{self.path / name}: must be a JSON object; restore the file")
+        return content
+
+    def _csv(self, path: Path) -> pd.DataFrame:
+        frame: pd.DataFrame = _read(path, pd.read_csv)
+        return frame
+
+
+def load_run(path: str | Path) -> Run:
+    """The run in a folder.
+
+    Raises:
+        InputError: the folder holds no run.
+    """
+    folder = Path(path).expanduser()
+    missing = sorted(name for name in FILES if not (folder / name).is_file())
+    if missing:
+        raise InputError(
+            f"{folder}: must be a run folder, and {', '.join(missing)} is missing; "
+            f"give the path that evoros printed as run folder"
+        )
+    return Run(folder)
+
+
+def _read(path: Path, reader: Callable[[Path], Any]) -> Any:
+    try:
+        return reader(path)
+    except FileNotFoundError as error:
+        raise InputError(
+            f"{path}: not there, the run is not finished; type: evoros resume={path.parent}"
+        ) from error
+    except (ValueError, OSError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
