@@ -55,6 +55,7 @@ def read_sdf(content: bytes, source: str) -> tuple[Body, ...]:
     for state in container.findall("state"):
         check_children(state)
         _apply_state(state, (), frames)
+    frames.check()
     models = container.findall("model")
     return tuple(body for model in models for body in _bodies(model, frames))
 

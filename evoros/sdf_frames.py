@@ -58,7 +58,8 @@ class Frames:
             if not place.base and element.tag == "frame":
                 place = Placement(place.pose, element.get("attached_to", ""), element)
             if not place.base and element.tag == "joint":
-                place = Placement(place.pose, (element.findtext("child") or "").strip(), element)
+                base = (element.findtext("child") or "").strip()
+                place = Placement(place.pose, "" if base == "world" else base, element)
             self._frames[path] = _Frame(place, scope)
             if element.tag == "model":
                 if element.get("placement_frame"):
@@ -72,6 +73,11 @@ class Frames:
             return False
         self._frames[path] = _Frame(Placement(pose, "", self._frames[path].place.element), ())
         return True
+
+    def check(self) -> None:
+        """Raise the error of any frame that cannot be resolved, even if nothing needs it."""
+        for path in self._frames:
+            self.world_pose(path)
 
     def find(self, scope: Path, name: str, element: Element) -> Path:
         """The path of the frame that ``element`` in ``scope`` calls ``name``."""
