@@ -83,28 +83,32 @@ def footprints(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footp
 
 
 def convex_hull(points: Array) -> Array:
-    """The corners of the hull of points (n, 2), counter-clockwise, no three in a line.
+    """The corners of the hull of points (n, 2), counter-clockwise.
 
-    Andrew's monotone chain. Two corners where the points lie in a line, one if they coincide.
+    Two corners where the points lie in a line, one if they coincide, as do points that are
+    nearer to each other than 1e-12 of the extent. Andrew's monotone chain.
     """
-    ordered = sorted(map(tuple, points.tolist()))
     extent = float(np.ptp(points, axis=0).max())
-    if extent == 0.0:
+    if extent < 1e-100:
         return points[:1].copy()
-    narrow = 1e-12 * extent * extent
-    chains = []
+    # On a grid, in whole numbers: points that differ by rounding fall together, and no turn is
+    # misjudged.
+    grid = np.rint((points - points.min(axis=0)) * (1e12 / extent)).astype(np.int64).tolist()
+    corner = {(x, y): point for (x, y), point in zip(grid, points, strict=True)}
+    ordered = sorted(corner)
+    hull: list[tuple[int, int]] = []
     for sequence in (ordered, ordered[::-1]):
-        chain: list[tuple[float, ...]] = []
-        for point in sequence:
-            while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= narrow:
+        chain: list[tuple[int, int]] = []
+        for place in sequence:
+            while len(chain) > 1 and not _turns_left(chain[-2], chain[-1], place):
                 chain.pop()
-            chain.append(point)
-        chains.append(chain[:-1])
-    return np.array(chains[0] + chains[1])
+            chain.append(place)
+        hull += chain[:-1]
+    return np.array([corner[place] for place in hull])
 
 
-def _turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+def _turns_left(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> bool:
+    return (b[0] - a[0]) * (c[1] - a[1]) > (b[1] - a[1]) * (c[0] - a[0])
 
 
 def contains(area: Footprint, point: Sequence[float]) -> bool:

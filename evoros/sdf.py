@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from lxml.etree import _Element as Element
 
 from evoros.body import Body
-from evoros.sdf_elements import LOG, check_children
+from evoros.sdf_elements import LOG, check_children, report
 from evoros.sdf_frames import Frames, Path, read_pose
 from evoros.sdf_links import Link, fixed_bodies, movable_body, read_link
 from evoros.xmlfile import (
@@ -57,7 +57,9 @@ def read_sdf(content: bytes, source: str) -> tuple[Body, ...]:
         _apply_state(state, (), frames)
     frames.check()
     models = container.findall("model")
-    return tuple(body for model in models for body in _bodies(model, frames))
+    bodies = tuple(body for model in models for body in _bodies(model, frames))
+    report(root)
+    return bodies
 
 
 def _check_world(world: Element) -> None:
@@ -112,7 +114,6 @@ def _bodies(model: Element, frames: Frames) -> list[Body]:
 
 def _nested(model: Element, scope: Path, fixed: bool) -> Iterator[tuple[Path, Element, bool]]:
     """A model and all models in it: path, element, and whether it is static."""
-    check_children(model)
     # Gazebo writes <static> twice where a model was made static later: the last one counts.
     given = [flag(element) for element in model.findall("static")]
     fixed = fixed or (bool(given) and given[-1])

@@ -50,14 +50,14 @@ _IGNORED = {
     "state/link": "velocity acceleration wrench collision",
 }
 
-# What the engines here do not have: reported, unless it says no more than 0 or false.
+# What the engines here do not have: reported once a file, unless it says nothing (see `_matters`).
 _REPORTED = {
     "sdf": "plugin",
     "world": "plugin",
     "link": "velocity_decay",
     "surface": "contact bounce soft_contact",
     "friction": "torsional",
-    "ode": "fdir1 slip1 slip2",
+    "ode": "mu2 fdir1 slip1 slip2",
     "bullet": "friction2 fdir1 rolling_friction",
 }
 
@@ -74,20 +74,17 @@ def check_children(element: Element, kind: str = "") -> None:
     """Go through what stands in an element; ``kind`` is its key in the tables, if not its tag.
 
     Raises:
-        InputError: something is not supported; what has little effect is reported instead.
+        InputError: something is not supported.
     """
     kind = kind or str(element.tag)
     used, ignored, reported = (
         table.get(kind, "").split() for table in (_USED, _IGNORED, _REPORTED)
     )
     for part in element:
-        if part.tag in used or part.tag in ignored:
+        if part.tag in used or part.tag in ignored or part.tag in reported:
             continue
         tag = local_tag(part)
-        if part.tag in reported:
-            if _says_something(part):
-                warn(LOG, part, "is left out: no engine here has it")
-        elif part.prefix and part.prefix != "xacro":
+        if part.prefix and part.prefix != "xacro":
             warn(LOG, part, "is left out: it is not part of SDF")
         else:
             cure = "expand the file with xacro first" if part.prefix else _CURES.get(tag)
@@ -95,9 +92,25 @@ def check_children(element: Element, kind: str = "") -> None:
             raise fault(part, f"is not supported inside <{local_tag(element)}>", cure)
 
 
-def _says_something(element: Element) -> bool:
-    """Whether an element holds anything but zeros and false; a plugin always does."""
+def report(root: Element) -> None:
+    """Log what is left out of a document that has been read: the first of each name and line."""
+    found: dict[str, list[Element]] = {}
+    for owner in root.iter(*_REPORTED):
+        for element in owner.iterchildren(*_REPORTED[str(owner.tag)].split()):
+            if _matters(element):
+                found.setdefault(str(element.tag), []).append(element)
+    for first, *others in found.values():
+        more = f", as are {len(others)} more" if others else ""
+        warn(LOG, first, f"is left out{more}: no engine here has it")
+
+
+def _matters(element: Element) -> bool:
+    """Whether an element says more than zeros and false, or than the coefficient beside it."""
+    if element.tag == "plugin":
+        return True
     words = " ".join(str(text) for text in element.itertext()).split()
-    return element.tag == "plugin" or any(
-        word != "false" and not re.fullmatch(r"[+-]?0*\.?0*", word) for word in words
-    )
+    if element.tag == "mu2":
+        beside = element.getparent()
+        first = None if beside is None else beside.findtext("mu")
+        return [float(word) for word in words] != [float(first or 1)]
+    return any(word != "false" and not re.fullmatch(r"[+-]?0*\.?0*", word) for word in words)

@@ -45,7 +45,7 @@ class Frames:
 
     def _collect(self, container: Element, scope: Path) -> None:
         for element in container.iterchildren("model", "link", "frame", "joint"):
-            if element.tag in ("frame", "joint"):
+            if element.tag != "link":  # a link is checked when it is read
                 check_children(element)
             name = name_of(element)
             path = (*scope, name)
@@ -85,7 +85,8 @@ class Frames:
             return scope
         if name == "world" and not scope:
             return ()
-        for path in ((*scope, name), (*scope, *name.split("::"))):
+        inner = name.removesuffix("::__model__").split("::")
+        for path in ((*scope, name), (*scope, *inner)):
             if path in self._frames:
                 return path
         inside = "::".join(scope) or "the world"

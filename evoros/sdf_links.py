@@ -114,11 +114,10 @@ def _friction(collision: Element) -> float:
         value = child(part, tag)
         if value is not None:
             found.append(number(value, "a number of at least 0", lambda v: v >= 0))
-    mu = found[0] if found else 1.0
     second = friction.find("ode/mu2")
-    if second is not None and numbers(second, 1)[0] != mu:
-        warn(LOG, second, f"is left out: friction is {mu:g} in all directions")
-    return mu
+    if second is not None:  # friction is the same in all directions here
+        number(second, "a number of at least 0", lambda v: v >= 0)
+    return found[0] if found else 1.0
 
 
 def _inertia(link: Element, path: Path, frames: Frames) -> Inertia:

@@ -146,20 +146,21 @@ def _check_names(world: World) -> None:
 
 
 def _check_ground(world: World) -> None:
-    grounds = [body for body in world.bodies if body.is_ground]
-    if len(grounds) != 1 or len(grounds[0].shapes) != 1:
+    heights = []
+    for body in world.bodies:
+        for shape in body.shapes if body.is_ground else ():
+            pose = body.pose @ shape.pose
+            normal = pose.rotation @ np.array(shape.size) / np.linalg.norm(shape.size)
+            if math.hypot(normal[0], normal[1]) > 1e-6 or normal[2] < 0:
+                raise InputError(
+                    f"{world.source}: the ground plane {body.name!r} must be level and face up, "
+                    f"not {np.round(normal, 6).tolist()}; use a box for anything else"
+                )
+            heights.append(pose.position[2])
+    if not heights or abs(max(heights)) > 1e-6:
+        found = f"its highest is at {max(heights):g}" if heights else "it has none"
         raise InputError(
-            f"{world.source}: a world must have exactly one ground plane, not "
-            f"{sum(len(body.shapes) for body in grounds)}; delete the others"
-        )
-    shape = grounds[0].shapes[0]
-    pose = grounds[0].pose @ shape.pose
-    normal = pose.rotation @ np.array(shape.size) / np.linalg.norm(shape.size)
-    if abs(pose.position[2]) > 1e-6 or math.hypot(normal[0], normal[1]) > 1e-6 or normal[2] < 0:
-        raise InputError(
-            f"{world.source}: the ground plane {grounds[0].name!r} must be level at z = 0, facing "
-            f"up, not at z = {pose.position[2]:g} with normal {np.round(normal, 6).tolist()}; "
-            f"use boxes for anything else"
+            f"{world.source}: a world must have ground at z = 0 m; {found}: put it there"
         )
 
 

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog, minimize
 from scipy.spatial.transform import Rotation
@@ -114,15 +114,18 @@ def test_standing_and_lying_cylinders_are_exact(
 
 @unhurried
 @given(st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=30))
+@example([(0.0, 0.0), (0.0, -1.0), (-1e-68, 0.0)])
+@example([(0.5 + 1e-16, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5 - 1e-16, -0.5), (0.5, 0.5 + 1e-16)])
 def test_the_hull_is_convex_and_holds_all_points(points: list[tuple[float, float]]) -> None:
     hull = convex_hull(np.array(points))
     assert {tuple(p) for p in hull.tolist()} <= set(points)
     for point in points:
-        assert contains(Footprint(hull, 1e-6), point)
+        assert contains(Footprint(hull, 1e-9), point)
     if len(hull) > 2:
         edges = np.roll(hull, -1, axis=0) - hull
         following = np.roll(edges, -1, axis=0)
-        assert (edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0] > 0).all()
+        turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+        assert turns.min() > -1e-9
 
 
 def polygon_distance(a: Array, b: Array) -> float:

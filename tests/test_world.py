@@ -225,16 +225,19 @@ def test_a_place_in_an_obstacle_is_refused_by_name(x: float, y: float, place: st
         Body("g", Pose(), (Shape("plane", (0.0, 0.1, 1.0)),)),
         Body("g", Pose(), (Shape("plane", (0.0, 0.0, -1.0)),)),
         Body("g", Pose.from_rpy((0.0, 0.0, 0.0), 0.1, 0.0, 0.0), GROUND.shapes),
-        Body("g", Pose(), GROUND.shapes * 2),
+        Body("g", Pose((0.0, 0.0, -0.1)), GROUND.shapes),
     ],
 )
-def test_the_ground_must_be_one_level_plane(ground: Body) -> None:
+def test_the_ground_must_be_level_at_zero(ground: Body) -> None:
     with pytest.raises(InputError, match=r"^test\.sdf: .*ground"):
         world_of(ground)
-    with pytest.raises(InputError, match="exactly one ground"):
-        world_of(GROUND, Body("second", Pose(), GROUND.shapes))
-    with pytest.raises(InputError, match="exactly one ground"):
+
+
+def test_there_must_be_ground_and_there_may_be_more_below() -> None:
+    with pytest.raises(InputError, match="it has none"):
         world_of(box("alone", 1.0, 1.0, 0.5))
+    below = Body("below", Pose((0.0, 0.0, -1.0)), GROUND.shapes)
+    assert world_of(below, GROUND, Body("twice", Pose(), GROUND.shapes * 2)).obstacles == ()
 
 
 def test_two_bodies_of_one_name_are_refused() -> None:
