@@ -1,1 +1,1 @@
-"""Figures from run folders: one module a figure, each a plain function from tables to matplotlib."""
+"""Figures from run folders: a module a figure, each a plain function from tables to matplotlib."""
