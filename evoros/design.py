@@ -16,7 +16,8 @@ import numpy as np
 from evoros.errors import FLAG, TEXT, InputError, Rule, check, invalid, mapping_of
 from evoros.genes import INTERVAL, Gene, chosen, ends, scaled
 from evoros.region import Region
-from evoros.types import Array, Aspect, Block, Design, Mount, Sensor
+from evoros.search import Aspect, Block
+from evoros.types import Array, Design, Mount, Sensor
 
 if TYPE_CHECKING:
     from evoros.robot import Robot

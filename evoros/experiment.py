@@ -15,17 +15,9 @@ from evoros.outcome import Outcome
 from evoros.record import RunFolder
 from evoros.rng import generator
 from evoros.robot import Robot
+from evoros.search import Candidate, Optimizer
 from evoros.tables import design_table, gene_table, generation_table, trajectory_table
-from evoros.types import (
-    Candidate,
-    Controller,
-    Design,
-    Executor,
-    Failure,
-    Optimizer,
-    Pool,
-    Simulator,
-)
+from evoros.types import Controller, Design, Executor, Failure, Pool, Simulator
 from evoros.world import World
 
 

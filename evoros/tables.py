@@ -14,7 +14,8 @@ from typing import Any, get_type_hints
 
 from evoros.mission import Mission, Place
 from evoros.outcome import TRAJECTORY, Outcome
-from evoros.types import Array, Candidate, Design
+from evoros.search import Candidate
+from evoros.types import Array, Design
 
 MISSION_COLUMNS = ("generation", "design", "world", "trial", "purpose", "draws")
 CANDIDATE_COLUMNS = (

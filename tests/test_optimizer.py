@@ -14,7 +14,7 @@ from evoros.assets import folder
 from evoros.errors import InputError
 from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.optimizer.random_search import RandomSearch
-from evoros.types import Aspect, Block, Candidate, Individual, Optimizer, Search, Space
+from evoros.search import Aspect, Block, Candidate, Individual, Optimizer, Search, Space
 
 
 @dataclass(frozen=True)

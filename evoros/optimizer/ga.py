@@ -9,7 +9,8 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.errors import COUNT, PROBABILITY, WHOLE, InputError, Rule, check, is_number, one_of
-from evoros.types import Array, Aspect, Candidate, Individual, Search, Space
+from evoros.search import Aspect, Candidate, Individual, Search, Space
+from evoros.types import Array
 
 STEP = Rule("a number greater than 0, at most 1", lambda v: is_number(v) and 0 < v <= 1)
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from numpy.random import Generator
 
 from evoros.errors import COUNT, WHOLE, InputError, check
-from evoros.types import Array, Candidate, Individual, Search, Space
+from evoros.search import Candidate, Individual, Search, Space
+from evoros.types import Array
 
 
 @dataclass(frozen=True)
