@@ -10,13 +10,13 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from lxml import etree
 
-from evoros import description as descriptions
 from evoros.body import Pose, Shape
-from evoros.drive import Drive, DriveDescription
+from evoros.drive.protocol import Drive, DriveDescription
 from evoros.errors import NUMBER, TEXT, InputError, check, is_number
 from evoros.geometry import convex_hull, footprint, lowest
 from evoros.types import Array, Mount, Sensor
-from evoros.urdf import Urdf, read_tree
+from evoros.urdf import expansion
+from evoros.urdf.tree import Urdf, read_tree
 
 SENSOR_SIZE_M = (0.02, 0.045, 0.02)
 SENSOR_MASS_KG = 0.009
@@ -165,7 +165,7 @@ def load_robot(
     ):
         if not isinstance(given, kind):
             raise InputError(f"robot.{name}: must be {what}, not {given!r}; give one")
-    file, root = descriptions.read(description, arguments or {}, packages)
+    file, root = expansion.read(description, arguments or {}, packages)
     urdf = read_tree(root, str(file))
     fitted = drive.fit(urdf)
     wheels = {urdf.joints[name].child for name in fitted.wheel_joints}

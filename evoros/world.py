@@ -27,7 +27,7 @@ from evoros.errors import (
     sequence_of,
 )
 from evoros.geometry import contains, footprint, lowest
-from evoros.sdf import read_sdf
+from evoros.sdf.reader import read_sdf
 from evoros.types import Array
 
 __all__ = ["Body", "Course", "Pose", "Shape", "World", "load_world"]

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from evoros import description
 from evoros.errors import InputError
+from evoros.urdf import expansion as description
 
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
 DEFAULT = "erle_rover/erle_rover.xacro"

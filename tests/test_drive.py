@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evoros.ackermann import Ackermann, AckermannDescription
+from evoros.drive.ackermann import Ackermann, AckermannDescription
 from evoros.errors import InputError
 
 

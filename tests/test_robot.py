@@ -22,12 +22,12 @@ from lxml import etree
 from omegaconf import OmegaConf
 
 from evoros import assets
-from evoros.ackermann import Ackermann, AckermannDescription
 from evoros.body import Pose
+from evoros.drive.ackermann import Ackermann, AckermannDescription
 from evoros.errors import InputError
 from evoros.robot import MountDefaults, Robot, load_robot
 from evoros.types import Array, Filter, Mount
-from evoros.urdf import read_tree
+from evoros.urdf.tree import read_tree
 
 
 @dataclass(frozen=True)

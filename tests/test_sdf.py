@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from evoros.body import Body, Pose
-from evoros.sdf import read_sdf
+from evoros.sdf.reader import read_sdf
 
 BOX = "<geometry><box><size>1 2 3</size></box></geometry>"
 COLLISION = f"<collision name='c'>{BOX}</collision>"

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from evoros.body import Body
 from evoros.errors import InputError
-from evoros.sdf import read_sdf
+from evoros.sdf.reader import read_sdf
 
 BOX = "<geometry><box><size>1 2 3</size></box></geometry>"
 COLLISION = f"<collision name='c'>{BOX}</collision>"

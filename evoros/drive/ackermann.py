@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from evoros.drive import TOLERANCE_M, UP, axle, driven_joint, wheel
+from evoros.drive.protocol import TOLERANCE_M, UP, axle, driven_joint, wheel
 from evoros.errors import NUMBER, POSITIVE, Rule, check, invalid
-from evoros.urdf import Urdf
+from evoros.urdf.tree import Urdf
 
 ANGLE = Rule(
     "an angle greater than 0 and less than pi/2",

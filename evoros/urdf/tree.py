@@ -8,7 +8,7 @@ from lxml.etree import _Element as Element
 from evoros.body import Pose, Shape
 from evoros.errors import InputError
 from evoros.types import Array
-from evoros.urdf_parts import Joint, check_inertia, read_joint, read_shapes
+from evoros.urdf.parts import Joint, check_inertia, read_joint, read_shapes
 from evoros.xmlfile import fault, local_tag, name_of
 
 

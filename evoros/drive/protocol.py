@@ -1,15 +1,15 @@
 """What a drive is, and what every drive on wheels needs to know of its robot.
 
 A drive is two things: a description, which names joints and sets limits, and the drive itself,
-whose geometry the description reads from the robot's URDF. See ``evoros.ackermann``.
+whose geometry the description reads from the robot's URDF. See ``evoros.drive.ackermann``.
 """
 
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 from evoros.types import Array
-from evoros.urdf import Urdf
-from evoros.urdf_parts import Joint
+from evoros.urdf.parts import Joint
+from evoros.urdf.tree import Urdf
 
 TOLERANCE_M = 1e-3
 """How far wheels may be from lying opposite each other, or from touching the ground."""

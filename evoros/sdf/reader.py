@@ -1,6 +1,6 @@
 """Reads the bodies of an SDF file (versions 1.4 to 1.11): a ``<world>``, or models alone.
 
-Every element is used, on the list of what cannot matter here (see ``evoros.sdf_elements``),
+Every element is used, on the list of what cannot matter here (see ``evoros.sdf.elements``),
 reported as a warning of the logger ``evoros.sdf``, or an error; none is dropped in silence.
 
 A ``<state>`` moves models and links to world poses, as Gazebo writes and reads it. Links that
@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from lxml.etree import _Element as Element
 
 from evoros.body import Body
-from evoros.sdf_elements import LOG, check_children, report
-from evoros.sdf_frames import Frames, Path, read_pose
-from evoros.sdf_links import Link, fixed_bodies, movable_body, read_link
+from evoros.sdf.elements import LOG, check_children, report
+from evoros.sdf.frames import Frames, Path, read_pose
+from evoros.sdf.links import Link, fixed_bodies, movable_body, read_link
 from evoros.xmlfile import (
     child,
     fault,

@@ -1,4 +1,4 @@
-"""Expands one xacro file. Runs as a program of its own, started by ``evoros.description``.
+"""Expands one xacro file. Runs as a program of its own, started by ``evoros.urdf.expansion``.
 
 Reads a request (JSON) from standard input and answers in JSON on standard output. A xacro file
 is code: its expressions reach Python. The limits set here, and the empty environment that the

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from lxml.etree import _Element as Element
 
 from evoros.body import Pose, normalized
-from evoros.sdf_elements import check_children
+from evoros.sdf.elements import check_children
 from evoros.xmlfile import child, fault, flag_attribute, name_of, numbers, shown
 
 Path = tuple[str, ...]

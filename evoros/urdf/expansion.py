@@ -10,8 +10,9 @@ from pathlib import Path
 
 from lxml.etree import _Element as Element
 
-from evoros import assets, xacro_child
+from evoros import assets
 from evoros.errors import InputError
+from evoros.urdf import xacro_child
 from evoros.xmlfile import fault, parse
 
 _LOG = logging.getLogger(__name__)

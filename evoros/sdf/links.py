@@ -7,8 +7,8 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.body import Body, Pose, Shape, Vector
-from evoros.sdf_elements import LOG, check_children
-from evoros.sdf_frames import Frames, Path
+from evoros.sdf.elements import LOG, check_children
+from evoros.sdf.frames import Frames, Path
 from evoros.types import Array
 from evoros.xmlfile import child, fault, flag, name_of, needed, number, numbers, positive, warn
 

@@ -1,0 +1,1 @@
+"""Drives: from a command to what each joint does; one file a kind."""

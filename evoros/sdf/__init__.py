@@ -1,0 +1,1 @@
+"""SDF worlds: our own reader, which drops nothing in silence."""

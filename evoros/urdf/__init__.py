@@ -1,0 +1,1 @@
+"""Robot descriptions: xacro expansion, and a strict reading of URDF."""
