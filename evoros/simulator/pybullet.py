@@ -44,8 +44,8 @@ class PyBullet:
     def open(self, robot: Robot, world: World) -> Iterator[PyBulletSimulation]:
         """The robot at the world's home.
 
-        An engine keeps its model: where robot and world are those of its last mission, and
-        nothing was touched, the model is reset rather than rebuilt, with the same bits.
+        An engine keeps its model: where robot and world are those of its last mission, and only
+        the robot has moved, the model is reset rather than rebuilt, with the same bits.
 
         Raises:
             InputError: PyBullet is not installed.
@@ -55,12 +55,10 @@ class PyBullet:
         engine = _idle().pop() if _idle() else Engine(import_pybullet())
         try:
             model = engine.prepare(robot, world, settings)
-            simulation = PyBulletSimulation(engine.bullet, engine.client, model, self.time_step)
-            yield simulation
+            yield PyBulletSimulation(engine.bullet, engine.client, model, robot, self.time_step)
         except BaseException:
             engine.close()
             raise
-        engine.touched = simulation.touched
         _idle().append(engine)
 
 

@@ -2,7 +2,7 @@
 
 import math
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,10 +12,14 @@ from evoros.errors import SimulationError
 from evoros.robot import Robot
 from evoros.world import World
 
-# Collision groups, and what rays see. Wheels meet the ground only, the robot never itself.
-OBSTACLE, ROBOT, GROUND = 1, 2, 4
-SEEN = OBSTACLE | GROUND
-EVERYTHING = 0xFFFF
+# Collision groups. Rays come in group 1 (the engine's default), and so nothing else is in it.
+# Wheels meet the ground only, the robot never itself, and what is fixed not what is fixed: such
+# pairs cost the engine time wherever walls touch each other or the ground.
+RAY, ROBOT, GROUND, FIXED, MOVABLE = 1, 2, 4, 8, 16
+SEEN = GROUND | FIXED | MOVABLE
+MOVING = RAY | ROBOT | MOVABLE
+
+UPWARDS = 1000.0  # [m]: far from everything
 
 Frame = tuple[tuple[float, ...], tuple[float, ...]]  # position [m], quaternion (x, y, z, w)
 
@@ -32,14 +36,15 @@ class Settings(NamedTuple):
 class Model:
     """The loaded bodies, and where each belongs at the start of a mission."""
 
-    robot: Robot
     body: int  # of the robot
     ground: frozenset[int]  # bodies that are no obstacle
+    touching: tuple[int, ...]  # links that can touch obstacles
+    movable: Mapping[int, Frame]  # the bodies that can be pushed, and where they stand
     steering: tuple[int, ...]  # joints
     wheels: tuple[int, ...]
     steering_forces: tuple[float, ...]  # [N m]
     wheel_forces: tuple[float, ...]
-    movable: tuple[int, ...]  # joints that are not fixed
+    joints: tuple[int, ...]  # that are not fixed
     start: Frame  # of the robot's centre of mass
     to_base: Frame  # from the centre of mass to the base link
 
@@ -50,8 +55,7 @@ class Engine:
     def __init__(self, bullet: Any) -> None:
         self.bullet = bullet
         self.client: int = bullet.connect(bullet.DIRECT)
-        self.touched = False  # did the last mission leave bodies displaced?
-        self._loaded: tuple[str, World, Settings] | None = None
+        self._loaded: tuple[Any, ...] | None = None
         self._model: Model | None = None
 
     def close(self) -> None:
@@ -60,8 +64,10 @@ class Engine:
 
     def prepare(self, robot: Robot, world: World, settings: Settings) -> Model:
         """The model at the start of a mission: reset where it can be, else built."""
-        wanted = (robot.urdf, world, settings)
-        if self._model is None or self.touched or self._loaded != wanted:
+        drive = robot.drive
+        wanted = (robot.urdf, drive.steering_joints, drive.wheel_joints, world.bodies)
+        wanted += (world.course.home, settings)
+        if self._model is None or self._loaded != wanted or self._disturbed(self._model):
             self._loaded = None
             try:
                 self._model = self._build(robot, world, settings)
@@ -72,13 +78,36 @@ class Engine:
         self._reset(self._model)
         return self._model
 
-    def _reset(self, model: Model) -> None:
-        """The robot at its start, at rest: also after building, so that both give the same bits."""
+    def _disturbed(self, model: Model) -> bool:
+        """Whether anything but the robot is not as it was built.
+
+        The engine wakes a body when the robot is near, and a body that is awake settles: it need
+        not be touched to be moved.
+        """
         bullet, client = self.bullet, self.client
-        bullet.resetBasePositionAndOrientation(model.body, *model.start, physicsClientId=client)
-        bullet.resetBaseVelocity(model.body, (0, 0, 0), (0, 0, 0), physicsClientId=client)
-        for joint in model.movable:
-            bullet.resetJointState(model.body, joint, 0, 0, physicsClientId=client)
+        rest = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        return any(
+            bullet.getBasePositionAndOrientation(body, client) != place
+            or bullet.getBaseVelocity(body, client) != rest
+            for body, place in model.movable.items()
+        )
+
+    def _reset(self, model: Model) -> None:
+        """The robot at its start, at rest: also after building, so that both give the same bits.
+
+        A step far above the ground first: the engine keeps contacts, with their forces, for as
+        long as their bodies are near each other.
+        """
+        bullet, client = self.bullet, self.client
+        (x, y, z), facing = model.start
+        for height in (z + UPWARDS, z):
+            place = (x, y, height)
+            bullet.resetBasePositionAndOrientation(model.body, place, facing, client)
+            bullet.resetBaseVelocity(model.body, (0, 0, 0), (0, 0, 0), client)
+            for joint in model.joints:
+                bullet.resetJointState(model.body, joint, 0, 0, client)
+            if height > z:
+                bullet.stepSimulation(client)
 
     def _build(self, robot: Robot, world: World, settings: Settings) -> Model:
         bullet, client = self.bullet, self.client
@@ -91,15 +120,20 @@ class Engine:
             deterministicOverlappingPairs=1,
             physicsClientId=client,
         )
-        ground = frozenset(
-            number
-            for number, body in [(self._add(body), body) for body in world.bodies]
-            if body.is_ground
-        )
-        return self._load(robot, world, settings, ground)
+        numbers = [(self._add(body), body) for body in world.bodies]
+        movable = {
+            number: bullet.getBasePositionAndOrientation(number, physicsClientId=client)
+            for number, body in numbers
+            if body.mass is not None
+        }
+        ground = frozenset(number for number, body in numbers if body.is_ground)
+        return self._load(robot, world, settings, ground, movable)
 
     def _add(self, body: Body) -> int:
-        """One body of the world; movable ones start asleep and wake when touched."""
+        """One body of the world; movable ones start asleep and wake when the robot comes near.
+
+        In maximal coordinates: the engine's usual ones, made for chains of links, cost more.
+        """
         bullet, client = self.bullet, self.client
         number: int = bullet.createMultiBody(
             body.mass or 0.0,
@@ -107,14 +141,21 @@ class Engine:
             -1,
             body.pose.position,
             body.pose.quaternion,
+            useMaximalCoordinates=True,
             physicsClientId=client,
         )
-        group = GROUND if body.is_ground else OBSTACLE
-        bullet.setCollisionFilterGroupMask(number, -1, group, EVERYTHING, physicsClientId=client)
+        group, meets = (GROUND if body.is_ground else FIXED), MOVING
+        if body.mass is not None:
+            group, meets = MOVABLE, MOVING | GROUND | FIXED
+        bullet.setCollisionFilterGroupMask(number, -1, group, meets, physicsClientId=client)
         bullet.changeDynamics(number, -1, lateralFriction=body.friction, physicsClientId=client)
-        if body.inertia is not None:
-            bullet.changeDynamics(
-                number, -1, localInertiaDiagonal=body.inertia, physicsClientId=client
+        if body.mass is not None and body.inertia is not None:
+            bullet.changeDynamics(  # without its mass it would lose it
+                number,
+                -1,
+                mass=body.mass,
+                localInertiaDiagonal=body.inertia,
+                physicsClientId=client,
             )
         if body.mass is not None:
             asleep = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
@@ -154,7 +195,12 @@ class Engine:
         }
 
     def _load(
-        self, robot: Robot, world: World, settings: Settings, ground: frozenset[int]
+        self,
+        robot: Robot,
+        world: World,
+        settings: Settings,
+        ground: frozenset[int],
+        movable: Mapping[int, Frame],
     ) -> Model:
         bullet, client, course = self.bullet, self.client, world.course
         position, yaw = course.home[:3], course.home[3]
@@ -168,7 +214,7 @@ class Engine:
         wheels = tuple(number[name] for name in robot.drive.wheel_joints)
         steering = tuple(number[name] for name in robot.drive.steering_joints)
         for link in range(-1, len(infos)):
-            meets = GROUND if link in wheels else SEEN
+            meets = GROUND if link in wheels else GROUND | FIXED | MOVABLE
             bullet.setCollisionFilterGroupMask(body, link, ROBOT, meets, physicsClientId=client)
             bullet.changeDynamics(
                 body,
@@ -181,14 +227,19 @@ class Engine:
             )
         local = bullet.getDynamicsInfo(body, -1, physicsClientId=client)[3:5]
         return Model(
-            robot=robot,
             body=body,
             ground=ground,
+            touching=tuple(
+                link
+                for link in range(-1, len(infos))
+                if link not in wheels and bullet.getCollisionShapeData(body, link, client)
+            ),
+            movable=movable,
             steering=steering,
             wheels=wheels,
             steering_forces=tuple(infos[joint][10] for joint in steering),
             wheel_forces=tuple(infos[joint][10] for joint in wheels),
-            movable=tuple(info[0] for info in infos if info[2] != bullet.JOINT_FIXED),
+            joints=tuple(info[0] for info in infos if info[2] != bullet.JOINT_FIXED),
             start=bullet.multiplyTransforms(position, facing, *local),
             to_base=bullet.invertTransform(*local),
         )

@@ -18,30 +18,34 @@ class PyBulletSimulation:
     The calls of the engine are bound once: looking them up costs as much as some of them.
     """
 
-    def __init__(self, bullet: Any, client: int, model: Model, time_step: float) -> None:
-        self.touched = False  # has anything but the ground been touched?
+    def __init__(
+        self, bullet: Any, client: int, model: Model, robot: Robot, time_step: float
+    ) -> None:
         self._bullet, self._client, self._model = bullet, client, model
-        self._time_step = time_step
+        self._drive, self._time_step = robot.drive, time_step
         self._command: tuple[float, float] | None = None
-        self._beams = _beams(model.robot, bullet, model)
+        self._touched = False  # since the last observation
+        self._beams = _beams(robot, bullet, model)
 
     def observe(self, state: Array) -> None:
-        """The true state, of the base link; contact with anything but the ground."""
+        """The true state, of the base link; contact with an obstacle since the last call."""
         bullet, client, model = self._bullet, self._client, self._model
-        position, facing = bullet.getBasePositionAndOrientation(model.body, physicsClientId=client)
-        (vx, vy, _), (_, _, yaw_rate) = bullet.getBaseVelocity(model.body, physicsClientId=client)
+        position, facing = bullet.getBasePositionAndOrientation(model.body, client)
+        (vx, vy, _), (_, _, yaw_rate) = bullet.getBaseVelocity(model.body, client)
         (x, y, _), (qx, qy, qz, qw) = bullet.multiplyTransforms(position, facing, *model.to_base)
         yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
         state[X], state[Y], state[YAW], state[YAW_RATE] = x, y, yaw, yaw_rate
         state[SPEED] = vx * math.cos(yaw) + vy * math.sin(yaw)
-        state[CONTACT] = self._contact()
+        state[CONTACT] = self._touched
+        self._touched = False
 
-    def _contact(self) -> bool:
+    def _touches(self) -> bool:
         """Contact points come with bodies that are near; touching is a force or an overlap."""
-        for point in self._bullet.getContactPoints(self._model.body, physicsClientId=self._client):
-            if point[2] not in self._model.ground and (point[8] <= 0.0 or point[9] > 0.0):
-                self.touched = True
-                return True
+        body, client = self._model.body, self._client
+        for link in self._model.touching:
+            for point in self._bullet.getContactPoints(body, -1, link, -2, client):
+                if point[2] not in self._model.ground and (point[8] <= 0.0 or point[9] > 0.0):
+                    return True
         return False
 
     def sense(self, readings: Array) -> None:
@@ -63,18 +67,23 @@ class PyBulletSimulation:
                 sensor += 1
 
     def advance(self, command: Array, duration: float) -> None:
-        """Step the engine; motors are told only what has changed."""
+        """Step the engine; motors are told only what has changed.
+
+        Contacts are looked at after every step: a touch may be shorter than a control period.
+        """
         speed, steering = float(command[DRIVE_SPEED]), float(command[STEERING])
         if self._command != (speed, steering):
             self._command = (speed, steering)
-            self._drive(speed, steering)
+            self._set_motors(speed, steering)
         step, client = self._bullet.stepSimulation, self._client
         for _ in range(round(duration / self._time_step)):
             step(client)
+            if not self._touched and self._touches():
+                self._touched = True
 
-    def _drive(self, speed: float, steering: float) -> None:
+    def _set_motors(self, speed: float, steering: float) -> None:
         bullet, model = self._bullet, self._model
-        angles, rates = model.robot.drive.targets(speed, steering)
+        angles, rates = self._drive.targets(speed, steering)
         if angles:
             bullet.setJointMotorControlArray(
                 model.body,
