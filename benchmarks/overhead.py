@@ -35,6 +35,7 @@ class Recorder:
         self.commands: list[Command] = []
 
     def open(self, robot: Robot, world: World) -> Any:
+        """As its simulator."""
         self.commands = []
         return _Noting(self.simulator.open(robot, world), self.commands)
 
@@ -55,6 +56,7 @@ class _Noting:
         return self.opened.__exit__(*error)
 
     def advance(self, command: Array, duration: float) -> None:
+        """Note it and do it."""
         self.commands.append((command.copy(), duration))
         self._advance(command, duration)
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from evoros.body import Body, Shape
 from evoros.errors import SimulationError
 from evoros.robot import Robot
+from evoros.simulator.rigid import merged
 from evoros.world import World
 
 # Collision groups. Rays come in group 1 (the engine's default), and so nothing else is in it.
@@ -65,8 +66,8 @@ class Engine:
     def prepare(self, robot: Robot, world: World, settings: Settings) -> Model:
         """The model at the start of a mission: reset where it can be, else built."""
         drive = robot.drive
-        wanted = (robot.urdf, drive.steering_joints, drive.wheel_joints, world.bodies)
-        wanted += (world.course.home, settings)
+        joints = (drive.steering_joints, drive.wheel_joints)
+        wanted = (robot.urdf, joints, world.bodies, world.course.home, settings)
         if self._model is None or self._loaded != wanted or self._disturbed(self._model):
             self._loaded = None
             try:
@@ -205,7 +206,7 @@ class Engine:
         bullet, client, course = self.bullet, self.client, world.course
         position, yaw = course.home[:3], course.home[3]
         facing = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
-        body = self._load_urdf(robot.urdf, position, facing)
+        body = self._load_urdf(merged(robot.urdf), position, facing)
         infos = [
             bullet.getJointInfo(body, joint, physicsClientId=client)
             for joint in range(bullet.getNumJoints(body, physicsClientId=client))
@@ -251,7 +252,7 @@ class Engine:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "robot.urdf"
             path.write_text(urdf)
-            # Not URDF_MERGE_FIXED_LINKS: it loses the origin of the chassis' inertia.
+            # Not URDF_MERGE_FIXED_LINKS: it would lose the origin of the chassis' inertia.
             flags = self.bullet.URDF_USE_INERTIA_FROM_FILE | self.bullet.URDF_IGNORE_VISUAL_SHAPES
             return int(
                 self.bullet.loadURDF(
