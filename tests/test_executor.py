@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
+from pebble.pool.process import WorkerManager
 
 from evoros import assets
 from evoros.errors import EvorosError, InputError, WorkerLost
@@ -373,12 +374,20 @@ def test_leaving_waits_for_nothing_and_ends_everything(
 
 
 @pytest.mark.usefixtures("no_process_left")
-@pytest.mark.parametrize("delay_s", [0, 0.02, 0.1, 0.2])
-def test_workers_that_are_still_starting_end_too(delay_s: float) -> None:
+@pytest.mark.parametrize("delay_s", [0, 0.05, 0.2])
+def test_workers_that_are_still_starting_end_too_and_in_silence(
+    delay_s: float, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A busy main process may pause between taking the locks away and ending the workers.
+    take_locks = WorkerManager.close_channels
+    monkeypatch.setattr(
+        WorkerManager, "close_channels", lambda pool: (take_locks(pool), time.sleep(0.3))
+    )
     with Processes(workers=2).open() as pool:
         future = pool.submit(square, 1)
         time.sleep(delay_s)
     assert future.done()
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_cancelled_call_that_waited_is_never_made(tally: str) -> None:
