@@ -379,10 +379,13 @@ def test_workers_that_are_still_starting_end_too_and_in_silence(
     delay_s: float, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # A busy main process may pause between taking the locks away and ending the workers.
-    take_locks = WorkerManager.close_channels
-    monkeypatch.setattr(
-        WorkerManager, "close_channels", lambda pool: (take_locks(pool), time.sleep(0.3))
-    )
+    take_locks: Callable[[Any], None] = WorkerManager.close_channels
+
+    def take_locks_and_pause(manager: Any) -> None:
+        take_locks(manager)
+        time.sleep(0.3)
+
+    monkeypatch.setattr(WorkerManager, "close_channels", take_locks_and_pause)
     with Processes(workers=2).open() as pool:
         future = pool.submit(square, 1)
         time.sleep(delay_s)
