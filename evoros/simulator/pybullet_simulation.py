@@ -9,6 +9,9 @@ from evoros.robot import Robot
 from evoros.simulator.pybullet_model import SEEN, Model
 from evoros.types import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
 
+STEERING_LAG_S = 0.05
+"""Time constant of the steering servos. The engine's own gain would make it ten time steps."""
+
 MOST_RAYS = 16_383  # that one call of rayTestBatch takes
 
 
@@ -23,6 +26,8 @@ class PyBulletSimulation:
     ) -> None:
         self._bullet, self._client, self._model = bullet, client, model
         self._drive, self._time_step = robot.drive, time_step
+        gain = -math.expm1(-time_step / STEERING_LAG_S)  # share of the error made up in a step
+        self._gains = (gain,) * len(model.steering)
         self._command: tuple[float, float] | None = None
         self._touched = False  # since the last observation
         self._beams = _beams(robot, bullet, model)
@@ -91,6 +96,7 @@ class PyBulletSimulation:
                 bullet.POSITION_CONTROL,
                 targetPositions=angles,
                 forces=model.steering_forces,
+                positionGains=self._gains,
                 physicsClientId=self._client,
             )
         bullet.setJointMotorControlArray(
