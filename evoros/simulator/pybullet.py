@@ -3,7 +3,8 @@
 The cheapest set-up that is faithful (``benchmarks/engine.py`` shows what each choice gains):
 
 - wheels roll on the ground only; what meets obstacles is the chassis, which covers the wheels;
-- movable bodies sleep until something touches them;
+- movable bodies sleep until something comes near them; links that cannot move are merged;
+- pairs that cannot move against each other are not looked at;
 - rays are given once, in the frame of the chassis, and the engine carries them along.
 """
 
@@ -20,7 +21,6 @@ from evoros.robot import Robot
 from evoros.simulator.pybullet_model import Engine, Settings
 from evoros.simulator.pybullet_simulation import PyBulletSimulation
 from evoros.world import World
-
 
 LARGEST_STEP = 0.025  # [s]
 STEP = Rule(
