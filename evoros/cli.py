@@ -1,20 +1,29 @@
-"""The command ``evoros``: arguments, Hydra, messages and exit statuses.
+"""The command ``evoros``: arguments, messages and exit statuses.
 
 Exit statuses: 0 done; 1 stopped, resumable; 2 input that cannot be used; 130 interrupted.
 """
 
 import os
+import shlex
 import signal
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from argparse import Namespace
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
 
 from evoros.assets import folder
 from evoros.errors import EvorosError, InputError, RunStopped
+from evoros.log import LOGGER, logging_to_terminal
+
+if TYPE_CHECKING:
+    from evoros.session import Display
 
 DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130
+WORST_FIRST = (INTERRUPTED, INPUT, STOPPED, DONE)
+"""A sweep ends with the status of the worst of its jobs."""
 
 
 def main() -> None:
@@ -24,83 +33,122 @@ def main() -> None:
 
 def evoros(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit status."""
-    from evoros.progress import logging_to_terminal
-
-    with logging_to_terminal(), _terminable():
+    with logging_to_terminal(), _Signals() as signals:
         try:
-            if any(argument.startswith("resume=") for argument in arguments):
-                return _resume(arguments)
-            return _compose_and_run(arguments)
+            return _command(list(arguments), signals)
         except KeyboardInterrupt:
-            return _say("interrupted", INTERRUPTED)
+            return _say(*signals.what_happened())
         except EvorosError as error:
             return _say(str(error), _status(error))
 
 
-def _resume(arguments: Sequence[str]) -> int:
-    """``evoros resume=FOLDER [executor...] [optimizer.generations=N]``."""
-    rest = _with_config_dir(arguments, strip=True)
-    target = next(argument for argument in rest if argument.startswith("resume="))
-    path = Path(target.partition("=")[2]).expanduser()
-    overrides = [argument for argument in rest if argument is not target]
+def _command(arguments: list[str], signals: "_Signals") -> int:
+    from evoros.jobs import options_of
 
+    if "--version" in arguments:
+        from importlib.metadata import version
+
+        print(f"evoros {version('evoros')}")
+        return DONE
+    options = options_of(arguments)
+    chosen = {name for name, value in vars(options).items() if value}
+    shown = chosen & {"help", "hydra_help", "cfg", "info", "shell_completion"}
+    unused = chosen & {"config_name", "config_path", "experimental_rerun"}
+    if unused:
+        option = unused.pop().replace("_", "-")
+        raise InputError(f"--{option}: is Hydra's and not evoros's; use experiment= for a study")
+    if options.config_dir:
+        from evoros.config import own_folder
+
+        own_folder(options.config_dir)
+    if any(override.startswith("resume=") for override in options.overrides):
+        if shown or options.multirun:
+            raise InputError("resume=: goes with --config-dir only; leave the other options out")
+        return _resume(options, signals)
+    return _show(arguments) if shown else _run(options, signals)
+
+
+def _resume(options: Namespace, signals: "_Signals") -> int:
+    """``evoros resume=FOLDER [executor...] [optimizer.generations=N]``."""
     from evoros.session import resume
 
-    return _session(path, lambda display: resume(path, overrides, display), live=True)
+    target = next(each for each in options.overrides if each.startswith("resume="))
+    path = Path(target.partition("=")[2]).expanduser()
+    overrides = [each for each in options.overrides if each is not target]
+    own = options.config_dir
+    work = partial(resume, path, overrides, config_dir=own)
+    return _session(work, path, own, signals, live=True)
 
 
-def _compose_and_run(arguments: Sequence[str]) -> int:
-    """Let Hydra compose one job or the jobs of a sweep; each is a run."""
-    _with_config_dir(arguments, strip=False)
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises what it would print at length
-
-    import hydra
-    from hydra.core.hydra_config import HydraConfig
-    from hydra.types import RunMode
-    from omegaconf import DictConfig
-
-    from evoros import config as configuration
+def _run(options: Namespace, signals: "_Signals") -> int:
+    """One run, or the runs of a sweep."""
+    from evoros.jobs import Jobs
     from evoros.session import start
 
-    statuses: list[int] = []
+    own = options.config_dir
+    jobs = Jobs(options.overrides, bool(options.multirun), own)
+    statuses = []
+    for job in jobs:
+        if isinstance(job, EvorosError):
+            statuses.append(_say(str(job), _status(job)))
+            continue
+        alone = jobs.sweep is None
+        work = partial(start, job.config, job.folder)
+        statuses.append(_session(work, job.folder, own, signals, alone))
+        if signals.last is not None:
+            if not alone:
+                LOGGER.error(
+                    "evoros: for the jobs that have not begun, repeat the command with "
+                    "hydra.sweep.dir=%s: those that have begun are refused, untouched",
+                    shlex.quote(str(jobs.sweep)),
+                )
+            break
+    return next(status for status in WORST_FIRST if status in (*statuses, DONE))
 
-    def job(config: DictConfig) -> None:
-        settings = HydraConfig.get()
-        path = Path(settings.runtime.output_dir)
-        alone = settings.mode == RunMode.RUN
-        statuses.append(_session(_short(path), lambda d: start(config, _short(path), d), alone))
-        if statuses[-1] == INTERRUPTED:
-            raise KeyboardInterrupt
+
+def _show(arguments: list[str]) -> int:
+    """What Hydra shows without running anything: --help, --cfg, --info, completion."""
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises what it would print at length
+    import hydra
+
+    from evoros.messages import one_line
 
     sys.argv = ["evoros", *arguments]
     decorate = hydra.main(version_base="1.3", config_path=str(folder("conf")), config_name="config")
     try:
-        decorate(job)()
-    except configuration.CONFIG_ERRORS as error:
-        raise InputError(configuration.one_line(error)) from error
-    except SystemExit as stop:  # argparse has said what is wrong
-        return int(stop.code or 0)
-    return max(statuses, default=DONE)
+        decorate(lambda config: None)()
+    except Exception as error:
+        raise InputError(one_line(error)) from error
+    return DONE
 
 
-def _session(path: Path, work: object, live: bool) -> int:
+def _session(
+    work: Callable[["Display"], object],
+    path: Path,
+    config_dir: str | None,
+    signals: "_Signals",
+    live: bool,
+) -> int:
     """One run, its display and what is said at its end; returns an exit status."""
     from evoros.progress import Progress
+    from evoros.record import resume_command
     from evoros.summary import summary
 
-    display = Progress(live and sys.stderr.isatty())
+    again = f"; to continue type: {resume_command(path)}"
+    again += f" --config-dir {shlex.quote(config_dir)}" if config_dir else ""
     try:
-        work(display)  # type: ignore[operator]
+        with Progress(live and sys.stderr.isatty()) as display:
+            work(display)
     except KeyboardInterrupt:
-        display.close()
-        return _say(f"interrupted; to continue type: evoros resume={path}", INTERRUPTED)
+        message, status = signals.what_happened()
+        return _say(message + again, status)
     except RunStopped as error:
-        display.close()
-        return _say(f"{error}\nstopped; to continue type: evoros resume={path}", STOPPED)
+        return _say(f"{error}{again}", STOPPED)
     except EvorosError as error:
-        display.close()
         return _say(str(error), _status(error))
-    display.close()
+    except Exception as error:  # a part of the user's, a full disk, or a fault of ours
+        said = " ".join(f"{type(error).__name__}: {error}".split())
+        return _say(f"{said} (traceback in {path / 'evoros.log'}){again}", STOPPED)
     print(summary(path))
     return DONE
 
@@ -110,49 +158,35 @@ def _status(error: EvorosError) -> int:
 
 
 def _say(message: str, status: int) -> int:
-    from evoros.progress import LOGGER
-
-    LOGGER.error("evoros: %s", message)
+    LOGGER.error("evoros: %s", " ".join(message.split()))
     return status
 
 
-def _short(path: Path) -> Path:
-    """Relative to the current folder where the path lies below it: it is typed again."""
-    try:
-        return path.relative_to(Path.cwd())
-    except ValueError:
-        return path
+class _Signals:
+    """While open, SIGTERM ends a run as cleanly as Ctrl-C does, but with another status."""
 
+    def __init__(self) -> None:
+        self.last: int | None = None
 
-def _with_config_dir(arguments: Sequence[str], strip: bool) -> list[str]:
-    """Make modules beside the user's own configuration importable; returns the arguments.
+    def __enter__(self) -> "_Signals":
+        self._before = {
+            number: signal.signal(number, self._interrupt)
+            for number in (signal.SIGINT, signal.SIGTERM)
+            if signal.getsignal(number) != signal.SIG_IGN  # as with nohup
+        }
+        return self
 
-    With ``strip``, the option itself is left out of them.
-    """
-    from evoros.config import own_folder
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
 
-    rest, following = [], False
-    for argument in arguments:
-        name, sign, value = argument.partition("=")
-        if following or (name in ("--config-dir", "-cd") and sign):
-            own_folder(argument if following else value)
-            following = False
-        elif argument in ("--config-dir", "-cd"):
-            following = True
-        else:
-            rest.append(argument)
-    return rest if strip else list(arguments)
+    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+        self.last = number
+        # Not an Exception: nothing that catches those, as logging does, may swallow it.
+        raise KeyboardInterrupt
 
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """Let SIGTERM end the run as cleanly as Ctrl-C does."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise RunStopped("terminated by a signal")
-
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    def what_happened(self) -> tuple[str, int]:
+        """A message and an exit status."""
+        if self.last == signal.SIGTERM:
+            return "terminated by a signal", STOPPED
+        return "interrupted", INTERRUPTED

@@ -1,16 +1,22 @@
 """A design over its worlds and trials: expanded into missions, computed by a pool, scored."""
 
+import math
 import pickle
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
+from typing import TypeVar
 
-from evoros.errors import EvorosError, RunStopped, WorkerLost
+import numpy as np
+
+from evoros.errors import EvorosError, InputError, RunStopped, WorkerLost
 from evoros.fitness import Fitness
 from evoros.mission import Mission, Place, Task, not_flown, run_mission
 from evoros.outcome import LOST, Outcome
 from evoros.types import Array, Design, Pool
+
+Result = TypeVar("Result")
 
 SELECTION, VALIDATION, EVALUATION = "selection", "validation", "evaluation"
 POLICIES = ("generation", "individual", "run")
@@ -81,11 +87,20 @@ class Plan:
 def fitness_of(
     fitness: Fitness, missions: Sequence[Mission], outcomes: Mapping[Place, Outcome]
 ) -> float:
-    """Mean over the trials of the score over the worlds."""
+    """Mean over the trials of the score over the worlds.
+
+    Raises:
+        InputError: a score is not a finite number.
+    """
     by_trial: dict[int, list[Outcome]] = {}
     for mission in missions:
         by_trial.setdefault(mission.trial, []).append(outcomes[mission.place])
     scores = [float(fitness.score(trial)) for trial in by_trial.values()]
+    if not all(map(math.isfinite, scores)):
+        raise InputError(
+            f"fitness: must score every trial with a finite number, not {scores}; correct "
+            f"{type(fitness).__name__}.score"
+        )
     return sum(scores) / len(scores)
 
 
@@ -97,7 +112,7 @@ def compute(
     Raises:
         RunStopped: a mission crashed or hung in spite of its retries, and ``lost`` is ``stop``.
     """
-    blob = pickle.dumps(task)
+    blob = _packed(task)
     waiting = list(reversed(missions))
     running: dict[Future[Outcome], Mission] = {}
     try:
@@ -107,40 +122,62 @@ def compute(
                 running[pool.submit(_outcome, blob, mission)] = mission
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 mission = running.pop(future)
-                yield mission, _result(task, mission, future, lost)
+                worst = partial(not_flown, task, mission, LOST)
+                yield mission, _settled(mission, future, lost, worst)
     finally:
         for future in running:
             future.cancel()
 
 
-def trajectories(task: Task, missions: Sequence[Mission], pool: Pool) -> list[Array]:
-    """The trajectories of the missions, in order."""
-    blob = pickle.dumps(task)
+def trajectories(task: Task, missions: Sequence[Mission], pool: Pool, lost: str) -> list[Array]:
+    """The trajectories of the missions, in order; without rows where one could not be flown.
+
+    Raises:
+        RunStopped: as in ``compute``.
+    """
+    blob = _packed(task)
     futures = [pool.submit(_trajectory, blob, mission) for mission in missions]
-    return [future.result() for future in futures]
+    return [
+        _settled(mission, future, lost, lambda _: np.empty((0, 0)))
+        for mission, future in zip(missions, futures, strict=True)
+    ]
 
 
-def _result(task: Task, mission: Mission, future: "Future[Outcome]", lost: str) -> Outcome:
+def _packed(task: Task) -> bytes:
+    """The task for the workers, packed once for all missions.
+
+    Raises:
+        InputError: a part does not pickle.
+    """
     try:
+        return pickle.dumps(task)
+    except Exception as error:  # whatever a user's class raises
+        raise InputError(
+            f"the experiment cannot be sent to worker processes ({error}); define every class at "
+            f"the top of a module, and keep open files and the like out of descriptions"
+        ) from error
+
+
+def _settled(
+    mission: Mission, future: "Future[Result]", lost: str, worst: Callable[[str], Result]
+) -> Result:
+    """What the mission gave; ``worst`` of the reason where it was lost and that is no stop."""
+    error = future.exception()
+    if error is None:
         return future.result()
-    except EvorosError as error:
-        if not isinstance(error, WorkerLost):
-            raise
-        reason = str(error)
-    except Exception as error:
-        reason = f"{type(error).__name__}: {error}"
-        if lost == STOP:
-            raise RunStopped(f"{describe(mission)} raised {reason}") from error
-    if lost == STOP:
-        raise RunStopped(f"{describe(mission)}: {reason}")
-    return not_flown(task, mission, LOST, reason)
+    if isinstance(error, EvorosError) and not isinstance(error, WorkerLost):
+        raise error
+    reason = str(error) if isinstance(error, WorkerLost) else f"{type(error).__name__}: {error}"
+    if lost == STOP or not isinstance(error, Exception):
+        raise RunStopped(f"{describe(mission)}: {reason}") from error
+    return worst(reason)
 
 
 def describe(mission: Mission) -> str:
     """For messages: which mission."""
     return (
         f"the mission of design {mission.design_id} in {mission.world}, "
-        f"generation {mission.generation}, trial {mission.trial},"
+        f"generation {mission.generation}, trial {mission.trial}"
     )
 
 

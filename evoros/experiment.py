@@ -186,10 +186,13 @@ class Evolution:
         first = missions[: len(experiment.world)]
         names = {gene.key: name for name, gene in experiment.design.genes.items()}
         files = {
-            "design.csv": design_table({one.id: design}),
             "genes.csv": gene_table(one.id, design, names),
             "robot.urdf": experiment.task.embody(design).robot.urdf,
+            "design.csv": design_table({one.id: design}),
         }
-        for mission, track in zip(first, trajectories(experiment.task, first, pool), strict=True):
-            files[f"trajectory_{mission.world}.csv"] = trajectory_table(track)
-        self.folder.write_champion(files)
+        tracks = [f"trajectory_{mission.world}.csv" for mission in first]
+        if self.folder.has_champion(files, tracks):
+            return
+        flown = trajectories(experiment.task, first, pool, experiment.lost_missions)
+        tables = map(trajectory_table, flown)
+        self.folder.write_champion({**dict(zip(tracks, tables, strict=True)), **files})

@@ -21,6 +21,7 @@ def manifest(experiment: Experiment, config: str) -> dict[str, Any]:
     return {
         "format_version": FORMAT_VERSION,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "working_directory": str(Path.cwd()),
         "seed": experiment.seed,
         "commit": _commit(),
         "packages": {name: _version(name) for name in PACKAGES},

@@ -1,22 +1,28 @@
-"""What a run shows: a live display on a terminal, a line a generation elsewhere."""
+"""The live line of a run on a terminal."""
 
 import logging
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
 
-from evoros.experiment import Experiment, Generation
+from evoros.experiment import Generation
+from evoros.log import LOGGER
 from evoros.mission import Mission
 from evoros.outcome import Outcome
-from evoros.record import LOG
 
-LOGGER = logging.getLogger("evoros")
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def standing(generation: Generation) -> str:
+    """Best fitness, recorded and validated, and mean."""
+    validated = "" if generation.validated is None else f", validated {generation.validated:.3f}"
+    return f"best {generation.best.fitness:.3f}{validated}, mean {generation.mean:.3f}"
 
 
 class Progress:
-    """Logs a line for each generation and, on a terminal, keeps a live line below them."""
+    """A display of a run and a context manager; shows nothing unless it is ``live``."""
 
     def __init__(self, live: bool) -> None:
         self._live = _LiveLine() if live else None
@@ -27,20 +33,21 @@ class Progress:
         self._worked = 0  # generations that needed missions in this session
         self._standing = ""
 
-    def start(self, folder: Path, experiment: Experiment, generations: int) -> None:
-        """Say what runs where; from now on the log goes into the folder, too."""
-        handler = logging.FileHandler(folder / LOG)
-        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
-        LOGGER.addHandler(handler)
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._live:
+            self._live.stop()
+
+    def start(self, generations: int) -> None:
+        """The run starts."""
         self._since, self._generations = time.monotonic(), generations
-        LOGGER.info(
-            "%s: %d generations, seed %d, worlds %s, %d workers",
-            folder,
-            generations,
-            experiment.seed,
-            ", ".join(experiment.world),
-            experiment.executor.workers,
-        )
         if self._live:
             self._live.start()
 
@@ -55,35 +62,11 @@ class Progress:
         """A mission was flown."""
         self._flown += 1
         self._simulated += outcome.time_s
-        if outcome.reason:
-            LOGGER.warning(
-                "design %d in %s: %s: %s",
-                mission.design_id,
-                mission.world,
-                outcome.ended,
-                outcome.reason,
-            )
         self._show()
 
     def generation(self, generation: Generation) -> None:
         """A generation is over."""
-        validated = (
-            "" if generation.validated is None else f", validated {generation.validated:.3f}"
-        )
-        self._standing = (
-            f"best {generation.best.fitness:.3f}{validated}, mean {generation.mean:.3f}"
-        )
-        last = self._generations - 1
-        LOGGER.info("generation %d/%d: %s", generation.number, last, self._standing)
-
-    def close(self) -> None:
-        """End the live line and the log file."""
-        if self._live:
-            self._live.stop()
-        for handler in list(LOGGER.handlers):
-            if isinstance(handler, logging.FileHandler):
-                LOGGER.removeHandler(handler)
-                handler.close()
+        self._standing = standing(generation)
 
     def _show(self) -> None:
         if self._live:
@@ -128,9 +111,14 @@ class _LiveLine:
         console = Console(stderr=True)
         self._live = Live(console=console, refresh_per_second=4, transient=True)
         self._handler: logging.Handler = _ConsoleHandler(console)
+        self._replaced: list[logging.Handler] = []
 
     def start(self) -> None:
-        self._replaced = [h for h in LOGGER.handlers if type(h) is logging.StreamHandler]
+        self._replaced = [
+            handler
+            for handler in LOGGER.handlers
+            if isinstance(handler, logging.StreamHandler) and handler.stream is sys.stderr
+        ]
         for handler in self._replaced:
             LOGGER.removeHandler(handler)
         LOGGER.addHandler(self._handler)
@@ -140,31 +128,17 @@ class _LiveLine:
         self._live.update(self._text(line, overflow="ellipsis", no_wrap=True))
 
     def stop(self) -> None:
-        if self._live.is_started:
-            self._live.stop()
-            LOGGER.removeHandler(self._handler)
-            for handler in self._replaced:
-                LOGGER.addHandler(handler)
+        self._live.stop()
+        LOGGER.removeHandler(self._handler)
+        for handler in self._replaced:
+            LOGGER.addHandler(handler)
+        self._replaced = []
 
 
 class _ConsoleHandler(logging.Handler):
-    def __init__(self, console: object) -> None:
+    def __init__(self, console: "Console") -> None:
         super().__init__(logging.INFO)
         self._console = console
 
     def emit(self, record: logging.LogRecord) -> None:
-        self._console.print(self.format(record), highlight=False, markup=False)  # type: ignore[attr-defined]
-
-
-@contextmanager
-def logging_to_terminal() -> Iterator[None]:
-    """Messages go to standard error; results alone go to standard output."""
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter("%(message)s"))
-    LOGGER.addHandler(handler)
-    LOGGER.setLevel(logging.INFO)
-    LOGGER.propagate = False
-    try:
-        yield
-    finally:
-        LOGGER.removeHandler(handler)
+        self._console.print(self.format(record), highlight=False, markup=False, soft_wrap=True)

@@ -8,12 +8,14 @@ import csv
 import fcntl
 import json
 import os
+import shlex
+import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO
 
-from evoros.errors import InputError, RunStopped
+from evoros.errors import InputError
 from evoros.mission import Mission, Place
 from evoros.outcome import Outcome
 from evoros.tables import MISSIONS_HEADER, mission_row, read_mission, text
@@ -23,9 +25,27 @@ CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.jso
 GENERATIONS, CHAMPION, LOG = "generations", "champion", "evoros.log"
 
 
-def is_run(path: Path) -> bool:
-    """Whether the folder holds a run, whole or begun."""
-    return any((path / name).exists() for name in (CONFIG, MANIFEST, MISSIONS))
+def resume_command(path: Path) -> str:
+    """What to type to continue the run in the folder."""
+    return f"evoros resume={shlex.quote(str(path))}"
+
+
+def require_unused(path: Path) -> None:
+    """A run needs a folder that does not exist or is empty.
+
+    Raises:
+        InputError: the folder holds a run, or other files.
+    """
+    if not path.exists() or (path.is_dir() and not any(path.iterdir())):
+        return
+    if any((path / name).exists() for name in (CONFIG, MANIFEST, MISSIONS)):
+        raise InputError(
+            f"{path}: this folder already holds a run, and a run is never overwritten; "
+            f"to continue it type: {resume_command(path)}"
+        )
+    raise InputError(
+        f"{path}: a run needs a new or an empty folder; choose another with hydra.run.dir"
+    )
 
 
 class RunFolder:
@@ -37,7 +57,7 @@ class RunFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.outcomes: dict[Place, tuple[str, Outcome]] = {}
-        self._missions: TextIO = self._lock()
+        self._missions: BinaryIO = self._lock()
         try:
             self._read_missions()
         except BaseException:
@@ -51,24 +71,14 @@ class RunFolder:
         Raises:
             InputError: the folder holds a run, or other files; nothing was changed.
         """
-        if path.exists() and (not path.is_dir() or any(path.iterdir())):
-            if is_run(path):
-                raise InputError(
-                    f"{path}: this folder already holds a run, and a run is never overwritten; "
-                    f"to continue it type: evoros resume={path}"
-                )
+        require_unused(path)
+        try:
+            _draw_up(path.resolve(), config, manifest)
+        except OSError as error:
             raise InputError(
-                f"{path}: a run needs a new or an empty folder; choose another with hydra.run.dir"
-            )
-        # Whole or not at all: a kill in between leaves no folder that is neither run nor empty.
-        path.parent.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-        draft.chmod(0o755)
-        (draft / GENERATIONS).mkdir()
-        (draft / CONFIG).write_text(config)
-        (draft / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
-        (draft / MISSIONS).write_text(text([MISSIONS_HEADER]))
-        draft.replace(path)
+                f"{path}: the folder of the run cannot be made ({error.strerror}); choose another "
+                f"with hydra.run.dir"
+            ) from error
         return cls(path)
 
     def __enter__(self) -> "RunFolder":
@@ -80,7 +90,7 @@ class RunFolder:
 
     def record(self, mission: Mission, outcome: Outcome) -> None:
         """Put a finished mission on disk. It survives the end of this process at any time."""
-        self._missions.write(text([mission_row(mission, outcome)]))
+        self._missions.write(text([mission_row(mission, outcome)]).encode())
         self._missions.flush()
         self.outcomes[mission.place] = (mission.draws, outcome)
 
@@ -93,11 +103,11 @@ class RunFolder:
         """The recorded outcome of the mission.
 
         Raises:
-            RunStopped: it was recorded under other draws.
+            InputError: it was recorded under other draws.
         """
         draws, outcome = self.outcomes.get(mission.place, ("", None))
         if outcome is not None and draws != mission.draws:
-            raise RunStopped(
+            raise InputError(
                 f"{self.path / MISSIONS}: the mission {mission.place} was recorded under the draws "
                 f"{draws}, not {mission.draws}: the run was made by another version or has been "
                 f"edited; start a new run"
@@ -108,21 +118,33 @@ class RunFolder:
         """A generation's table; a replayed one must equal what is on disk.
 
         Raises:
-            RunStopped: it does not.
+            InputError: it does not.
         """
         path = self.path / GENERATIONS / f"{number:05d}.csv"
         if path.exists() and path.read_text() != content:
-            raise RunStopped(
+            raise InputError(
                 f"{path}: replaying the run gives another table than the recorded one: the run was "
                 f"made by another version or has been edited; start a new run"
             )
         if not path.exists():
             write_atomically(path, content)
 
+    def has_champion(self, files: Mapping[str, str], others: Sequence[str]) -> bool:
+        """Whether the champion on disk is the one of these files, and the others are there."""
+        folder = self.path / CHAMPION
+        return all((folder / name).is_file() for name in others) and all(
+            (folder / name).is_file() and (folder / name).read_text() == content
+            for name, content in files.items()
+        )
+
     def write_champion(self, files: Mapping[str, str]) -> None:
-        """The champion's files, in place of those of an earlier end of the run."""
+        """The champion's files, in place of those of an earlier end of the run.
+
+        The last one says whose files they are: it is there only where all the others are.
+        """
         folder = self.path / CHAMPION
         folder.mkdir(exist_ok=True)
+        (folder / list(files)[-1]).unlink(missing_ok=True)
         for name, content in files.items():
             write_atomically(folder / name, content)
 
@@ -138,13 +160,13 @@ class RunFolder:
             return {}
         return status if isinstance(status, dict) else {}
 
-    def _lock(self) -> TextIO:
+    def _lock(self) -> BinaryIO:
         path = self.path / MISSIONS
         if not path.is_file():
             raise InputError(
                 f"{self.path}: no run to resume: it has no {MISSIONS}; give the folder of a run"
             )
-        missions = path.open("r+", newline="")
+        missions = path.open("r+b")
         try:
             fcntl.flock(missions, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -157,8 +179,8 @@ class RunFolder:
     def _read_missions(self) -> None:
         """Read all whole rows; a last row that a kill has cut short is removed."""
         content = self._missions.read()
-        whole = content[: content.rfind("\n") + 1]
-        rows = csv.DictReader(whole.split("\n"))
+        whole = content[: content.rfind(b"\n") + 1]
+        rows = csv.DictReader(whole.decode(errors="replace").split("\n"))
         if tuple(rows.fieldnames or ()) != MISSIONS_HEADER:
             raise InputError(
                 f"{self.path / MISSIONS}: line 1: must be the columns of format {FORMAT_VERSION}; "
@@ -173,8 +195,24 @@ class RunFolder:
                     f"damaged one ({error}); delete the line, and its mission is flown again"
                 ) from error
             self.outcomes[place] = (draws, outcome)
-        self._missions.seek(len(whole.encode()))
+        self._missions.seek(len(whole))
         self._missions.truncate()
+
+
+def _draw_up(path: Path, config: str, manifest: Mapping[str, Any]) -> None:
+    """Whole or not at all: a kill in between leaves no folder that is neither run nor empty."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+    try:
+        draft.chmod(0o755)
+        (draft / GENERATIONS).mkdir()
+        (draft / CONFIG).write_text(config)
+        (draft / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
+        (draft / MISSIONS).write_text(text([MISSIONS_HEADER]))
+        draft.replace(path)
+    except BaseException:
+        shutil.rmtree(draft, ignore_errors=True)
+        raise
 
 
 def write_atomically(path: Path, content: str) -> None:

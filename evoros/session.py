@@ -2,37 +2,42 @@
 
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import chdir, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Protocol
 
+from hydra.core.override_parser.types import OverrideType
 from omegaconf import DictConfig, OmegaConf
 
 from evoros import config as configuration
 from evoros.errors import InputError, is_whole
+from evoros.evaluation import describe
 from evoros.experiment import Evolution, Experiment, Generation, Observer
+from evoros.log import LOGGER, logging_to_file
 from evoros.manifest import check_unchanged, manifest
 from evoros.mission import Mission
 from evoros.outcome import Outcome
-from evoros.record import CONFIG, MANIFEST, RunFolder, is_run
+from evoros.progress import standing
+from evoros.record import CONFIG, LOG, MANIFEST, RunFolder, require_unused
 
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
 
 
 class Display(Observer, Protocol):
-    """An observer that is told when the run starts and where it is."""
+    """An observer that is told when the run starts."""
 
-    def start(self, folder: Path, experiment: Experiment, generations: int) -> None:
-        """The run is built and recorded; it starts now."""
+    def start(self, generations: int) -> None:
+        """The run is built and recorded; it starts now, with so many generations."""
         ...
 
 
 class Silent:
     """Shows nothing."""
 
-    def start(self, folder: Path, experiment: Experiment, generations: int) -> None:
+    def start(self, generations: int) -> None:
         """The run starts."""
 
     def begin(self, generation: int, missions: int, known: int) -> None:
@@ -47,7 +52,7 @@ class Silent:
 
 @dataclass
 class Recorder:
-    """Keeps ``status.json`` true and passes everything on to a display."""
+    """Keeps ``status.json`` and the log true and passes everything on to a display."""
 
     folder: RunFolder
     display: Display
@@ -65,12 +70,17 @@ class Recorder:
         """A mission was flown and is on disk."""
         self.missions += 1
         self.simulated += outcome.time_s
+        if outcome.reason:
+            LOGGER.warning("%s: %s: %s", describe(mission), outcome.ended, outcome.reason)
         self.display.mission(mission, outcome)
 
     def generation(self, generation: Generation) -> None:
         """A generation is over and on disk."""
         self.last = generation
         self.write(RUNNING)
+        LOGGER.info(
+            "generation %d/%d: %s", generation.number, self.generations - 1, standing(generation)
+        )
         self.display.generation(generation)
 
     def write(self, state: str, reason: str = "") -> None:
@@ -100,8 +110,7 @@ def start(config: DictConfig, folder: Path, display: Display) -> Generation:
         InputError: something cannot be used; the folder is then as it was.
         RunStopped: a mission was lost; the run can be resumed.
     """
-    if is_run(folder):  # before anything is built, which may take seconds
-        RunFolder.create(folder, "", {})
+    require_unused(folder)  # before anything is built, which may take seconds
     experiment = configuration.build(config)
     content = configuration.to_text(config)
     generations = experiment.optimizer.generations
@@ -109,52 +118,73 @@ def start(config: DictConfig, folder: Path, display: Display) -> Generation:
         return _evolve(experiment, record, generations, display)
 
 
-def resume(folder: Path, overrides: Sequence[str], display: Display) -> Generation:
+def resume(
+    folder: Path,
+    overrides: Sequence[str],
+    display: Display,
+    config_dir: str | Path | None = None,
+) -> Generation:
     """Go on with the run in the folder; a finished one is verified, and extended if asked to.
 
     ``overrides`` may change the executor and raise ``optimizer.generations``.
 
     Raises:
         InputError: no run there, another override, or what the run is made of has changed.
-        RunStopped: as in ``start``; or the run does not replay as it was recorded.
+        RunStopped: as in ``start``.
     """
     if not (folder / CONFIG).is_file() or not (folder / MANIFEST).is_file():
         raise InputError(
             f"resume={folder}: must be the folder of a run, with {CONFIG} and {MANIFEST}; "
             f"give such a folder"
         )
-    text = (folder / CONFIG).read_text()
-    experiment = configuration.build(_overridden(configuration.read(folder / CONFIG), overrides))
-    check_unchanged(folder, _read_manifest(folder), experiment, text)
+    text, recorded = (folder / CONFIG).read_text(errors="replace"), _read_manifest(folder)
+    config, asked = _overridden(configuration.read(folder / CONFIG), overrides, config_dir)
+    with _where_it_began(recorded):
+        experiment = configuration.build(config)
+    check_unchanged(folder, recorded, experiment, text)
     with RunFolder(folder) as record:
         reached = record.read_status().get("generations")
-        asked = experiment.optimizer.generations
-        known = reached if isinstance(reached, int) else asked
-        explicit = any(override.startswith("optimizer.generations=") for override in overrides)
-        if explicit and asked < known:
+        known = reached if isinstance(reached, int) else experiment.optimizer.generations
+        if asked is not None and asked < known:
             raise InputError(
                 f"optimizer.generations: must be at least {known}, which the run already has, "
                 f"not {asked}; a run can only be extended"
             )
-        return _evolve(experiment, record, max(asked, known), display)
+        return _evolve(experiment, record, asked or known, display)
 
 
 def _evolve(
     experiment: Experiment, record: RunFolder, generations: int, display: Display
 ) -> Generation:
     recorder = Recorder(record, display, generations, time.monotonic())
-    display.start(record.path, experiment, generations)
-    recorder.write(RUNNING)
-    try:
-        last = Evolution(experiment, record, recorder, generations).run()
-    except KeyboardInterrupt:
-        recorder.write(STOPPED, "interrupted")
-        raise
-    except Exception as error:
-        recorder.write(STOPPED, str(error))
-        raise
-    recorder.write(FINISHED)
+    with logging_to_file(record.path / LOG):
+        LOGGER.info(
+            "%s: %d generations, seed %d, worlds %s, %d workers",
+            record.path,
+            generations,
+            experiment.seed,
+            ", ".join(experiment.world),
+            experiment.executor.workers,
+        )
+        display.start(generations)
+        recorder.write(RUNNING)
+        try:
+            last = Evolution(experiment, record, recorder, generations).run()
+        except BaseException as error:
+            LOGGER.debug("stopped", exc_info=True)  # the traceback goes into the file alone
+            interrupted = isinstance(error, KeyboardInterrupt)
+            recorder.write(STOPPED, "interrupted" if interrupted else str(error))
+            raise
+        recorder.write(FINISHED)
     return last
+
+
+@contextmanager
+def _where_it_began(recorded: Mapping[str, Any]) -> Iterator[None]:
+    """Paths in a configuration may be relative to the folder where the run was started."""
+    origin = Path(str(recorded.get("working_directory", ".")))
+    with chdir(origin if origin.is_dir() else Path.cwd()):
+        yield
 
 
 def _read_manifest(folder: Path) -> Mapping[str, Any]:
@@ -167,26 +197,32 @@ def _read_manifest(folder: Path) -> Mapping[str, Any]:
     return content if isinstance(content, Mapping) else {}
 
 
-def _overridden(config: DictConfig, overrides: Sequence[str]) -> DictConfig:
-    """The run's own configuration with the few overrides that resuming accepts."""
-    for override in overrides:
-        key, sign, value = override.partition("=")
-        if sign and key == "executor":
-            path = configuration.group_file("executor", value)
-            config.executor = configuration.read(path)
-        elif sign and key.startswith("executor."):
-            OmegaConf.update(config, key, OmegaConf.from_dotlist([f"x={value}"]).x)
-        elif sign and key == "optimizer.generations":
-            count = OmegaConf.from_dotlist([f"x={value}"]).x
-            if not is_whole(count) or count < config.optimizer.generations:
+def _overridden(
+    config: DictConfig, overrides: Sequence[str], config_dir: str | Path | None
+) -> tuple[DictConfig, int | None]:
+    """The run's own configuration with what resuming may change; and the generations asked for."""
+    asked = None
+    for override in configuration.parse(overrides):
+        key, value = override.key_or_group, override.value()
+        plain = override.type is OverrideType.CHANGE and not override.is_sweep_override()
+        if plain and key == "executor":
+            config.executor = configuration.compose(
+                [configuration.typed(override)], config_dir
+            ).executor
+        elif plain and key.startswith("executor."):
+            OmegaConf.update(config, key, value, force_add=True)
+        elif plain and key == "optimizer.generations":
+            least = OmegaConf.select(config, key)
+            if not (isinstance(value, int) and is_whole(value)) or value < least:
                 raise InputError(
-                    f"{key}: must be a whole number of at least {config.optimizer.generations}, "
-                    f"which the run already has, not {value}; a run can only be extended"
+                    f"{key}: must be a whole number of at least {least}, which the run already "
+                    f"has, not {value!r}; a run can only be extended"
                 )
-            config.optimizer.generations = count
+            config.optimizer.generations = asked = value
         else:
             raise InputError(
-                f"{override}: only executor, executor.* and a larger optimizer.generations can be "
-                f"given with resume=; the rest is the run's own; start a new run to change it"
+                f"{configuration.typed(override)}: only executor, executor.* and a larger "
+                f"optimizer.generations go with resume=; the rest is the run's own; start a new "
+                f"run to change it"
             )
-    return config
+    return config, asked

@@ -1,0 +1,85 @@
+"""A user's own simulator: a bicycle on an empty plane, with a wall of noise for sensors.
+
+Faults are injected for real: the ``fault`` happens in the worker process, in the named mission.
+"""
+
+import math
+import os
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from evoros.errors import POSITIVE, TEXT, SimulationError, check
+from evoros.robot import Robot
+from evoros.types import CONTACT, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
+from evoros.world import World
+
+
+@dataclass(frozen=True)
+class Planar:
+    """``fault``: none, raise, exit, hang or fail, in ``fault_world``; once where ``mark`` is new."""
+
+    time_step: float = 0.05
+    pause_s: float = 0.0  # wall clock, for each mission
+    fault: str = "none"
+    fault_world: str = "far"
+    mark: str = ""
+
+    def __post_init__(self) -> None:
+        check(self, time_step=POSITIVE, fault=TEXT)
+
+    @contextmanager
+    def open(self, robot: Robot, world: World) -> Iterator["Plane"]:
+        time.sleep(self.pause_s)
+        if world.name == self.fault_world and self._is_due():
+            self._happen()
+        yield Plane(robot, world, self.time_step)
+
+    def _is_due(self) -> bool:
+        if not self.mark:
+            return True
+        try:
+            Path(self.mark).touch(exist_ok=False)
+        except FileExistsError:
+            return False
+        return True
+
+    def _happen(self) -> None:
+        if self.fault == "raise":
+            raise ZeroDivisionError("the planar\nfault")
+        if self.fault == "fail":
+            raise SimulationError("the planar engine gave up, said “no”")
+        if self.fault == "exit":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if self.fault == "hang":
+            time.sleep(3600)
+
+
+class Plane:
+    """The mutable state: x, y, yaw, speed."""
+
+    def __init__(self, robot: Robot, world: World, step: float) -> None:
+        self.wheelbase, self.step = robot.drive.wheelbase_m, step
+        self.yaws = robot.sensor_poses()[:, 3]
+        home = world.course.home
+        self.x, self.y, self.yaw, self.speed, self.rate = home[0], home[1], home[3], 0.0, 0.0
+
+    def observe(self, state: Array) -> None:
+        state[X], state[Y], state[YAW] = self.x, self.y, self.yaw
+        state[SPEED], state[YAW_RATE], state[CONTACT] = self.speed, self.rate, 0.0
+
+    def sense(self, readings: Array) -> None:
+        readings[:] = np.clip(3.0 + self.x * np.cos(self.yaw + self.yaws), 0.06, 4.5)
+
+    def advance(self, command: Array, duration: float) -> None:
+        for _ in range(round(duration / self.step)):
+            self.speed = float(command[0])
+            self.rate = self.speed / self.wheelbase * math.tan(float(command[STEERING]))
+            self.yaw += self.rate * self.step
+            self.x += self.speed * self.step * math.cos(self.yaw)
+            self.y += self.speed * self.step * math.sin(self.yaw)
