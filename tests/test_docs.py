@@ -7,16 +7,22 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
+import evoros
 from evoros.config import build, compose
+from evoros.experiment import Experiment
+from evoros.mission import Mission, run_mission
+from evoros.outcome import Outcome
+from evoros.types import Array
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS, CONF = ROOT / "docs", ROOT / "conf"
-DOCUMENTS = ("configuration",)
+DOCUMENTS = ("configuration", "extending")
 
 
 def text(name: str) -> str:
@@ -153,3 +159,92 @@ def test_the_commands_compose_and_build(
             assert all(word.partition("=")[0] in allowed for word in overrides)
             continue
         build(compose(overrides, own))
+
+
+# Extending ----------------------------------------------------------------------------------
+
+# The part replaces one of these; the fitness, optimizer and executor do not touch a mission.
+FLIGHT = ("robot", "sensor", "filter", "failure", "controller", "simulator")
+SMALL = ["optimizer.population_size=3", "optimizer.generations=2", "optimizer.validation_trials=1"]
+
+
+LIMIT = "world.yard.course.time_limit_s=5"
+
+
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A current folder with the folder ``mine`` that extending.md describes."""
+    folder = tmp_path_factory.mktemp("extending")
+    write(files("extending"), folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(sys, "path", list(sys.path))
+        yield folder
+
+
+def quick(overrides: list[str]) -> Experiment:
+    """The experiment in the example's simulator and world, unless they are chosen."""
+    named = {word.split("=")[0] for word in overrides}
+    rest = {"simulator": "kinematic", "world": "yard", "executor": "serial"}
+    added = [f"{group}={choice}" for group, choice in rest.items() if group not in named]
+    return build(compose([*added, *overrides, LIMIT], "mine"))
+
+
+def flown(experiment: Experiment) -> tuple[Outcome, Array]:
+    design = experiment.space.decode(np.linspace(0.1, 0.9, experiment.space.size))
+    mission = Mission(0, 0, design, "yard", 0, "evaluation", "a key of draws")
+    return run_mission(experiment.task, mission)
+
+
+@pytest.fixture(scope="module")
+def baseline(mine: Path) -> Array:
+    return flown(quick([]))[1]
+
+
+EXAMPLES = commands("extending")
+IN_FLIGHT = [line for line in EXAMPLES if re.match(rf".*mine \+?({'|'.join(FLIGHT)})\b", line)]
+
+
+@pytest.mark.parametrize("line", [line for line in EXAMPLES if line not in IN_FLIGHT])
+def test_the_examples_of_parts_build(line: str, mine: Path) -> None:
+    for overrides, own in jobs(line):
+        assert own == "mine"
+        build(compose(overrides, own))
+
+
+@pytest.mark.parametrize("line", IN_FLIGHT)
+def test_the_examples_of_parts_fly_and_matter(line: str, mine: Path, baseline: Array) -> None:
+    ((overrides, _),) = jobs(line)
+    outcome, trajectory = flown(quick(overrides))
+    assert outcome.ended in ("completed", "collision", "time_limit")
+    again = flown(quick(overrides))
+    assert str(again[0]) == str(outcome)  # NaN differs from itself
+    np.testing.assert_array_equal(again[1], trajectory)
+    if overrides != ["simulator=kinematic"]:
+        assert not np.array_equal(baseline, trajectory, equal_nan=True)
+
+
+def test_the_example_of_a_robot_drives_in_pybullet(mine: Path) -> None:
+    pytest.importorskip("pybullet")
+    outcome, _ = flown(quick(["robot=cart", "simulator=pybullet"]))
+    assert outcome.ended == "time_limit"
+    assert 1.0 < outcome.distance_m < 2.0  # 0.3 m/s for 5 s
+
+
+def short_run(name: str, overrides: list[str]) -> evoros.Run:
+    common = ["simulator=kinematic", "simulator.time_step=0.1", "world=yard", LIMIT, *SMALL]
+    config = compose(["executor=serial", *common, *overrides], "mine")
+    return evoros.run(config, Path(name))
+
+
+def test_the_examples_of_optimizer_executor_and_fitness_run(mine: Path) -> None:
+    here = short_run("here", ["optimizer=hill_climber", "fitness=careful"])
+    there = short_run("there", ["optimizer=hill_climber", "fitness=careful", "executor=standard"])
+    lines = (here.path / "missions.csv").read_text().splitlines()
+    assert sorted(lines) == sorted((there.path / "missions.csv").read_text().splitlines())
+    best = here.generations.groupby("generation").fitness.max()
+    assert best.is_monotonic_increasing
+    first = here.missions[here.missions.purpose == "selection"].iloc[0]
+    fitness = here.generations.set_index("id").fitness[first.design]
+    expected = first.progress + 0.5 * first.least_clearance_m
+    assert float(np.max(fitness)) == pytest.approx(expected, abs=1e-12)
