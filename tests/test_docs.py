@@ -4,25 +4,27 @@ import re
 import shlex
 import sys
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-from hydra.core.override_parser.overrides_parser import OverridesParser
+from omegaconf import DictConfig
 
 import evoros
 from evoros.config import build, compose
 from evoros.experiment import Experiment
+from evoros.jobs import Job, Jobs, options_of
 from evoros.mission import Mission, run_mission
-from evoros.outcome import Outcome
+from evoros.outcome import TRAJECTORY, Outcome
+from evoros.tables import CANDIDATE_COLUMNS, DESIGN_COLUMNS, GENE_COLUMNS, MISSIONS_HEADER
 from evoros.types import Array
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS, CONF = ROOT / "docs", ROOT / "conf"
-DOCUMENTS = ("configuration", "extending")
+DOCUMENTS = ("configuration", "extending", "run_folder")
 
 
 def text(name: str) -> str:
@@ -114,7 +116,7 @@ def test_exactly_the_keys_of_each_file_are_documented_with_their_defaults(choice
     extra = {key for key in documented if ".NAME." in key and key.split(".")[-1] in optional}
     assert set(documented) - extra == set(configured)
     for key, value in configured.items():
-        if ".NAME." not in key:
+        if ".NAME." not in key and key != "hydra.help.template":
             assert yaml.safe_load(documented[key]) == value, key
 
 
@@ -129,16 +131,12 @@ def test_the_table_of_regions_is_that_of_the_design() -> None:
     }
 
 
-def jobs(line: str) -> Iterator[tuple[list[str], str | None]]:
-    """The overrides of each job that a command runs, and its folder of configuration."""
-    words = shlex.split(line, comments=True)[1:]
-    own = words[words.index("--config-dir") + 1] if "--config-dir" in words else None
-    words = [word for word in words if word not in ("-m", "--config-dir", own)]
-    split: list[list[list[str]]] = BasicSweeper.split_arguments(
-        OverridesParser.create().parse_overrides(words), None
-    )
-    for job in (job for batch in split for job in batch):
-        yield job, own
+def composed(line: str, *more: str) -> Iterator[DictConfig]:
+    """The configurations of the jobs that a command runs."""
+    options = options_of([*shlex.split(line, comments=True)[1:], *more])
+    for job in Jobs(options.overrides, bool(options.multirun), options.config_dir):
+        assert isinstance(job, Job), job
+        yield job.config
 
 
 COMMANDS = sorted({line for name in DOCUMENTS if name != "extending" for line in commands(name)})
@@ -151,14 +149,14 @@ def test_the_commands_compose_and_build(
     write(files("configuration"), tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))  # the user's own folder is added to it
-    every = list(jobs(line))
-    for overrides, own in (every[0], every[-1])[: len(every)]:
-        resumed = [word for word in overrides if word.startswith("resume=")]
-        if resumed:
-            allowed = ("resume", "executor", "executor.workers", "optimizer.generations")
-            assert all(word.partition("=")[0] in allowed for word in overrides)
-            continue
-        build(compose(overrides, own))
+    if "resume=" in line:
+        overrides = options_of(shlex.split(line)[1:]).overrides
+        allowed = ("resume", "executor", "executor.workers", "optimizer.generations")
+        assert all(each.partition("=")[0] in allowed for each in overrides)
+    else:
+        every = list(islice(composed(line), 3))
+        for config in (every[0], every[-1])[: len(every)]:
+            build(config)
 
 
 # Extending ----------------------------------------------------------------------------------
@@ -207,17 +205,17 @@ IN_FLIGHT = [line for line in EXAMPLES if re.match(rf".*mine \+?({'|'.join(FLIGH
 
 @pytest.mark.parametrize("line", [line for line in EXAMPLES if line not in IN_FLIGHT])
 def test_the_examples_of_parts_build(line: str, mine: Path) -> None:
-    for overrides, own in jobs(line):
-        assert own == "mine"
-        build(compose(overrides, own))
+    for config in composed(line):
+        build(config)
 
 
 @pytest.mark.parametrize("line", IN_FLIGHT)
 def test_the_examples_of_parts_fly_and_matter(line: str, mine: Path, baseline: Array) -> None:
-    ((overrides, _),) = jobs(line)
-    outcome, trajectory = flown(quick(overrides))
+    overrides = options_of(shlex.split(line)[1:]).overrides
+    experiment = quick(overrides)
+    outcome, trajectory = flown(experiment)
     assert outcome.ended in ("completed", "collision", "time_limit")
-    again = flown(quick(overrides))
+    again = flown(experiment)
     assert str(again[0]) == str(outcome)  # NaN differs from itself
     np.testing.assert_array_equal(again[1], trajectory)
     if overrides != ["simulator=kinematic"]:
@@ -248,3 +246,69 @@ def test_the_examples_of_optimizer_executor_and_fitness_run(mine: Path) -> None:
     fitness = here.generations.set_index("id").fitness[first.design]
     expected = first.progress + 0.5 * first.least_clearance_m
     assert float(np.max(fitness)) == pytest.approx(expected, abs=1e-12)
+
+
+# The run folder -----------------------------------------------------------------------------
+
+
+def documented(heading: str) -> list[str]:
+    """The columns of the tables of one section of run_folder.md, in order."""
+    content = re.split(r"^## ", text("run_folder"), flags=re.M)
+    (section,) = (part for part in content if part.startswith(heading + "\n"))
+    return [row[0] for first in ("column", "field") for row in table(section, first)]
+
+
+def test_the_columns_of_missions_are_documented_in_order() -> None:
+    assert tuple(documented("missions.csv")) == MISSIONS_HEADER
+
+
+def test_the_columns_of_generations_are_documented_in_order() -> None:
+    fixed, decoded = (
+        documented("generations/NNNNN.csv")[:7],
+        documented("generations/NNNNN.csv")[7:],
+    )
+    assert tuple(fixed) == CANDIDATE_COLUMNS
+    design = ["+sensor@design.sensors.other=sonar", "design.number=[1,2]"]
+    ranges = ["+design.regions.front.z_m=[0.1,0.2]", "+design.regions.front.pitch_deg=[0,10]"]
+    known = build(compose([*design, *ranges])).space.columns()
+    assert [name.replace("N", "1") for name in decoded] == [
+        name for name in known if name.startswith("sensor1_")
+    ]
+    assert known[-1] == "number"
+
+
+def test_the_columns_of_the_champion_are_documented_in_order() -> None:
+    trajectory = (*TRAJECTORY, "range_N_m")
+    assert tuple(documented("champion")) == (*DESIGN_COLUMNS, *GENE_COLUMNS, *trajectory)
+
+
+@pytest.fixture(scope="module")
+def finished(mine: Path) -> evoros.Run:
+    return short_run("outputs/mine", ["failure=frontal"])
+
+
+def test_the_fields_of_manifest_and_status_are_documented_in_order(finished: evoros.Run) -> None:
+    assert documented("manifest.json") == list(finished.manifest)
+    assert documented("status.json") == list(finished.status)
+
+
+def test_the_files_of_a_run_are_documented(finished: evoros.Run) -> None:
+    names = {name for row in table(text("run_folder"), "file") for name in row[0].split("`, `")}
+    there = {str(path.relative_to(finished.path)) for path in finished.path.rglob("*.*")}
+    numbered = {re.sub(r"\d{5}", "NNNNN", name).replace("_yard", "_WORLD") for name in there}
+    assert numbered == names
+
+
+def code(name: str) -> list[str]:
+    """The blocks of Python of a document that are no files."""
+    content = re.sub(r"^`mine/[\w./]+`:\n\n```python\n.*?^```$", "", text(name), flags=re.M | re.S)
+    return re.findall(r"^```python\n(.*?)^```$", content, re.M | re.S)
+
+
+def test_the_replay_of_a_mission_gives_what_was_recorded(finished: evoros.Run) -> None:
+    (block,) = code("run_folder")
+    for number in range(len(finished.missions)):
+        names: dict[str, Any] = {}
+        exec(block.replace("iloc[-1]", f"iloc[{number}]"), names)
+        assert names["outcome"].progress == names["row"].progress
+        assert names["outcome"].least_clearance_m == names["row"].least_clearance_m
