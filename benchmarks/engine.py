@@ -201,7 +201,7 @@ def costs(robots: dict[str, Robot], world: World) -> dict[str, float]:
 
 def figure(rows: Sequence[Row], spent: dict[str, dict[str, float]]) -> None:
     plt.rcParams.update({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False})
-    canvas, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.3), layout="constrained")
+    canvas, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.8), layout="constrained")
     colours = ("#0072b2", "#e69f00", "#009e73", "#cc79a7")
     for wheels, line in zip(WHEELS, ("-", ":"), strict=True):
         for iterations, colour in zip(ITERATIONS, colours, strict=True):
@@ -214,24 +214,25 @@ def figure(rows: Sequence[Row], spent: dict[str, dict[str, float]]) -> None:
                 marker="o",
                 markersize=3,
                 linewidth=1.2,
-                label=f"{iterations}, {wheels}s",
+                label=f"{iterations} iterations, {wheels}s",
             )
     left.axhline(TOLERANCE, color="0.5", linewidth=0.8)
-    left.text(2.5, 1.12 * TOLERANCE, "2 %", color="0.4")
+    left.text(53.0, TOLERANCE, "2 %", color="0.4", va="center")
     left.set_xscale("log")
     left.set_yscale("log")
-    left.set_xticks([1e3 * step for step in STEPS], [f"{1e3 * step:g}" for step in STEPS])
+    left.set_xticks([1e3 * step for step in STEPS], ["2.5", "5", "10", "20", "\n25", "50"])
     left.minorticks_off()
     left.set_xlabel("time step [ms]")
     left.set_ylabel("greatest deviation [% of the way]")
-    left.legend(frameon=False, fontsize=7, ncols=2, title="solver iterations, wheels")
+    lines = left.get_legend_handles_labels()
+    canvas.legend(*lines, ncols=4, fontsize=7, loc="outside lower center", frameon=False)
     names = list(CHOICES)[::-1]
     for shift, (world, each) in enumerate(spent.items()):
         places = np.arange(len(names)) + 0.26 * (1 - shift)
         right.barh(places, [each[n] for n in names], 0.24, color=colours[shift], label=world)
     right.set_yticks(range(len(names)), names, fontsize=8)
     right.set_xlabel("processor time of a step [us]")
-    right.legend(frameon=False, fontsize=7, loc="lower right")
+    right.legend(frameon=False, fontsize=7, loc="upper right")
     FIGURE.parent.mkdir(parents=True, exist_ok=True)
     canvas.savefig(FIGURE, dpi=300)
 
