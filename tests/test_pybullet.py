@@ -351,7 +351,7 @@ def test_a_touch_between_two_observations_is_not_lost(experiment: Experiment) ->
 
 def test_a_box_rests_until_a_force_moves_it(experiment: Experiment) -> None:
     world = level(experiment, box("box", 3.0, size=(0.6, 0.6, 0.1), mass=5.0))
-    with PyBullet().open(experiment.robot, world) as simulation:
+    with PyBullet(time_step=0.0025).open(experiment.robot, world) as simulation:
         bullet, client = simulation._bullet, simulation._client
         body, (start, facing) = next(iter(simulation._model.movable.items()))
         simulation.advance(np.zeros(2), 3.0)
@@ -359,14 +359,14 @@ def test_a_box_rests_until_a_force_moves_it(experiment: Experiment) -> None:
         bullet.changeDynamics(
             body, -1, activationState=bullet.ACTIVATION_STATE_WAKE_UP, physicsClientId=client
         )
-        for _ in range(25):  # 0.5 s; friction takes 5 kg * 9.81 m/s2 of the 60 N
+        for _ in range(200):  # 0.5 s; friction takes 5 kg * 9.81 m/s2 of the 80 N
             bullet.applyExternalForce(
-                body, -1, (60, 0, 0), (0, 0, 0), bullet.LINK_FRAME, physicsClientId=client
+                body, -1, (80, 0, 0), (0, 0, 0), bullet.LINK_FRAME, physicsClientId=client
             )
-            simulation.advance(np.zeros(2), 0.02)
+            simulation.advance(np.zeros(2), 0.0025)
         (x, _, z), _ = bullet.getBasePositionAndOrientation(body, client)
-    assert x - start[0] == pytest.approx(0.5 * (60 / 5 - 9.81) * 0.25, rel=0.3)
-    assert z == pytest.approx(0.05, abs=0.02)
+    assert x - start[0] == pytest.approx(0.5 * (80 / 5 - 9.81) * 0.25, rel=0.05)
+    assert z == pytest.approx(0.05, abs=0.005)
 
 
 def test_a_rover_pushes_a_light_box(experiment: Experiment) -> None:
