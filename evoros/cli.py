@@ -117,6 +117,8 @@ def _show(arguments: list[str]) -> int:
     decorate = hydra.main(version_base="1.3", config_path=str(folder("conf")), config_name="config")
     try:
         decorate(lambda config: None)()
+    except SystemExit as stop:  # so it ends after --help
+        return int(stop.code or DONE)
     except Exception as error:
         raise InputError(one_line(error)) from error
     return DONE

@@ -20,7 +20,7 @@ from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
 from evoros.assets import folder
 from evoros.errors import EvorosError, InputError
 from evoros.experiment import Experiment
-from evoros.messages import about_instantiation, one_line
+from evoros.messages import about_instantiation, one_line, unresolved
 from evoros.naming import job_name
 
 _HYDRA_VERSION = "1.3"  # whose defaults we rely on
@@ -86,16 +86,15 @@ def parse(overrides: Sequence[str]) -> list[Override]:
     except Exception as error:
         raise InputError(one_line(error)) from error
     for each in parsed:
-        if each.value() is None and not each.is_delete() and _is_group(each.key_or_group):
+        value = each.value()
+        named = value if isinstance(value, list) else [value]
+        group = (folder("conf") / each.key_or_group).is_dir() and not each.is_delete()
+        if group and not each.is_sweep_override() and not all(isinstance(v, str) for v in named):
             raise InputError(
-                f"{each.key_or_group}: must be one of its choices, not null; evoros --help lists "
-                f"them"
+                f"{each.key_or_group}: must be one of its choices, not {value}; evoros --help "
+                f"lists them"
             )
     return parsed
-
-
-def _is_group(key: str) -> bool:
-    return (folder("conf") / key).is_dir()
 
 
 def typed(override: Override) -> str:
@@ -116,7 +115,8 @@ def build(config: DictConfig) -> Experiment:
     except InstantiationException as error:
         raise InputError(about_instantiation(error)) from error
     except Exception as error:
-        raise InputError(one_line(error)) from error
+        key = unresolved(config)
+        raise InputError(f"{key}: {one_line(error)}" if key else one_line(error)) from error
     if not isinstance(experiment, Experiment):
         raise InputError(
             f"_target_: must be evoros.experiment.Experiment, not {config.get('_target_')!r}; "

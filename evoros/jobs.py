@@ -63,15 +63,17 @@ class Jobs:
         self.sweep: Path | None = None
         if multirun or self._base.hydra.mode == RunMode.MULTIRUN:
             params = (self._base.hydra.sweeper.get("params") or {}).items()
-            # What is typed takes the place of an experiment's own values of the same key.
-            lists = {
-                each.get_key_element(): _values(each)
-                for each in [*parse([f"{key}={value}" for key, value in params]), *parsed]
-            }
+            lists = {each.get_key_element(): _values(each) for each in parsed}
+            for each in parse([f"{key}={value}" for key, value in params]):
+                # What is typed takes the place of an experiment's own values of the same key.
+                lists.setdefault(each.get_key_element(), _values(each))
             self._overrides = list(product(*lists.values()))
             self.sweep = _short(Path(self._base.hydra.sweep.dir))
         elif swept:
             raise InputError(f"{swept[0]}: several values make a sweep, which needs -m; add -m")
+
+    def __len__(self) -> int:
+        return 1 if self.sweep is None else len(self._overrides)
 
     def __iter__(self) -> Iterator[Job | EvorosError]:
         """Each job as it is composed, or what is wrong with it."""

@@ -5,7 +5,7 @@ from difflib import get_close_matches
 
 import yaml
 from hydra.errors import InstantiationException, MissingConfigException, OverrideParseException
-from omegaconf import DictConfig
+from omegaconf import DictConfig, ListConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from evoros.errors import EvorosError
@@ -60,6 +60,22 @@ def about_instantiation(error: InstantiationException) -> str:
     return f"{where}{type(cause).__name__}: {_flat(cause)}; correct the values"
 
 
+def unresolved(config: DictConfig | ListConfig, above: str = "") -> str:
+    """The first key whose reference ``${...}`` leads nowhere; empty where all lead somewhere."""
+    keys = range(len(config)) if isinstance(config, ListConfig) else list(config)
+    for key in keys:
+        path = f"{above}.{key}" if above else str(key)
+        if path == "hydra":
+            continue
+        try:
+            child = config[key]
+        except Exception:  # resolvers raise what they like
+            return path
+        if isinstance(child, DictConfig | ListConfig) and (inner := unresolved(child, path)):
+            return inner
+    return ""
+
+
 def _keyed(key: str, message: str) -> str:
     """``Class.field: ...`` as the configuration's key, where the class is built from ``key``."""
     field = re.match(r"[A-Z]\w*\.(\w+): ", message)
@@ -89,7 +105,9 @@ def _no_such_choice(error: MissingConfigException) -> str:
     group, _, name = (error.missing_cfg_file or "").rpartition("/")
     choices = ", ".join(error.options or ())
     if not choices:
-        return f"{error.missing_cfg_file}: must be an existing file of a group; {HELP}"
+        found = re.match(r"In '(.*?)'", str(error))
+        where = f" for the defaults of {found[1]}" if found else ""
+        return f"{error.missing_cfg_file}: must be an existing file{where}; {HELP}"
     return f"{group}: must be one of {choices}, not {name!r}; choose one of these"
 
 

@@ -23,6 +23,6 @@ def job_name(overrides: Sequence[str]) -> str:
 def _part(override: str) -> str:
     key, _, value = override.partition("=")
     key = re.split(r"[./]", key.lstrip("+~").split("@")[0])[-1]
-    value = re.sub(r"[^A-Za-z0-9.+-]+", "-", value).strip("-.")
+    value = re.sub(r"[^A-Za-z0-9._+-]+", "-", value).strip("-.")
     key = re.sub(r"[^A-Za-z0-9._]+", "-", key).strip("-.")
     return f"{key}-{value}" if value else key

@@ -1,4 +1,4 @@
-"""What the tests of runs share: a fast run by a user's own simulator, in this process or another."""
+"""What the tests of runs share: a fast run by a user's own simulator, here or in a process."""
 
 import os
 import subprocess

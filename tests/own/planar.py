@@ -22,7 +22,7 @@ from evoros.world import World
 
 @dataclass(frozen=True)
 class Planar:
-    """``fault``: none, raise, exit, hang or fail, in ``fault_world``; once where ``mark`` is new."""
+    """``fault`` is none, raise, exit, hang or fail, in ``fault_world``; with ``mark``, once."""
 
     time_step: float = 0.05
     pause_s: float = 0.0  # wall clock, for each mission
