@@ -30,7 +30,8 @@ class Progress:
         self._generations = self._generation = 0
         self._wanted = self._known = self._flown = 0
         self._simulated = 0.0
-        self._worked = 0  # generations that needed missions in this session
+        self._all = 0  # missions flown in this session
+        self._finished: list[int] = []  # missions flown by the end of each generation that flew any
         self._standing = ""
 
     def __enter__(self) -> Self:
@@ -53,20 +54,21 @@ class Progress:
 
     def begin(self, generation: int, missions: int, known: int) -> None:
         """Missions are wanted."""
-        if missions > known:
-            self._worked += generation != self._generation or not self._worked
         self._generation, self._wanted, self._known, self._flown = generation, missions, known, 0
         self._show()
 
     def mission(self, mission: Mission, outcome: Outcome) -> None:
         """A mission was flown."""
         self._flown += 1
+        self._all += 1
         self._simulated += outcome.time_s
         self._show()
 
     def generation(self, generation: Generation) -> None:
         """A generation is over."""
-        self._standing = standing(generation)
+        self._standing = f"best {generation.best.fitness:.3f}, mean {generation.mean:.3f}"
+        if self._all > sum(self._finished[-1:]):
+            self._finished.append(self._all)
 
     def _show(self) -> None:
         if self._live:
@@ -82,15 +84,15 @@ class Progress:
             self._standing,
             f"missions {done}/{self._wanted}",
             f"{pace:.0f} simulated s/s",
-            f"{_clock(self._left(elapsed))} left" if self._worked else "",
+            f"{_clock(self._left() * elapsed / self._all)} left" if self._all else "",
         ]
         return " | ".join(part for part in parts if part)
 
-    def _left(self, elapsed: float) -> float:
-        """Seconds left, as if the generations to come took as long as those of this session."""
-        share = (self._known + self._flown) / self._wanted if self._wanted else 1.0
-        done = self._worked - 1 + share
-        return elapsed / done * (self._generations - self._generation - share) if done else 0.0
+    def _left(self) -> float:
+        """Missions left, as if the generations to come needed as many as those of this session."""
+        now = self._wanted - self._known - self._flown
+        each = self._finished[-1] / len(self._finished) if self._finished else self._wanted
+        return now + each * (self._generations - 1 - self._generation)
 
 
 def _clock(seconds: float) -> str:
@@ -125,7 +127,7 @@ class _LiveLine:
         self._live.start()
 
     def show(self, line: str) -> None:
-        self._live.update(self._text(line, overflow="ellipsis", no_wrap=True))
+        self._live.update(self._text(line))
 
     def stop(self) -> None:
         self._live.stop()
