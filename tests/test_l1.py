@@ -1,10 +1,9 @@
-"""ArduPilot's law: analytic outputs, the symmetry of left and right, the leg's ends, the weave."""
+"""ArduPilot's law: analytic outputs, the symmetry of left and right, the leg's ends."""
 
-import importlib.util
 import math
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
@@ -28,20 +27,13 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[1]
 FULL_LOCK = 0.6
 PERIOD = 0.1
-
-
-def benchmark() -> Any:
-    """``benchmarks/weave.py``, which drives the law along a leg with a kinematic bicycle."""
-    spec = importlib.util.spec_from_file_location("weave", ROOT / "benchmarks" / "weave.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+AXLE = 0.0  # [m]: the pose is that of the rear axle
 
 
 def started(law: L1) -> tuple[Array, Array]:
-    robot = cast("Robot", SimpleNamespace(drive=SimpleNamespace(steering_limit=FULL_LOCK)))
+    robot = cast(
+        "Robot", SimpleNamespace(drive=SimpleNamespace(steering_limit=FULL_LOCK, turning_x_m=AXLE))
+    )
     return law.start(robot, PERIOD, generator("seed", "layer"))
 
 
@@ -210,31 +202,6 @@ def test_every_bad_value_is_refused_in_one_line() -> None:
             with pytest.raises(InputError, match=rf"L1\.{key}") as refusal:
                 L1(**{key: cast(float, value)})
             assert "\n" not in str(refusal.value)
-
-
-# The weave
-
-
-@pytest.mark.parametrize("robot", ["DEFAULT", "AS_RUN"])
-def test_it_weaves_as_the_case_study_did_on_a_late_pose_and_not_on_an_exact_one(
-    robot: str,
-) -> None:
-    weave = benchmark()
-    bicycle = getattr(weave, robot)
-    for lag, hold in ((0.0, 0.0), (0.4, 0.5)):
-        low, high, _ = weave.swing(weave.drive(bicycle, lag, hold))
-        assert -5.0 < low < high < 9.0
-    low, high, period = weave.swing(weave.drive(bicycle, 0.9, 0.5))
-    assert -40.0 < low < -20.0
-    assert 20.0 < high < 40.0
-    assert period == pytest.approx(9.7, abs=0.5)
-
-
-def test_on_an_exact_pose_it_comes_to_the_leg_and_stays() -> None:
-    weave = benchmark()
-    track = weave.drive(weave.DEFAULT, 0.0)
-    assert abs(track[-1, 2]) < 0.01
-    assert abs(track[-1, 1]) < 0.01
 
 
 def test_the_configuration_states_the_defaults_and_the_lag() -> None:

@@ -367,19 +367,27 @@ def test_equal_draws_repeat_a_mission_and_others_do_not(experiment: Experiment) 
 
 
 def test_late_positions_make_ardupilots_law_weave(experiment: Experiment) -> None:
-    """Exact ones do not. The rover starts obliquely, for nothing else disturbs a simulation."""
+    """By 30 deg to either side, as the paper says (a 60 deg arc), every 9.7 s; exact ones do not.
+
+    The rover starts obliquely, for nothing else disturbs a simulation.
+    """
     swings = []
     for localization in ("autopilot_gps", "exact"):
         name = f"controller/localization={localization}"
         controller = build(compose(["controller=rover_l1", name])).controller
         assert isinstance(controller, Rover)
         course: dict[str, Any] = {
-            "waypoints": [[15.0, 0.0]],
-            "time_limit_s": 45.0,
+            "waypoints": [[30.0, 0.0]],
+            "time_limit_s": 60.0,
             "home_yaw_rad": 0.5,
         }
         blind = replace(controller, avoidance=Blind())
         _, rows = run_mission(task(experiment, experiment.simulator, blind, **course), mission())
-        swings.append(np.degrees(np.ptp(rows[rows[:, TIME] > 15.0, HEADING])))
-    assert swings[0] > 15.0
+        settled = rows[rows[:, TIME] > 15.0]
+        swings.append(np.degrees(np.ptp(settled[:, HEADING])))
+        if localization == "autopilot_gps":
+            rising = np.flatnonzero((settled[1:, HEADING] > 0) & (settled[:-1, HEADING] <= 0))
+            period = float(np.diff(settled[rising, TIME]).mean())
+    assert swings[0] == pytest.approx(60.0, abs=12.0)
+    assert period == pytest.approx(9.7, abs=0.7)
     assert swings[1] < 2.0

@@ -47,7 +47,8 @@ if TYPE_CHECKING:
     LOCK,  # [rad/deg]
     LEAST_SPEED,  # [m/s]
     INTERRUPTION,  # [s]
-) = range(13)
+    AXLE,  # [m]
+) = range(14)
 
 # The rule's memory.
 CROSSTRACK, INTEGRAL, LAST_OUTPUT, LAST_TIME = range(4)
@@ -77,10 +78,11 @@ def track(
     """
     speed = max(float(state[SPEED]), STILL)
     look_ahead = float(parameters[LOOK_AHEAD]) * speed
-    x = float(state[X]) - float(leg[FROM_X])
-    y = float(state[Y]) - float(leg[FROM_Y])
-    distance = math.sqrt(x * x + y * y)
     yaw = float(state[YAW])
+    axle = float(parameters[AXLE])
+    x = float(state[X]) + axle * math.cos(yaw) - float(leg[FROM_X])
+    y = float(state[Y]) + axle * math.sin(yaw) - float(leg[FROM_Y])
+    distance = math.sqrt(x * x + y * y)
     if math.isnan(distance + yaw + speed):
         return False
     if time - float(memory[LAST_TIME]) > float(parameters[INTERRUPTION]):
@@ -141,7 +143,9 @@ class L1:
 
     It was made for speeds above ``least_speed_mps``: on a slow robot with a late pose the heading
     swings by some 30 deg, the serpentine of the 2018 paper (Evo-ROS); with an exact pose it goes
-    straight. The yaw rate is a gyroscope's, which no localization delays.
+    straight. The yaw rate is a gyroscope's, which no localization delays. What is led along the
+    route is the point that moves as the robot heads, the centre of the rear axle: a point ahead of
+    it would know of every turn before the robot has made it.
 
     Raises:
         InputError: a value outside of its range.
@@ -189,7 +193,7 @@ class L1:
 
     def start(self, robot: "Robot", period: float, rng: Generator) -> tuple[Array, Array]:
         """Parameters with the gains for this control period; memory with empty integrals."""
-        parameters = np.zeros(INTERRUPTION + 1)
+        parameters = np.zeros(AXLE + 1)
         parameters[CRUISE] = self.speed_mps
         parameters[LOOK_AHEAD] = self.damping * self.period_s / math.pi
         parameters[K_L1] = 4.0 * self.damping * self.damping
@@ -204,6 +208,7 @@ class L1:
         parameters[LEAST_SPEED] = self.least_speed_mps
         # What has been integrated is out of date once avoidance has driven for a while.
         parameters[INTERRUPTION] = max(1.0, 1.5 * period)
+        parameters[AXLE] = robot.drive.turning_x_m
         memory = np.zeros(LAST_TIME + 1)
         memory[LAST_TIME] = -math.inf
         return parameters, memory
