@@ -1,8 +1,11 @@
 """The documents say what the code does: keys, columns, modules, commands and examples."""
 
+import ast
+import inspect
 import re
 import shlex
 import sys
+import types
 from collections.abc import Iterator, Mapping
 from itertools import islice
 from pathlib import Path
@@ -14,6 +17,7 @@ import yaml
 from omegaconf import DictConfig
 
 import evoros
+import evoros.api
 from evoros.config import build, compose
 from evoros.experiment import Experiment
 from evoros.jobs import Job, Jobs, options_of
@@ -24,7 +28,7 @@ from evoros.types import Array
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS, CONF = ROOT / "docs", ROOT / "conf"
-DOCUMENTS = ("configuration", "extending", "run_folder")
+DOCUMENTS = ("configuration", "run_folder", "architecture", "extending", "python")
 
 
 def text(name: str) -> str:
@@ -163,7 +167,7 @@ def test_the_commands_compose_and_build(
 
 # The part replaces one of these; the fitness, optimizer and executor do not touch a mission.
 FLIGHT = ("robot", "sensor", "filter", "failure", "controller", "simulator")
-SMALL = ["optimizer.population_size=3", "optimizer.generations=2", "optimizer.validation_trials=1"]
+SMALL = ["optimizer.population_size=2", "optimizer.generations=2", "optimizer.validation_trials=1"]
 
 
 LIMIT = "world.yard.course.time_limit_s=5"
@@ -312,3 +316,135 @@ def test_the_replay_of_a_mission_gives_what_was_recorded(finished: evoros.Run) -
         exec(block.replace("iloc[-1]", f"iloc[{number}]"), names)
         assert names["outcome"].progress == names["row"].progress
         assert names["outcome"].least_clearance_m == names["row"].least_clearance_m
+
+
+# Architecture -------------------------------------------------------------------------------
+
+
+def modules() -> dict[str, Path]:
+    names = (*(ROOT / "evoros").rglob("*.py"), *(ROOT / "analysis").rglob("*.py"))
+    return {str(path.relative_to(ROOT)): path for path in names}
+
+
+def imported(path: Path) -> set[str]:
+    """The modules that a file imports when it runs, dotted; those of evoros by their full name."""
+    tree = ast.parse(path.read_text())
+    names: set[str] = set()
+    checking = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+        for inner in ast.walk(node)
+    }
+    for node in ast.walk(tree):
+        if id(node) in checking:
+            continue
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.add(node.module)
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def ours(path: Path) -> set[str]:
+    """Which modules and packages of evoros a file imports: the first name behind ``evoros.``"""
+    known = {Path(name).parts[1].removesuffix(".py") for name in modules() if "evoros" in name}
+    inside = {name.split(".")[1] for name in imported(path) if name.startswith("evoros.")}
+    return inside & known
+
+
+def named(cell: str) -> list[str]:
+    return [part.strip(" `") for part in cell.split(",")]
+
+
+def test_every_module_is_in_its_room_and_every_room_exists() -> None:
+    rooms = [row[0] for row in table(text("architecture"), "module") if row[0].endswith(".py")]
+    assert len(rooms) == len(set(rooms))
+    assert set(rooms) == {name for name in modules() if name.startswith("evoros/")}
+
+
+def test_libraries_are_imported_only_where_the_document_says() -> None:
+    for library, places in table(text("architecture"), "library"):
+        importers = {
+            name
+            for name, path in modules().items()
+            if any(each.split(".")[0] == library for each in imported(path))
+        }
+        allowed = named(places)
+        assert importers, library
+        for name in importers:
+            assert any(name == p or (p.endswith("/") and name.startswith(p)) for p in allowed), name
+        for place in allowed:
+            assert any(name.startswith(place) for name in importers), (library, place)
+
+
+def test_imports_point_the_way_that_the_document_says() -> None:
+    for places, forbidden in table(text("architecture"), "these"):
+        for place in named(places):
+            files = [path for name, path in modules().items() if name.startswith(place)]
+            assert files, place
+            for path in files:
+                if forbidden.startswith("anything"):
+                    excepted = set(named(forbidden.removeprefix("anything but")))
+                    assert ours(path) <= excepted, path
+                else:
+                    assert not ours(path) & set(named(forbidden)), path
+
+
+# Python -------------------------------------------------------------------------------------
+
+
+def test_every_public_name_is_documented_and_no_other() -> None:
+    rows = [row[0] for row in table(text("python"), "name")]
+    assert {re.sub(r"\(.*", "", row).removeprefix("evoros.") for row in rows} == set(evoros.__all__)
+    for row in rows:
+        function = getattr(evoros, re.sub(r"\(.*", "", row).removeprefix("evoros."))
+        for argument in re.findall(r"\w+", row.partition("(")[2]):
+            assert argument in inspect.signature(function).parameters, row
+
+
+def test_every_attribute_of_a_run_is_documented() -> None:
+    public = {name for name in dir(evoros.Run) if not name.startswith("_")} | {"path"}
+    assert {row[0].split("(")[0] for row in table(text("python"), "attribute")} == public
+
+
+class Cma:
+    """Stands for the library: asks for uniform draws."""
+
+    def __init__(self, start: list[float], sigma: float, options: dict[str, Any]) -> None:
+        self.size, self.rng, self.told = len(start), np.random.default_rng(0), 0
+
+    def ask(self) -> list[Array]:
+        return [self.rng.random(self.size) for _ in range(2)]
+
+    def tell(self, genomes: list[Array], values: list[float]) -> None:
+        assert len(genomes) == len(values)
+        assert all(value <= 0 for value in values)  # fitness is maximized, cma minimizes
+        self.told += 1
+
+
+def test_the_examples_in_python_run(
+    finished: evoros.Run, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With the configuration of the example's simulator in place of the one that is typed."""
+    cma = types.ModuleType("cma")
+    cma.CMAEvolutionStrategy = Cma  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "cma", cma)
+    typed: list[str] = []
+
+    def quicker(overrides: Any) -> DictConfig:
+        typed.extend(overrides)
+        # The link and the worlds of the document stay: only what costs time is replaced.
+        worlds = [f"world.{name}.course.time_limit_s=0.1" for name in ("boxes", "maze", "blocks")]
+        small = [] if "experiment=quickstart" not in overrides else SMALL
+        rest = ["simulator=kinematic", "executor=serial", *worlds, *small]
+        return compose([*overrides, *rest], "mine")
+
+    monkeypatch.setattr(evoros.api, "_composed", quicker)
+    for block in code("python"):
+        less = block.replace("range(10)", "range(1)").replace("generations=5", "generations=3")
+        exec(less, {"__name__": "__main__"})
+    assert {"seed=1", "trials=3", "trials=2"} <= set(typed)
+    said = capsys.readouterr().out
+    assert all(word in said for word in ("maze_progress", "validated_fitness", "yard"))
