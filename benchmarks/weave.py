@@ -13,12 +13,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from evoros.config import build, compose
+from evoros.controller.rover import Rover
 from evoros.experiment import Experiment
 from evoros.filter.delay import Delay
 from evoros.filter.hold import Hold
 from evoros.mission import Mission, run_mission
 from evoros.outcome import HEADING, TIME
-from evoros.types import Array, Design
+from evoros.types import Array, Design, Filter
 from evoros.world import Course, World
 
 SETTLED_S = 20.0  # the way back to the leg is not counted
@@ -39,8 +40,10 @@ def heading(robot: str, lag_s: float, hold_s: float) -> Array:
     experiment = build(
         compose([f"robot={robot}", "controller=rover_l1", "controller/avoidance=blind"])
     )
-    late = {"hold": Hold(hold_s)} if hold_s else {}
-    controller = replace(experiment.controller, localization=late | {"delay": Delay(lag_s)})
+    late: dict[str, Filter] = {"hold": Hold(hold_s)} if hold_s else {}
+    controller = experiment.controller
+    assert isinstance(controller, Rover)
+    controller = replace(controller, localization=late | {"delay": Delay(lag_s)})
     task = replace(experiment.task, controller=controller, world={"leg": leg(experiment)})
     mission = Mission(0, 0, Design(()), "leg", 0, "evaluation", "weave")
     _, track = run_mission(task, mission)
