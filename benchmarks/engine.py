@@ -170,7 +170,7 @@ CHOICES = {
 def running(choice: str, robots: dict[str, Robot], world: World) -> tuple[Any, Any]:
     """An engine that drives a curve at home, and its client."""
     engine = pybullet_model.Engine(Without(import_pybullet(), choice))
-    settings = pybullet_model.Settings(0.02, int(choice) if choice.isdigit() else 20, 1.0)
+    settings = pybullet_model.Settings(0.025, int(choice) if choice.isdigit() else 20, 1.0, 0.05)
     robot = robots["cylinder" if choice == "cylinder" else "sphere"]
     merge = rigid.merged
     if choice == "links":
@@ -179,7 +179,7 @@ def running(choice: str, robots: dict[str, Robot], world: World) -> tuple[Any, A
         model = engine.prepare(robot, world, settings)
     finally:
         vars(pybullet_model)["merged"] = merge
-    simulation = PyBulletSimulation(engine.bullet, engine.client, model, robot, 0.02)
+    simulation = PyBulletSimulation(engine.bullet, engine.client, model, robot, settings)
     simulation.advance(np.array([0.1, 0.6]), 2.0)
     return engine, import_pybullet().stepSimulation
 

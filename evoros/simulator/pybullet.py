@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from evoros.errors import COUNT, POSITIVE, InputError, Rule, check, is_number
+from evoros.errors import COUNT, NOT_NEGATIVE, POSITIVE, InputError, Rule, check, is_number
 from evoros.robot import Robot
 from evoros.simulator.pybullet_model import Engine, Settings
 from evoros.simulator.pybullet_simulation import PyBulletSimulation
@@ -41,12 +41,19 @@ class PyBullet:
         InputError: a value out of range.
     """
 
-    time_step: float = 0.02  # [s]
+    time_step: float = 0.025  # [s]
     solver_iterations: int = 20
     wheel_friction: float = 1.0  # of all wheels alike; the engine multiplies it with the ground's
+    steering_lag_s: float = 0.05  # time constant of the steering servos
 
     def __post_init__(self) -> None:
-        check(self, time_step=STEP, solver_iterations=COUNT, wheel_friction=POSITIVE)
+        check(
+            self,
+            time_step=STEP,
+            solver_iterations=COUNT,
+            wheel_friction=POSITIVE,
+            steering_lag_s=NOT_NEGATIVE,
+        )
 
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator[PyBulletSimulation]:
@@ -59,11 +66,13 @@ class PyBullet:
             InputError: PyBullet is not installed.
             SimulationError: PyBullet refuses the robot or the world.
         """
-        settings = Settings(self.time_step, self.solver_iterations, self.wheel_friction)
+        settings = Settings(
+            self.time_step, self.solver_iterations, self.wheel_friction, self.steering_lag_s
+        )
         engine = _idle().pop() if _idle() else Engine(import_pybullet())
         try:
             model = engine.prepare(robot, world, settings)
-            yield PyBulletSimulation(engine.bullet, engine.client, model, robot, self.time_step)
+            yield PyBulletSimulation(engine.bullet, engine.client, model, robot, settings)
         except BaseException:
             engine.close()
             raise

@@ -31,6 +31,7 @@ class Settings(NamedTuple):
     time_step: float
     solver_iterations: int
     wheel_friction: float
+    steering_lag_s: float
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,8 @@ from typing import Any
 import numpy as np
 
 from evoros.robot import Robot
-from evoros.simulator.pybullet_model import SEEN, Model
+from evoros.simulator.pybullet_model import SEEN, Model, Settings
 from evoros.types import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
-
-STEERING_LAG_S = 0.05
-"""Time constant of the steering servos. The engine's own gain would make it ten time steps."""
 
 MOST_RAYS = 16_383  # that one call of rayTestBatch takes
 
@@ -22,12 +19,11 @@ class PyBulletSimulation:
     """
 
     def __init__(
-        self, bullet: Any, client: int, model: Model, robot: Robot, time_step: float
+        self, bullet: Any, client: int, model: Model, robot: Robot, settings: Settings
     ) -> None:
         self._bullet, self._client, self._model = bullet, client, model
-        self._drive, self._time_step = robot.drive, time_step
-        gain = -math.expm1(-time_step / STEERING_LAG_S)  # share of the error made up in a step
-        self._gains = (gain,) * len(model.steering)
+        self._drive, self._time_step = robot.drive, settings.time_step
+        self._gains = (_gain(settings),) * len(model.steering)
         self._command: tuple[float, float] | None = None
         self._touched = False  # since the last observation
         self._beams = _beams(robot, bullet, model)
@@ -107,6 +103,16 @@ class PyBulletSimulation:
             forces=model.wheel_forces,
             physicsClientId=self._client,
         )
+
+
+def _gain(settings: Settings) -> float:
+    """The share of a steering error that is made up in one step.
+
+    The engine's own constant share would make the lag one of ten steps, however long they are.
+    """
+    if settings.steering_lag_s == 0.0:
+        return 1.0
+    return -math.expm1(-settings.time_step / settings.steering_lag_s)
 
 
 Beam = tuple[int, int, float, float]  # first ray, behind the last, least and greatest range [m]
