@@ -7,6 +7,7 @@ import shlex
 import sys
 import types
 from collections.abc import Iterator, Mapping
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -321,11 +322,13 @@ def test_the_replay_of_a_mission_gives_what_was_recorded(finished: evoros.Run) -
 # Architecture -------------------------------------------------------------------------------
 
 
+@cache
 def modules() -> dict[str, Path]:
     names = (*(ROOT / "evoros").rglob("*.py"), *(ROOT / "analysis").rglob("*.py"))
     return {str(path.relative_to(ROOT)): path for path in names}
 
 
+@cache
 def imported(path: Path) -> set[str]:
     """The modules that a file imports when it runs, dotted; those of evoros by their full name."""
     tree = ast.parse(path.read_text())
