@@ -3,6 +3,7 @@
 Whatever is wrong becomes an InputError of one line (``messages.py``).
 """
 
+import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -155,6 +156,11 @@ def read(path: Path) -> DictConfig:
     if not isinstance(config, DictConfig):
         raise InputError(f"{path}: must be a mapping of keys to values; restore the file")
     return config
+
+
+def to_values(config: DictConfig) -> str:
+    """All values with their references resolved, to be compared and not to be kept."""
+    return json.dumps(OmegaConf.to_container(without_hydra(config), resolve=True), default=str)
 
 
 def to_text(config: DictConfig) -> str:

@@ -16,8 +16,11 @@ from evoros.record import FORMAT_VERSION
 PACKAGES = ("evoros", "numpy", "scipy", "pybullet", "hydra-core", "omegaconf", "xacro", "lxml")
 
 
-def manifest(experiment: Experiment, config: str) -> dict[str, Any]:
-    """The content of ``manifest.json`` for a new run whose ``config.yaml`` is ``config``."""
+def manifest(experiment: Experiment, config: str, values: str) -> dict[str, Any]:
+    """The content of ``manifest.json`` for a new run whose ``config.yaml`` is ``config``.
+
+    ``values`` is the configuration with its references resolved.
+    """
     return {
         "format_version": FORMAT_VERSION,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -28,18 +31,23 @@ def manifest(experiment: Experiment, config: str) -> dict[str, Any]:
         "python": platform.python_version(),
         "platform": platform.platform(),
         "processor": _processor(),
-        "sha256": {"configuration": _sha256(config), **hashes(experiment)},
+        "sha256": hashes(experiment, config, values),
     }
 
 
-def hashes(experiment: Experiment) -> dict[str, str]:
-    """Of the files that the experiment was built from."""
+def hashes(experiment: Experiment, config: str, values: str) -> dict[str, str]:
+    """Of all that the experiment was built from."""
     worlds = {f"world.{name}": world.source_sha256 for name, world in experiment.world.items()}
-    return {"robot": _sha256(experiment.robot.urdf), **worlds}
+    return {
+        "configuration": _sha256(config),
+        "configuration (what its ${...} refer to)": _sha256(values),
+        "robot": _sha256(experiment.robot.urdf),
+        **worlds,
+    }
 
 
 def check_unchanged(
-    folder: Path, recorded: Mapping[str, Any], experiment: Experiment, config: str
+    folder: Path, recorded: Mapping[str, Any], experiment: Experiment, config: str, values: str
 ) -> None:
     """Before resuming: the run must be made of what it was made of when it began.
 
@@ -51,7 +59,7 @@ def check_unchanged(
             f"{folder / 'manifest.json'}: format_version must be {FORMAT_VERSION}, not "
             f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
         )
-    now = {"configuration": _sha256(config), **hashes(experiment)}
+    now = hashes(experiment, config, values)
     for name, value in recorded.get("sha256", {}).items():
         if now.get(name) != value:
             raise InputError(

@@ -113,8 +113,9 @@ def start(config: DictConfig, folder: Path, display: Display) -> Generation:
     require_unused(folder)  # before anything is built, which may take seconds
     experiment = configuration.build(config)
     content = configuration.to_text(config)
+    described = manifest(experiment, content, configuration.to_values(config))
     generations = experiment.optimizer.generations
-    with RunFolder.create(folder, content, manifest(experiment, content)) as record:
+    with RunFolder.create(folder, content, described) as record:
         return _evolve(experiment, record, generations, display)
 
 
@@ -132,16 +133,12 @@ def resume(
         InputError: no run there, another override, or what the run is made of has changed.
         RunStopped: as in ``start``.
     """
-    if not (folder / CONFIG).is_file() or not (folder / MANIFEST).is_file():
-        raise InputError(
-            f"resume={folder}: must be the folder of a run, with {CONFIG} and {MANIFEST}; "
-            f"give such a folder"
-        )
-    text, recorded = (folder / CONFIG).read_text(errors="replace"), _read_manifest(folder)
-    config, asked = _overridden(configuration.read(folder / CONFIG), overrides, config_dir)
+    recorded, config = _read_manifest(folder), configuration.read(folder / CONFIG)
+    text = (folder / CONFIG).read_text()
+    changed, asked = _overridden(config.copy(), overrides, config_dir)
     with _where_it_began(recorded):
-        experiment = configuration.build(config)
-    check_unchanged(folder, recorded, experiment, text)
+        experiment = configuration.build(changed)
+    check_unchanged(folder, recorded, experiment, text, configuration.to_values(config))
     with RunFolder(folder) as record:
         reached = record.read_status().get("generations")
         known = reached if isinstance(reached, int) else experiment.optimizer.generations
@@ -188,6 +185,11 @@ def _where_it_began(recorded: Mapping[str, Any]) -> Iterator[None]:
 
 
 def _read_manifest(folder: Path) -> Mapping[str, Any]:
+    if not (folder / CONFIG).is_file() or not (folder / MANIFEST).is_file():
+        raise InputError(
+            f"resume={folder}: must be the folder of a run, with {CONFIG} and {MANIFEST}; "
+            f"give such a folder"
+        )
     try:
         content = json.loads((folder / MANIFEST).read_text())
     except ValueError as error:

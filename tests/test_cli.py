@@ -247,9 +247,9 @@ def test_a_failure_of_the_simulation_is_the_worst_with_a_reason(tmp_path: Path) 
 def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
     number: signal.Signals, status: int, tmp_path: Path
 ) -> None:
-    arguments = ["-m", *TINY, "executor.workers=2", "simulator.pause_s=0.2", "seed=0,1"]
+    arguments = ["-m", *TINY, "executor.workers=2", "simulator.pause_s=0.1", "seed=0,1"]
     process = start([*arguments, "hydra.sweep.dir=sweep"], tmp_path)
-    first = tmp_path / "sweep" / "experiment-tiny_workers-2_pause_s-0.2_seed-0"
+    first = tmp_path / "sweep" / "experiment-tiny_workers-2_pause_s-0.1_seed-0"
     wait_for_missions(first, 3)
     process.send_signal(number)
     _, err = process.communicate(timeout=20)
@@ -258,7 +258,7 @@ def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
     assert "hydra.sweep.dir=sweep" in err
     assert "Traceback" not in err
     assert [path.name for path in (tmp_path / "sweep").iterdir()] == [first.name]
-    assert resume(first, "executor=serial") == DONE
+    assert resume(first, "executor.workers=4") == DONE
 
 
 def wait_for_missions(run: Path, count: int) -> None:

@@ -3,6 +3,7 @@ import os
 import random
 import signal
 import subprocess
+import time
 from pathlib import Path
 
 import pytest
@@ -64,7 +65,18 @@ def test_a_killed_run_ends_with_the_same_bytes_and_leaves_no_process(
     process.communicate(timeout=20)
     assert resume(tmp_path / "run", "executor.workers=1") == DONE
     assert content(tmp_path / "run") == content(whole)
-    assert not any(Path(f"/proc/{worker}").exists() for worker in workers)
+    deadline = time.monotonic() + 10
+    while any(map(lives, workers)) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not any(map(lives, workers))
+
+
+def lives(pid: int) -> bool:
+    """Whether the process is there and no zombie that its new parent has yet to bury."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 def children(pid: int) -> list[int]:
@@ -200,6 +212,22 @@ def test_files_may_be_relative_and_the_run_resumed_from_anywhere(
     err = capsys.readouterr().err
     assert "world.near must be as it was when the run began" in err
     assert err.count("\n") == 1
+
+
+def test_what_the_configuration_refers_to_must_not_change_either(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("EVOROS_NAME", "15")
+    reference = "world.near.name=${oc.env:EVOROS_NAME}"
+    assert tiny(tmp_path / "run", reference, "optimizer.generations=1") == DONE
+    assert resume(tmp_path / "run") == DONE
+    monkeypatch.setenv("EVOROS_NAME", "16")
+    capsys.readouterr()
+    assert resume(tmp_path / "run") == INPUT
+    assert "refer to" in capsys.readouterr().err
+    monkeypatch.delenv("EVOROS_NAME")
+    assert resume(tmp_path / "run") == INPUT
+    assert "world.near.name: " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("folder", ["", "nix", ".", "..", "a,b", "${oc.env:HOME}", "nix=1"])
