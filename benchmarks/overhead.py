@@ -16,11 +16,12 @@ import numpy as np
 
 from evoros.config import build, compose
 from evoros.experiment import Experiment
-from evoros.mission import Mission, Task, run_mission
+from evoros.mission import Mission, run_mission
 from evoros.outcome import AT_X, AT_Y
 from evoros.robot import Robot
 from evoros.simulator.pybullet import PyBullet
 from evoros.simulator.pybullet_model import SEEN
+from evoros.task import Task
 from evoros.types import STATE_SIZE, Array, X, Y
 from evoros.world import World
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from evoros.errors import EvorosError, InputError, RunStopped, WorkerLost
 from evoros.fitness import Fitness
-from evoros.mission import Mission, Place, Task, not_flown, run_mission
+from evoros.mission import Mission, Place, not_flown, run_mission
 from evoros.outcome import LOST, Outcome
+from evoros.task import Task
 from evoros.types import Array, Design, Pool
 
 Result = TypeVar("Result")

@@ -10,13 +10,14 @@ from evoros.errors import COUNT, WHOLE, check, instance_of, one_of
 from evoros.evaluation import POLICIES, STOP, WORST, Plan, compute, fitness_of, trajectories
 from evoros.fitness import Fitness
 from evoros.genes import check_genes
-from evoros.mission import Mission, Task
+from evoros.mission import Mission
 from evoros.outcome import Outcome
 from evoros.record import RunFolder
 from evoros.rng import generator
 from evoros.robot import Robot
 from evoros.search import Candidate, Optimizer
 from evoros.tables import design_table, gene_table, generation_table, trajectory_table
+from evoros.task import Task
 from evoros.types import Controller, Design, Executor, Failure, Pool, Simulator
 from evoros.world import World
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evoros.geometry import clearances, footprint, lowest
+from evoros.geometry import clearances, footprints
 from evoros.robot import Robot
 from evoros.types import Array, Fault
 from evoros.world import World
@@ -164,12 +164,7 @@ def _least_distances(track: Array, world: World) -> tuple[float, ...]:
 
 def _least_clearance(track: Array, robot: Robot, world: World) -> float:
     """Least distance [m] between the robot's outline and any obstacle's; NaN without obstacles."""
-    outlines = [
-        footprint(shape, pose)
-        for body in world.obstacles
-        for shape in body.shapes
-        if lowest(shape, pose := body.pose @ shape.pose) <= robot.height_m
-    ]
+    outlines = footprints(world.obstacles, robot.height_m)
     if not outlines:
         return float("nan")
     poses = np.ascontiguousarray(track[:, [AT_X, AT_Y, HEADING]])

@@ -19,10 +19,11 @@ from evoros.controller.rover import Rover
 from evoros.errors import InputError
 from evoros.experiment import Experiment
 from evoros.filter.gaussian_noise import GaussianNoise
-from evoros.mission import Mission, Task, run_mission
+from evoros.mission import Mission, run_mission
 from evoros.outcome import HEADING, MODE, TIME, TRAJECTORY
 from evoros.robot import Robot
 from evoros.sensor.sonar import Sonar
+from evoros.task import Task
 from evoros.types import (
     CONTACT,
     DRIVE_SPEED,

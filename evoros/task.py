@@ -1,0 +1,72 @@
+"""What a mission needs besides its design and draws: the parts, and that they fit together."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from evoros.design import SensorDesign
+from evoros.errors import InputError, check, instance_of, mapping_of
+from evoros.genes import replaced
+from evoros.robot import Robot
+from evoros.types import Controller, Design, Failure, Simulator
+from evoros.world import World
+
+
+@dataclass(frozen=True)
+class Task:
+    """All that a mission needs besides the design, the world's name and the draws.
+
+    The field names are the groups of the configuration, so that the key of an evolved value
+    (``controller.avoidance.range_m``) is its place in here.
+
+    Raises:
+        InputError: a part of the wrong kind, or a period that is no multiple of the time step.
+    """
+
+    robot: Robot
+    world: Mapping[str, World]
+    design: SensorDesign
+    failure: Failure
+    controller: Controller
+    simulator: Simulator
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            robot=instance_of(Robot, "a robot"),
+            world=mapping_of(World, "worlds"),
+            design=instance_of(SensorDesign, "a sensor design"),
+            failure=instance_of(Failure, "a failure model (draw)"),
+            controller=instance_of(Controller, "a controller (period_s, localization and open)"),
+            simulator=instance_of(Simulator, "a simulator (time_step and open)"),
+        )
+        if not self.world:
+            raise InputError("world: must have at least one world, not none; add world=case_study")
+        self.steps_of("controller.period_s", self.controller.period_s)
+        for name, sensor in self.design.sensors.items():
+            self.steps_of(f"design.sensors.{name}.period_s", sensor.period_s)
+
+    def steps_of(self, key: str, period: float) -> int:
+        """How many time steps a period has.
+
+        Raises:
+            InputError: it is no whole multiple.
+        """
+        step = self.simulator.time_step
+        count = round(period / step)
+        if count < 1 or not math.isclose(count * step, period, rel_tol=1e-9):
+            nearest = max(1, count) * step
+            raise InputError(
+                f"{key}: must be a whole multiple of simulator.time_step ({step:g} s), "
+                f"not {period:g} s; set it to {nearest:g}, or choose another step"
+            )
+        return count
+
+    def embody(self, design: Design) -> "Task":
+        """This task with the robot carrying the design's sensors and its evolved values applied.
+
+        Raises:
+            InputError: a value that the part refuses, a sensor that cannot be mounted.
+        """
+        task = replaced(self, design.values)
+        return replace(task, robot=task.robot.equipped(design.mounts, task.design.sensors))
