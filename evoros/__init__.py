@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from evoros.api import Evaluator, evaluate, resume, run
     from evoros.config import compose
     from evoros.errors import EvorosError, InputError, RunStopped
+    from evoros.history import replay
     from evoros.runs import Run, load_run
 
 _HOMES = {
@@ -26,6 +27,7 @@ _HOMES = {
     "compose": "evoros.config",
     "evaluate": "evoros.api",
     "load_run": "evoros.runs",
+    "replay": "evoros.history",
     "resume": "evoros.api",
     "run": "evoros.api",
 }
@@ -39,6 +41,7 @@ __all__ = [
     "compose",
     "evaluate",
     "load_run",
+    "replay",
     "resume",
     "run",
 ]

@@ -1,6 +1,7 @@
 """From genes in 0..1 to values, and from values to the parts of an experiment that hold them."""
 
 import dataclasses
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -11,7 +12,13 @@ Part = TypeVar("Part")
 
 # What an individual *is* may evolve. Its worlds, failures and simulator are the test: evolution
 # would make the test easier rather than the robot better. The rest of the robot comes from files.
-EVOLVABLE = ("controller.", "robot.drive.", "design.sensors.")
+EVOLVABLE = (
+    "controller.",
+    "design.sensors.",
+    "robot.drive.max_speed_mps",
+    "robot.drive.steering_limit_rad",
+)
+CLOCK = re.compile(r"controller\.period_s|design\.sensors\.[^.]+\.period_s")
 
 
 def _is_interval(value: object) -> bool:
@@ -42,7 +49,7 @@ def chosen(gene: float, count: int) -> int:
 class Gene:
     """One evolved value: the dotted key of a number in the configuration, and its range.
 
-    The key starts with ``controller.``, ``robot.drive.`` or ``design.sensors.``.
+    The key starts with one of ``EVOLVABLE``, and is not a period of the controller or a sensor.
     """
 
     key: str
@@ -56,6 +63,9 @@ class Gene:
             rule = f"must be a dotted key that starts with {' or '.join(EVOLVABLE)}"
             cure = "worlds, failures and the simulator are the test and do not evolve"
             raise invalid(self, "key", self.key, rule, cure)
+        if CLOCK.fullmatch(self.key):
+            rule = "must not be a period that has to be a multiple of the time step"
+            raise invalid(self, "key", self.key, rule, "choose another key")
         if self.high < self.low:
             raise invalid(self, "high", self.high, f"must be at least low, which is {self.low}")
         if self.whole and not (is_whole(self.low) and is_whole(self.high)):

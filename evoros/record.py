@@ -218,5 +218,8 @@ def _draw_up(path: Path, config: str, manifest: Mapping[str, Any]) -> None:
 def write_atomically(path: Path, content: str) -> None:
     """The file has either its old content or the new one, whenever the process is killed."""
     draft = path.with_name(f".{path.name}.part")
-    draft.write_text(content)
+    with draft.open("w") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())  # before the name: a loss of power must not leave an empty file
     draft.replace(path)

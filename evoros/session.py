@@ -119,6 +119,20 @@ def start(config: DictConfig, folder: Path, display: Display) -> Generation:
         return _evolve(experiment, record, generations, display)
 
 
+def rebuild(folder: Path) -> Experiment:
+    """The experiment of a recorded run. This runs the code that its configuration names.
+
+    Raises:
+        InputError: no run there, or what it is made of has changed.
+    """
+    recorded, config = _read_manifest(folder), configuration.read(folder / CONFIG)
+    with _where_it_began(recorded):
+        experiment = configuration.build(config.copy())
+    text = (folder / CONFIG).read_text()
+    check_unchanged(folder, recorded, experiment, text, configuration.to_values(config))
+    return experiment
+
+
 def resume(
     folder: Path,
     overrides: Sequence[str],

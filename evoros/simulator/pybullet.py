@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from importlib.util import find_spec
 from typing import Any
 
 from evoros.errors import COUNT, NOT_NEGATIVE, POSITIVE, InputError, Rule, check, is_number
@@ -54,6 +55,8 @@ class PyBullet:
             wheel_friction=POSITIVE,
             steering_lag_s=NOT_NEGATIVE,
         )
+        if find_spec("pybullet") is None:
+            raise _not_installed()
 
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator[PyBulletSimulation]:
@@ -96,12 +99,16 @@ def import_pybullet() -> Any:
         with _quiet():
             import pybullet
     except ImportError as error:
-        raise InputError(
-            "simulator=pybullet: PyBullet is not installed; it publishes wheels up to Python "
-            "3.11: install evoros with Python 3.11, or build PyBullet with `pip install pybullet` "
-            "and a C++ compiler"
-        ) from error
+        raise _not_installed() from error
     return pybullet
+
+
+def _not_installed() -> InputError:
+    return InputError(
+        "simulator=pybullet: PyBullet must be installed and is not, for it publishes wheels up to "
+        "Python 3.11 only; install evoros with Python 3.11, or build PyBullet with "
+        "`pip install pybullet` and a C++ compiler"
+    )
 
 
 @contextmanager

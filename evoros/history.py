@@ -1,0 +1,68 @@
+"""What a recorded run did, computed again from its folder: designs and single missions."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from evoros import session
+from evoros.errors import InputError
+from evoros.experiment import Experiment
+from evoros.mission import Mission, run_mission
+from evoros.outcome import TRAJECTORY, Outcome
+from evoros.rng import generator
+from evoros.runs import Run, load_run
+from evoros.types import Array, Design
+
+
+def replay(
+    folder: str | Path, generation: int, design: int, world: str, trial: int
+) -> tuple[Outcome, pd.DataFrame]:
+    """Fly one recorded mission of a run again, in this process; its result is the same.
+
+    The four numbers and names are those of its row in ``missions.csv``. Returns its outcome and
+    its trajectory, with the columns of ``champion/trajectory_WORLD.csv``. This builds the run's
+    experiment, so it runs the code that its configuration names.
+
+    Raises:
+        InputError: no such run or mission, or the run was made by another version.
+    """
+    run = load_run(folder)
+    rows = run.missions.set_index(["generation", "design", "world", "trial"])
+    place = (generation, design, world, trial)
+    if place not in rows.index:
+        raise InputError(
+            f"{folder}: must have a mission of design {design} in {world}, generation "
+            f"{generation}, trial {trial}, and has none; take the values from missions.csv"
+        )
+    experiment = session.rebuild(run.path)
+    row = rows.loc[[place]].iloc[0]
+    flown = designs(run, experiment)[design]
+    mission = Mission(
+        generation, design, flown, world, trial, str(row["purpose"]), str(row["draws"])
+    )
+    outcome, track = run_mission(experiment.task, mission)
+    return outcome, trajectory_frame(track)
+
+
+def designs(run: Run, experiment: Experiment) -> dict[int, Design]:
+    """Every design that the run has proposed so far, by its id.
+
+    The optimizer proposes them again, told the fitness that the tables have.
+    """
+    search = experiment.optimizer.start(
+        experiment.space, generator(f"{experiment.seed}", "optimizer")
+    )
+    found = {one.id: experiment.space.decode(one.genome) for one in search.ask()}
+    if run.generations.empty:
+        return found
+    for _, table in run.generations.groupby("generation"):
+        fitness = table.drop_duplicates("id").set_index("id").fitness
+        search.tell([float(fitness[one.id]) for one in search.ask()])
+        found |= {one.id: experiment.space.decode(one.genome) for one in search.ask()}
+    return found
+
+
+def trajectory_frame(track: Array) -> pd.DataFrame:
+    """A trajectory (rows, columns + sensors) with its columns named."""
+    ranges = [f"range_{i}_m" for i in range(track.shape[1] - len(TRAJECTORY))]
+    return pd.DataFrame(track, columns=[*TRAJECTORY, *ranges])
