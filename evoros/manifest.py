@@ -13,7 +13,7 @@ from evoros.errors import InputError
 from evoros.experiment import Experiment
 from evoros.record import FORMAT_VERSION
 
-PACKAGES = ("evoros", "numpy", "scipy", "pybullet", "hydra-core", "omegaconf", "xacro", "lxml")
+PACKAGES = ("evoros", "numpy", "pybullet", "hydra-core", "omegaconf", "xacro", "lxml")
 
 
 def manifest(experiment: Experiment, config: str, values: str) -> dict[str, Any]:
