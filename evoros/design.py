@@ -150,7 +150,8 @@ class DesignSpace:
         """The design at ``genome`` (size,), values from 0 to 1.
 
         A placed sensor is followed by its twin where the design is mirrored. Where the number of
-        sensors evolves, the first so many are there.
+        sensors evolves, the first so many are there. The mounts have the robot's order (that of
+        ``Robot.equipped``): by the types in ``design.sensors``, those of one type as placed.
 
         Raises:
             InputError: the genome is not a vector of the closed unit cube.
@@ -162,13 +163,25 @@ class DesignSpace:
             mounts.append(mount)
             if self.design.mirrored:  # 0.0 - y rather than -y, so that no text ever says -0.0
                 mounts.append(replace(mount, y_m=0.0 - mount.y_m, yaw_deg=0.0 - mount.yaw_deg))
+        types = list(self.design.sensors)
+        mounts.sort(key=lambda mount: types.index(mount.sensor))
         evolved = {
             gene.key: gene.value(genes.get(name, 0.0)) for name, gene in self.design.genes.items()
         }
         return Design(tuple(mounts), evolved)
 
+    def same(self, one: Array, other: Array) -> bool:
+        """Whether two genomes decode to equal designs, as they do if only absent sensors differ.
+
+        Raises:
+            InputError: one of them is not a vector of the closed unit cube.
+        """
+        return self.decode(one) == self.decode(other)
+
     def values(self, genome: Array) -> dict[str, float | str]:
         """The decoded values for a table, by column; an absent sensor has empty texts and NaN.
+
+        The columns follow the genes: ``sensorN`` is the Nth placed sensor, whatever its type.
 
         Raises:
             InputError: the genome is not a vector of the closed unit cube.
@@ -188,10 +201,6 @@ class DesignSpace:
         for name, gene in self.design.genes.items():
             row[name] = gene.value(genes.get(name, 0.0))
         return row
-
-    def columns(self) -> tuple[str, ...]:
-        """The keys of ``values``, in order."""
-        return tuple(self.values(np.zeros(self.size)))
 
     @cached_property
     def _slot_columns(self) -> list[str]:

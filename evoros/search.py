@@ -79,6 +79,10 @@ class Space(Protocol):
         """All genes, each in one block, in the order in which a crossover may cut."""
         ...
 
+    def same(self, one: Array, other: Array, /) -> bool:
+        """Whether two genomes are equal designs, of which only one needs an evaluation."""
+        ...
+
 
 @runtime_checkable
 class Optimizer(Protocol):

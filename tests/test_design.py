@@ -208,14 +208,54 @@ def test_the_table_says_what_is_mounted(name: str) -> None:
     space = SPACES[name]
     for genome in np.random.default_rng(3).random((50, space.size)):
         values, design = space.values(genome), space.decode(genome)
-        assert tuple(values) == space.columns()
         mounts = design.mounts[:: 2 if space.design.mirrored else 1]
-        for i, mount in enumerate(mounts):
-            for field_name in ("x_m", "y_m", "yaw_deg"):
-                assert values[f"sensor{i}_{field_name}"] == getattr(mount, field_name)
-            assert values.get(f"sensor{i}_type", mount.sensor) == mount.sensor
+        (one,) = space.design.sensors if len(space.design.sensors) == 1 else ("",)
+        poses = ("x_m", "y_m", "yaw_deg")
+        tabled = [
+            (values.get(f"sensor{i}_type", one), *(values[f"sensor{i}_{name}"] for name in poses))
+            for i in range(len(mounts))
+        ]
+        types = list(space.design.sensors)
+        assert [(mount.sensor, *(getattr(mount, name) for name in poses)) for mount in mounts] == (
+            sorted(tabled, key=lambda row: types.index(str(row[0])))
+        )
         for gene_name, gene in space.design.genes.items():
             assert values[gene_name] == design.values[gene.key]
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_the_mounts_of_a_design_are_in_the_robots_order(name: str) -> None:
+    space = SPACES[name]
+    for genome in np.random.default_rng(6).random((50, space.size)):
+        mounts = space.decode(genome).mounts
+        assert ROBOT.equipped(mounts, space.design.sensors).mounts == mounts
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_genomes_are_the_same_where_only_absent_sensors_differ(name: str) -> None:
+    space, rng = SPACES[name], np.random.default_rng(7)
+    hidden = 0
+    for genome in rng.random((100, space.size)):
+        number = space.values(genome).get("number", space.design.most)
+        for block in space.blocks:
+            other = genome.copy()
+            other[list(block.genes)] = rng.random(len(block.genes))
+            absent = block.name.startswith("sensor") and int(block.name[6:]) >= int(number)
+            hidden += absent
+            if absent:
+                assert space.same(genome, other)
+            elif block.name not in ("number", "votes"):  # those have few values
+                assert not space.same(genome, other)
+        assert space.same(genome, genome.copy())
+    assert bool(hidden) == (space.design.least < space.design.most)
+
+
+def test_a_whole_number_that_stays_is_the_same_design() -> None:
+    space = SensorDesign({}, {}, 0, False, {"votes": VOTES}).space(ROBOT)
+    for one in np.linspace(0, 1, 41):
+        for other in np.linspace(0, 1, 41):
+            equal = VOTES.value(one) == VOTES.value(other)
+            assert space.same(np.array([one]), np.array([other])) == equal
 
 
 def test_constants_have_no_gene() -> None:

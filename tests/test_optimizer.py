@@ -15,6 +15,7 @@ from evoros.errors import InputError
 from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.optimizer.random_search import RandomSearch
 from evoros.search import Aspect, Block, Candidate, Individual, Optimizer, Search, Space
+from evoros.types import Array
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,17 @@ class Sensors:
             Block(f"{i}", (Aspect("place", (i + 1, i + 2), (i,)), Aspect("angle", (i + 3,))))
             for i in range(0, self.size, 4)
         )
+
+    def same(self, one: Array, other: Array) -> bool:
+        return np.array_equal(one, other)
+
+
+@dataclass(frozen=True)
+class Steps(Sensors):
+    """Few designs: each gene has two values, and the last sensor is absent."""
+
+    def same(self, one: Array, other: Array) -> bool:
+        return np.array_equal(one[:-4] < 0.5, other[:-4] < 0.5)
 
 
 THREE = Sensors(3)
@@ -172,17 +184,17 @@ def test_each_table_is_the_pool_and_the_next_population_comes_from_it(
 
 
 @settings(max_examples=200, deadline=None)
-@given(SETTINGS, st.integers(0, 2**32))
-def test_what_is_evaluated_is_new_and_clones_are_not(
-    optimizer: GeneticAlgorithm, seed: int
+@given(SETTINGS, st.integers(0, 2**32), st.sampled_from([Sensors(3), Steps(2), Steps(4)]))
+def test_what_is_evaluated_is_a_new_design_and_clones_are_not(
+    optimizer: GeneticAlgorithm, seed: int, space: Sensors
 ) -> None:
     known: dict[int, Individual] = {}
     fitness: dict[int, float] = {}
-    for asked, table in run(optimizer, THREE, seed, noise(seed)):
+    for asked, table in run(optimizer, space, seed, noise(seed)):
         for one in asked:
             assert one.operator in {"initial", "crossover", "mutation", "crossover+mutation"}
             for parent in one.parents:
-                assert not np.array_equal(known[parent].genome, one.genome)
+                assert not space.same(known[parent].genome, one.genome)
         known |= {one.id: one for one in asked}
         for c in table:
             assert known[c.individual.id] is c.individual

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,8 +21,8 @@ class GeneticAlgorithm:
 
     Each generation: tournaments in the population fill a parent pool of the same size; consecutive
     parents cross over or are cloned; population and children together are the candidate pool; each
-    candidate but the elite may mutate; what is new is evaluated; the elite and the winners of
-    tournaments in the pool are the next population.
+    candidate but the elite may mutate; what is a new design is evaluated; the elite and the
+    winners of tournaments in the pool are the next population.
 
     ``elite`` is ``best_so_far``, or ``best_child``: the best of those that were new in this
     generation, which is what the original study ran and which can lose the best so far.
@@ -124,7 +124,8 @@ class _GeneticSearch:
             pool += self._pair(first, second)
         if len(parents) % 2:
             pool.append((parents[-1], "clone"))
-        self._pool = pool[:1] + [self._mutated(*candidate) for candidate in pool[1:]]
+        known = {member.id: member for member in population}
+        self._pool = pool[:1] + [self._mutated(*candidate, known) for candidate in pool[1:]]
 
     def _pair(self, first: Individual, second: Individual) -> list[tuple[Individual, str]]:
         """Two children: by single-point crossover over the blocks, or clones."""
@@ -141,11 +142,13 @@ class _GeneticSearch:
         genome = head.genome.copy()
         genome[tail] = other.genome[tail]
         for parent in (head, other):
-            if np.array_equal(genome, parent.genome):
+            if self._space.same(genome, parent.genome):
                 return parent, "clone"  # nothing new that would need an evaluation
         return self._new(genome, (head.id, other.id), "crossover"), "crossover"
 
-    def _mutated(self, individual: Individual, operator: str) -> tuple[Individual, str]:
+    def _mutated(
+        self, individual: Individual, operator: str, population: Mapping[int, Individual]
+    ) -> tuple[Individual, str]:
         if self._rng.random() >= self._settings.mutation_probability:
             return individual, operator
         genome = individual.genome.copy()
@@ -153,10 +156,13 @@ class _GeneticSearch:
         for i in self._some(len(blocks)):
             for j in self._some(len(blocks[i].aspects)):
                 self._redraw(genome, blocks[i].aspects[j])
-        if np.array_equal(genome, individual.genome):
+        if self._space.same(genome, individual.genome):
             return individual, operator
         if individual.id in self._fitness:
             return self._new(genome, (individual.id,), "mutation"), "mutation"
+        for parent in (population[i] for i in individual.parents):
+            if self._space.same(genome, parent.genome):
+                return parent, "clone"  # the second step has undone the first
         # A child that nobody has evaluated yet stays one individual, made in two steps.
         both = f"{individual.operator}+mutation"
         return replace(individual, genome=_frozen(genome), operator=both), both
