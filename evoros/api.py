@@ -111,7 +111,12 @@ class Evaluator:
         self._stack.__exit__(kind, error, trace)
 
     def score(self, designs: Sequence[Design], generation: int = 0) -> list[float]:
-        """The fitness of each design. Another ``generation`` means fresh random draws."""
+        """The fitness of each design. Another ``generation`` means fresh random draws.
+
+        Raises:
+            InputError: a design cannot be built, or the evaluator is not open.
+            RunStopped: a mission was lost.
+        """
         missions, outcomes = self._fly(designs, generation)
         fitness = self.experiment.fitness
         return [fitness_of(fitness, each, outcomes) for each in missions]
@@ -139,6 +144,8 @@ class Evaluator:
                 "Evaluator: must be open; use it as `with Evaluator(...) as evaluator:`"
             )
         experiment = self.experiment
+        for design in designs:  # made by hand, maybe: what is wrong is said and not scored
+            experiment.task.embody(design)
         missions = [
             experiment.plan.evaluation(generation, i, design) for i, design in enumerate(designs)
         ]

@@ -1,6 +1,7 @@
 """What can go wrong, and the check that every description runs when it is built."""
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Real
@@ -30,6 +31,10 @@ class RunStopped(EvorosError):
     """The run stopped before its end and can be resumed. Exit status 1."""
 
 
+LONGEST = 80
+"""Characters of a value in a message."""
+
+
 @dataclass(frozen=True)
 class Rule:
     """A condition on one value, and how to say it."""
@@ -55,6 +60,10 @@ PROBABILITY = Rule("a number from 0 to 1", lambda v: is_number(v) and 0 <= v <= 
 COUNT = Rule("a whole number of at least 1", lambda v: is_whole(v) and v >= 1)
 WHOLE = Rule("a whole number of at least 0", lambda v: is_whole(v) and v >= 0)
 TEXT = Rule("a text that is not empty", lambda v: isinstance(v, str) and bool(v.strip()))
+NAME = Rule(  # of what becomes the name of a column or a file
+    "a name of letters, digits, - and _",
+    lambda v: isinstance(v, str) and re.fullmatch(r"[A-Za-z0-9_-]+", v) is not None,
+)
 FLAG = Rule("true or false", lambda v: isinstance(v, bool))
 
 
@@ -102,4 +111,10 @@ def invalid(part: object, field: str, value: object, rule: str, cure: str = "") 
     if not cure and isinstance(default, int | float | str):
         cure = f"set it to such a value, for example {default}"
     cure = f"; {cure}" if cure else "; set it to such a value"
-    return InputError(f"{type(part).__name__}.{field}: {rule}, not {value!r}{cure}")
+    return InputError(f"{type(part).__name__}.{field}: {rule}, not {_short(value)}{cure}")
+
+
+def _short(value: object) -> str:
+    """The value on one line, cut: whole worlds have representations of many kilobytes."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."

@@ -13,7 +13,7 @@ import numpy as np
 from evoros.errors import EvorosError, InputError, RunStopped, WorkerLost
 from evoros.fitness import Fitness
 from evoros.mission import Mission, Place, not_flown, run_mission
-from evoros.outcome import LOST, Outcome
+from evoros.outcome import LOST, NOT_FLOWN, Outcome
 from evoros.task import Task
 from evoros.types import Array, Design, Pool
 
@@ -90,19 +90,26 @@ def fitness_of(
 ) -> float:
     """Mean over the trials of the score over the worlds.
 
+    A trial of which a mission could not be flown counts as the worst, whatever the others did.
+
     Raises:
         InputError: a score is not a finite number.
     """
     by_trial: dict[int, list[Outcome]] = {}
     for mission in missions:
         by_trial.setdefault(mission.trial, []).append(outcomes[mission.place])
-    scores = [float(fitness.score(trial)) for trial in by_trial.values()]
+    scores = [float(_score(fitness, trial)) for trial in by_trial.values()]
     if not all(map(math.isfinite, scores)):
         raise InputError(
             f"fitness: must score every trial with a finite number, not {scores}; correct "
-            f"{type(fitness).__name__}.score"
+            f"{type(fitness).__name__}"
         )
     return sum(scores) / len(scores)
+
+
+def _score(fitness: Fitness, trial: Sequence[Outcome]) -> float:
+    flown = all(outcome.ended not in NOT_FLOWN for outcome in trial)
+    return fitness.score(trial) if flown else fitness.worst(trial)
 
 
 def compute(

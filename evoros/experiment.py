@@ -1,12 +1,16 @@
 """The evolution of designs: ask, evaluate, tell, record."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import Protocol
 
+import numpy as np
+
+from evoros.chain import localization_chain, sensor_chain, sensor_channels
 from evoros.design import DesignSpace, SensorDesign
-from evoros.errors import COUNT, WHOLE, check, instance_of, one_of
+from evoros.errors import COUNT, NAME, WHOLE, InputError, check, instance_of, one_of
 from evoros.evaluation import POLICIES, STOP, WORST, Plan, compute, fitness_of, trajectories
 from evoros.fitness import Fitness
 from evoros.genes import check_genes
@@ -18,8 +22,8 @@ from evoros.robot import Robot
 from evoros.search import Candidate, Optimizer
 from evoros.tables import design_table, gene_table, generation_table, trajectory_table
 from evoros.task import Task
-from evoros.types import Controller, Design, Executor, Failure, Pool, Simulator
-from evoros.world import World
+from evoros.types import POSE_SIZE, Controller, Design, Executor, Failure, Pool, Simulator
+from evoros.world import Course, World
 
 
 @dataclass(frozen=True)
@@ -45,21 +49,45 @@ class Experiment:
     trials: int = 1  # missions of a design in each world
     draws: str = "generation"  # who meets the same random draws: generation, individual or run
     lost_missions: str = STOP  # a mission that crashes or hangs: stop the run, or worst
+    course: Course | None = None  # to whose values those of the worlds' courses may refer
 
     def __post_init__(self) -> None:
         check(
             self,
-            fitness=instance_of(Fitness, "a fitness (score)"),
+            fitness=instance_of(Fitness, "a fitness (score and worst)"),
             optimizer=instance_of(Optimizer, "an optimizer (generations and start)"),
             executor=instance_of(Executor, "an executor (workers and open)"),
             seed=WHOLE,
             trials=COUNT,
             draws=one_of(*POLICIES),
             lost_missions=one_of(STOP, WORST),
+            course=instance_of(Course | None, "a course (evoros.world.Course)"),
         )
         parts = {"robot": self.robot, "controller": self.controller, "design": self.design}
         check_genes(self.task.design.genes, parts)
-        _ = self.space  # the regions must lie on the robot
+        for name in self.world:
+            if not NAME.holds(name):
+                raise InputError(
+                    f"world: the key of each world must be {NAME.text}, not {name!r}; rename it"
+                )
+        self._try_out()
+
+    def _try_out(self) -> None:
+        """All that a mission needs before its engine, once: a run must not break in its middle.
+
+        The design lies in the middle of the search space, with a sensor of each type.
+        """
+        rng = partial(generator, "try out")
+        _ = self.optimizer.start(self.space, rng("optimizer"))
+        middle = self.space.decode(np.full(self.space.size, 0.5))
+        places = middle.mounts[:1]  # none where no sensors are placed
+        mounts = tuple(replace(at, sensor=name) for at in places for name in self.design.sensors)
+        task = self.task.embody(Design(mounts, middle.values))
+        faults = self.failure.draw(sensor_channels(task.robot), rng("failure"))
+        values, tick = np.zeros(len(mounts)), self.simulator.time_step
+        sensor_chain(task.robot, faults, values, values, tick, rng)
+        controller, pose = task.controller, np.zeros(POSE_SIZE)
+        localization_chain(controller.localization, pose, controller.period_s, rng)
 
     @cached_property
     def task(self) -> Task:
@@ -95,6 +123,12 @@ class Generation:
     validated: float | None  # of the best; None without validation trials
     mean: float  # fitness of the candidate pool
 
+    @property
+    def standing(self) -> str:
+        """Best fitness, recorded and validated, and mean, for messages."""
+        validated = "" if self.validated is None else f", validated {self.validated:.3f}"
+        return f"best {self.best.fitness:.3f}{validated}, mean {self.mean:.3f}"
+
 
 class Observer(Protocol):
     """Watches a run; nothing depends on it."""
@@ -122,7 +156,6 @@ class Evolution:
     generations: int
     validated: dict[int, float] = field(default_factory=dict)  # fitness by individual
     born: dict[int, int] = field(default_factory=dict)  # generation by individual
-    best: Candidate | None = None
 
     def run(self) -> Generation:
         """Evolve to the last generation and record the champion; replays what is on disk."""
@@ -186,11 +219,10 @@ class Evolution:
         missions = experiment.plan.selection(self.born[one.id], one.id, design)
         first = missions[: len(experiment.world)]
         names = {gene.key: name for name, gene in experiment.design.genes.items()}
-        files = {
-            "genes.csv": gene_table(one.id, design, names),
-            "robot.urdf": experiment.task.embody(design).robot.urdf,
-            "design.csv": design_table({one.id: design}),
-        }
+        files = {"genes.csv": gene_table(one.id, design, names)}
+        with suppress(InputError):  # no design of the run could be built, and so this one neither
+            files["robot.urdf"] = experiment.task.embody(design).robot.urdf
+        files["design.csv"] = design_table({one.id: design})
         tracks = [f"trajectory_{mission.world}.csv" for mission in first]
         if self.folder.has_champion(files, tracks):
             return

@@ -7,16 +7,27 @@ from typing import Protocol, runtime_checkable
 from evoros.errors import NOT_NEGATIVE, check
 from evoros.outcome import Outcome
 
+NOTHING_DONE = 1.0
+"""What Eq. 1 gives for one mission without any progress."""
+
 
 @runtime_checkable
 class Fitness(Protocol):
     """Scores a design; more is better."""
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
-        """The fitness of one trial: ``outcomes`` has one mission in each world.
+        """The fitness of one trial: ``outcomes`` has one mission in each world, and all were flown.
 
-        A mission that could not be flown is among them with nothing done. The fitness of a design
-        is the mean over its trials.
+        The fitness of a design is the mean over its trials. ``least_clearance_m`` is NaN in a
+        world without obstacles, and ``first_collision_s`` without a collision.
+        """
+        ...
+
+    def worst(self, outcomes: Sequence[Outcome]) -> float:
+        """The fitness of a trial of which at least one mission could not be flown.
+
+        At most what ``score`` gives for nothing done in any world. What such a mission did not
+        measure is NaN; ``sensors`` and ``time_limit_s`` are as in any other.
         """
         ...
 
@@ -36,8 +47,14 @@ class EquationOne:
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Sum of the missions, less the penalty for the sensors that the design carries."""
-        penalty = self.sensor_penalty * outcomes[0].sensors if outcomes else 0.0
-        return sum(map(equation_one, outcomes)) - penalty
+        return sum(map(equation_one, outcomes)) - self._penalty(outcomes)
+
+    def worst(self, outcomes: Sequence[Outcome]) -> float:
+        """Nothing done in any world: 1 for each of them, less the penalty."""
+        return len(outcomes) * NOTHING_DONE - self._penalty(outcomes)
+
+    def _penalty(self, outcomes: Sequence[Outcome]) -> float:
+        return self.sensor_penalty * outcomes[0].sensors if outcomes else 0.0
 
 
 def equation_one(outcome: Outcome) -> float:

@@ -2,11 +2,23 @@
 
 import dataclasses
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, TypeVar
 
-from evoros.errors import FLAG, NUMBER, TEXT, InputError, Rule, check, invalid, is_number, is_whole
+from evoros.errors import (
+    FLAG,
+    NAME,
+    NUMBER,
+    TEXT,
+    InputError,
+    Rule,
+    check,
+    invalid,
+    is_number,
+    is_whole,
+)
 
 Part = TypeVar("Part")
 
@@ -18,6 +30,8 @@ EVOLVABLE = (
     "robot.drive.max_speed_mps",
     "robot.drive.steering_limit_rad",
 )
+FEW = 10
+"""Up to so many genes, all 2^n combinations of their ends are tried: half a second at most."""
 CLOCK = re.compile(r"controller\.period_s|design\.sensors\.[^.]+\.period_s")
 
 
@@ -132,15 +146,36 @@ def _with(part: Any, changes: dict[str, Any]) -> Any:
 
 
 def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
-    """Try the lowest and the highest values before a run starts.
+    """Try the ends of the ranges together before a run starts: what is valid alone may not be.
 
     ``parts`` are named as the keys begin: ``{"controller": ..., "robot": ..., "design": ...}``.
 
     Raises:
-        InputError: a key leads nowhere, or a part refuses one end of a range.
+        InputError: a name is not plain, a key leads nowhere, or a part refuses a combination.
     """
-    for end, name in ((0.0, "low"), (1.0, "high")):
+    for name in genes:
+        if not NAME.holds(name):
+            raise InputError(
+                f"design.genes: each name must be {NAME.text}, not {name!r}; rename it"
+            )
+    for corner in corners(len(genes)):
+        values = dict(zip(genes, corner, strict=True))
         try:
-            replaced(parts, {gene.key: gene.value(end) for gene in genes.values()})
+            replaced(parts, {gene.key: gene.value(values[name]) for name, gene in genes.items()})
         except InputError as error:
-            raise InputError(f"design.genes, all at {name}: {error}") from None
+            at = ", ".join(f"{name} at {('low', 'high')[int(end)]}" for name, end in values.items())
+            raise InputError(f"design.genes, {at}: {error}") from None
+
+
+def corners(count: int) -> Iterator[tuple[float, ...]]:
+    """Combinations of low (0) and high (1) of so many genes: all of them where they are few.
+
+    Where they are many, all at one end, and each gene alone at the other.
+    """
+    if count <= FEW:
+        yield from product((0.0, 1.0), repeat=count)
+        return
+    for end in (0.0, 1.0):
+        yield (end,) * count
+        for i in range(count):
+            yield tuple(1.0 - end if i == j else end for j in range(count))

@@ -9,7 +9,7 @@ from numpy.random import Generator
 
 from evoros import outcome as result
 from evoros.chain import localization_chain, sensor_chain, sensor_channels
-from evoros.errors import SimulationError
+from evoros.errors import InputError, SimulationError
 from evoros.flight import (
     COLLISION,
     COMPLETED,
@@ -66,10 +66,15 @@ Place = tuple[int, int, str, int]  # generation, design, world, trial
 def run_mission(task: Task, mission: Mission) -> tuple[Outcome, Array]:
     """Fly the mission; returns its outcome and its trajectory, (rows, columns + sensors).
 
-    A failure of the simulation itself is an outcome, because it would recur.
+    A failure of the simulation itself is an outcome, because it would recur; so are evolved values
+    that a part refuses, which say nothing against the other designs.
     """
     try:
-        return _run(task.embody(mission.design), mission)
+        embodied = task.embody(mission.design)
+    except InputError as error:
+        return not_flown(task, mission, result.REFUSED, str(error)), np.empty((0, 0))
+    try:
+        return _run(embodied, mission)
     except SimulationError as error:
         return not_flown(task, mission, result.SIMULATION_FAILURE, str(error)), np.empty((0, 0))
 

@@ -15,13 +15,9 @@ from evoros.types import Array, Fault
 from evoros.world import World
 
 # How a mission ended.
-COMPLETED, COLLISION, TIME_LIMIT, SIMULATION_FAILURE, LOST = (
-    "completed",
-    "collision",
-    "time_limit",
-    "simulation_failure",
-    "lost",
-)
+COMPLETED, COLLISION, TIME_LIMIT = "completed", "collision", "time_limit"
+SIMULATION_FAILURE, LOST, REFUSED = "simulation_failure", "lost", "refused"
+NOT_FLOWN = (SIMULATION_FAILURE, LOST, REFUSED)
 
 # Columns of a trajectory; the readings of the sensors [m] follow, NaN where silent.
 TRAJECTORY = (
@@ -42,11 +38,11 @@ TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJE
 class Outcome:
     """The metrics of one mission, in the order of the columns of ``missions.csv``.
 
-    A mission whose simulation failed, or whose worker was lost, has done nothing: progress 0,
-    and NaN where nothing was measured.
+    A mission whose simulation failed, whose worker was lost, or whose design some part refused,
+    has done nothing: progress 0, and NaN where nothing was measured.
     """
 
-    ended: str  # completed, collision, time_limit, simulation_failure or lost
+    ended: str  # completed, collision, time_limit, or one of NOT_FLOWN
     reason: str  # of a failure; otherwise empty
     completed: bool
     progress: float  # 0..1

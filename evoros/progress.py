@@ -15,12 +15,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-def standing(generation: Generation) -> str:
-    """Best fitness, recorded and validated, and mean."""
-    validated = "" if generation.validated is None else f", validated {generation.validated:.3f}"
-    return f"best {generation.best.fitness:.3f}{validated}, mean {generation.mean:.3f}"
-
-
 class Progress:
     """A display of a run and a context manager; shows nothing unless it is ``live``."""
 

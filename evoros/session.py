@@ -20,7 +20,6 @@ from evoros.log import LOGGER, logging_to_file
 from evoros.manifest import check_unchanged, manifest
 from evoros.mission import Mission
 from evoros.outcome import Outcome
-from evoros.progress import standing
 from evoros.record import CONFIG, LOG, MANIFEST, RunFolder, require_unused
 
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
@@ -79,7 +78,7 @@ class Recorder:
         self.last = generation
         self.write(RUNNING)
         LOGGER.info(
-            "generation %d/%d: %s", generation.number, self.generations - 1, standing(generation)
+            "generation %d/%d: %s", generation.number, self.generations - 1, generation.standing
         )
         self.display.generation(generation)
 

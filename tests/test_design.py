@@ -367,9 +367,9 @@ def test_a_path_that_leads_to_no_number_is_refused(path: str, message: str) -> N
 
 def test_genes_are_tried_at_both_ends_before_a_run() -> None:
     check_genes({"avoid": AVOID, "votes": VOTES}, PARTS)
-    with pytest.raises(InputError, match=r"all at low.*Avoidance\.near_m"):
+    with pytest.raises(InputError, match=r"avoid at low.*Avoidance\.near_m"):
         check_genes({"avoid": Gene(AVOID.key, 0.5, 4)}, PARTS)
-    with pytest.raises(InputError, match=r"all at high.*range_min_m"):
+    with pytest.raises(InputError, match=r"near at high.*range_min_m"):
         check_genes({"near": Gene("design.sensors.sonar.range_min_m", 0.01, 9)}, PARTS)
 
 

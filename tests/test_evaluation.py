@@ -1,7 +1,7 @@
 import itertools
 from collections.abc import Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -42,10 +42,13 @@ class Broken:
 
 @dataclass(frozen=True)
 class ByTrial:
-    """Scores a trial by the number of its missions and the trial that is in their names."""
+    """Scores a trial by the sum of the progress: the tests give each trial its own."""
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
         return sum(outcome.progress for outcome in outcomes)
+
+    def worst(self, outcomes: Sequence[Outcome]) -> float:
+        return -1.0 * len(outcomes)
 
 
 def outcome(progress: float) -> Outcome:
@@ -63,8 +66,17 @@ def test_fitness_is_the_mean_over_trials_of_the_score_over_worlds() -> None:
 def test_a_score_that_is_no_number_is_refused(bad: float) -> None:
     missions = Plan(0, WORLDS, 1, 0, "generation").selection(0, 0, DESIGN)
     values = {mission.place: outcome(bad) for mission in missions}
-    with pytest.raises(InputError, match=r"ByTrial\.score"):
+    with pytest.raises(InputError, match="ByTrial"):
         fitness_of(ByTrial(), missions, values)
+
+
+def test_what_was_not_flown_never_reaches_the_score() -> None:
+    """It is NaN where nothing was measured, and would make the fitness NaN for ever."""
+    missions = Plan(0, WORLDS, 2, 0, "generation").selection(0, 0, DESIGN)
+    values = {mission.place: outcome(3.0) for mission in missions}
+    lost = replace(Outcome.failure(LOST, "why", 10.0, 0), progress=float("nan"))
+    values[missions[0].place] = lost
+    assert fitness_of(ByTrial(), missions, values) == (-2.0 + 6.0) / 2
 
 
 def test_who_meets_the_same_draws() -> None:

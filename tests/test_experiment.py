@@ -1,12 +1,18 @@
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from fakes import OWN, content, tiny
+from fakes import OWN, content, resume, tiny
 
-from evoros.cli import DONE, evoros
+from evoros.cli import DONE, INPUT, evoros
 from evoros.config import build, compose
+from evoros.errors import InputError
 from evoros.evaluation import fitness_of
+from evoros.genes import FEW, Gene, corners
+from evoros.mission import run_mission
+from evoros.outcome import TRAJECTORY, Outcome
 from evoros.rng import generator
 from evoros.runs import load_run
 
@@ -103,13 +109,128 @@ def test_wall_clock_figures_stay_out_of_the_tables(tmp_path: Path) -> None:
     assert content(tmp_path / "0.0") == content(tmp_path / "0.02")
 
 
-def test_every_bundled_experiment_builds() -> None:
-    for name in ("quickstart", "case_study", "free_placement", "as_run"):
-        assert build(compose([f"experiment={name}"])).world
+def outcomes(*overrides: str) -> list[Outcome]:
+    """Of the middle design's missions of two seconds, one in each world."""
+    experiment = build(compose([*overrides, "executor=serial"]))
+    short = {
+        name: replace(world, course=replace(world.course, time_limit_s=2.0))
+        for name, world in experiment.world.items()
+    }
+    middle = experiment.space.decode(np.full(experiment.space.size, 0.5))
+    task = replace(experiment.task, world=short)
+    flown = [run_mission(task, mission) for mission in experiment.plan.selection(0, 0, middle)]
+    for outcome, track in flown:
+        assert (outcome.ended, outcome.time_s) == ("time_limit", 2.0)
+        assert track.shape[1] == len(TRAJECTORY) + len(middle.mounts)
+    return [outcome for outcome, _ in flown]
+
+
+@pytest.mark.parametrize("name", ["quickstart", "case_study", "free_placement", "as_run"])
+def test_every_bundled_experiment_flies(name: str) -> None:
+    flown = outcomes(f"experiment={name}")
+    assert len(flown) == 3
+    assert all(outcome.distance_m > 0.3 for outcome in flown)
 
 
 @pytest.mark.parametrize("failure", ["none", "random", "spatial", "combined"])
 @pytest.mark.parametrize("controller", ["rover", "rover_l1"])
 def test_groups_of_parts_combine(failure: str, controller: str) -> None:
-    experiment = build(compose([f"failure={failure}", f"controller={controller}"]))
-    assert experiment.optimizer.generations == 25
+    """Each part is at work: the failure from the start, and the controller that was chosen."""
+    early = {
+        "random": ["failure.earliest_s=0.5", "failure.latest_s=0.5"],
+        "spatial": ["failure.earliest_s=0.5", "failure.latest_s=0.5"],
+        "combined": [
+            f"failure.failures.{each}.{end}_s=0.5"
+            for each in ("single", "damage")
+            for end in ("earliest", "latest")
+        ],
+    }
+    chosen = [f"failure={failure}", f"controller={controller}", "world=boxes"]
+    (flown,) = outcomes(*chosen, *early.get(failure, []))
+    assert bool(flown.failed_sensors) == (failure != "none")
+    assert set(flown.failed_at_s) <= {0.5}
+    other = {"rover": "rover_l1", "rover_l1": "rover"}[controller]
+    (differs,) = outcomes(f"failure={failure}", f"controller={other}", "world=boxes")
+    assert differs.distance_m != flown.distance_m
+
+
+NEAR_AND_FAR = [
+    "+design.genes.near={_target_: evoros.genes.Gene, "
+    "key: design.sensors.sonar.range_min_m, low: 0.06, high: 2}",
+    "+design.genes.far={_target_: evoros.genes.Gene, "
+    "key: design.sensors.sonar.range_max_m, low: %s, high: 4.5}",
+]
+
+
+def test_genes_that_do_not_fit_together_are_refused_before_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    near, far = NEAR_AND_FAR
+    assert tiny(tmp_path / "run", near, far % 1) == INPUT
+    err = capsys.readouterr().err
+    assert "design.genes, near at high, far at low: " in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+    assert tiny(tmp_path / "run", near, far % 2.5, "optimizer.generations=1") == DONE
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, FEW, FEW + 1])
+def test_the_corners_have_each_gene_at_both_ends_beside_all_others(count: int) -> None:
+    found = set(corners(count))
+    assert len(found) == (2**count if count <= FEW else 2 * (count + 1))
+    for gene in range(count):
+        for end in (0.0, 1.0):
+            alone = tuple(end if i == gene else 1.0 - end for i in range(count))
+            assert {alone, (end,) * count} <= found
+
+
+def test_evolved_values_that_a_part_refuses_are_the_worst_and_not_the_end(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The part refuses the middle of the range, which no look at the ends can find."""
+    run = tmp_path / "run"
+    key = "controller.localization.gap.x"
+    gene = f"+design.genes.gap={{_target_: evoros.genes.Gene, key: {key}, low: 0, high: 9}}"
+    gap = ["+filter@controller.localization.gap=picky", gene, "optimizer.population_size=8"]
+    assert tiny(run, *gap) == DONE, capsys.readouterr().err
+    before = content(run)
+    missions, table = load_run(run).missions, load_run(run).generations
+    refused = missions[missions["ended"] == "refused"]
+    assert 0 < len(refused) < len(missions)
+    assert refused["reason"].str.contains("must not be between 2 and 4").all()
+    values = table.drop_duplicates("id").set_index("id")
+    assert values.loc[refused["design"], "gap"].between(2, 4).all()
+    assert (values.loc[refused["design"], "fitness"] == 2.0).all()
+    assert values["fitness"].max() > 2.0
+    assert resume(run) == DONE
+    assert content(run) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["design.number=0"], "evolve"),
+        (["+filter@design.sensors.sonar.filters.x=pose_noise"], "PoseNoise: "),
+        (["filter@failure.effect=pose_noise"], "PoseNoise: "),
+    ],
+)
+def test_what_would_break_inside_a_run_is_refused_before_it(
+    arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert tiny(tmp_path / "run", *arguments) == INPUT
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("name", ["a/b", "", "a b", "ü", "..", "a;b", "a,b", 'a"b', 7, None])
+def test_names_that_make_no_file_or_column_are_refused(name: Any) -> None:
+    """Else a run of days would end in an error when the champion's trajectories are written."""
+    experiment = build(compose(["experiment=tiny", "executor=serial"], OWN))
+    far = experiment.world["far"]
+    with pytest.raises(InputError, match=r"^world: the key of each world must be a name"):
+        replace(experiment, world={"near-2_B": far, name: far})
+    gene = Gene("controller.avoidance.range_m", 3, 4)
+    with pytest.raises(InputError, match=r"^(SensorDesign\.|design\.)genes: "):
+        replace(experiment, design=replace(experiment.design, genes={name: gene}))

@@ -13,10 +13,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.random import Generator
 
-from evoros.errors import POSITIVE, TEXT, SimulationError, check
+from evoros.errors import POSITIVE, TEXT, SimulationError, check, invalid
 from evoros.robot import Robot
-from evoros.types import CONTACT, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
+from evoros.types import (
+    CONTACT,
+    SPEED,
+    STEERING,
+    YAW,
+    YAW_RATE,
+    Array,
+    Channels,
+    FilterRule,
+    X,
+    Y,
+)
 from evoros.world import World
 
 
@@ -83,3 +95,25 @@ class Plane:
             self.yaw += self.rate * self.step
             self.x += self.speed * self.step * math.cos(self.yaw)
             self.y += self.speed * self.step * math.sin(self.yaw)
+
+
+@dataclass(frozen=True)
+class Picky:
+    """A filter that does nothing, and refuses values in the middle of a range."""
+
+    x: float = 1.0
+
+    def __post_init__(self) -> None:
+        if 2 < self.x < 4:
+            raise invalid(self, "x", self.x, "must not be between 2 and 4")
+
+    @property
+    def rule(self) -> FilterRule:
+        return leave
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
+        return np.zeros(0), np.zeros(0)
+
+
+def leave(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    pass
