@@ -5,13 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from evoros.errors import TEXT, InputError, Rule, check
+from evoros.errors import NOT_NEGATIVE, TEXT, InputError, Rule, check
 from evoros.genes import INTERVAL, ends
 
 if TYPE_CHECKING:
     from evoros.robot import Robot
-
-OVERHANG_M = 0.05  # how far a sensor may stand out from the robot: a bracket, not a mast
 
 
 def _within(limit: float, text: str) -> Rule:
@@ -35,9 +33,10 @@ class Region:
     z_m: float | Sequence[float] | None = None  # None: as high as the robot's default mount
     pitch_deg: float | Sequence[float] | None = None  # nose up positive; None: the default mount's
     link: str | None = None  # None: the link of the robot's default mount
+    overhang_m: float = 0.05  # how far a sensor may stand out from the robot: on a bracket
 
     def __post_init__(self) -> None:
-        check(self, x_m=INTERVAL, y_m=INTERVAL, yaw_deg=HEADING)
+        check(self, x_m=INTERVAL, y_m=INTERVAL, yaw_deg=HEADING, overhang_m=NOT_NEGATIVE)
         optional = {"z_m": INTERVAL, "pitch_deg": ELEVATION, "link": TEXT}
         check(self, **{k: rule for k, rule in optional.items() if getattr(self, k) is not None})
 
@@ -51,13 +50,15 @@ class Region:
         """
         link = robot.mount_link if self.link is None else self.link
         self._check_link(link, robot, mirrored, where)
-        self._check_outline(link, robot, mirrored, where)
-        return replace(
+        bound = replace(
             self,
             z_m=robot.mount_z_m if self.z_m is None else self.z_m,
             pitch_deg=robot.mount_pitch_deg if self.pitch_deg is None else self.pitch_deg,
             link=link,
         )
+        bound._check_outline(link, robot, mirrored, where)
+        bound._check_height(link, robot, where)
+        return bound
 
     def _check_link(self, link: str, robot: "Robot", mirrored: bool, where: str) -> None:
         if link not in robot.places:
@@ -87,9 +88,22 @@ class Region:
         least, most = robot.outline.min(axis=0), robot.outline.max(axis=0)
         for axis, name in enumerate(("x", "y")):
             low, high = (end([corner[axis] for corner in in_frame]) for end in (min, max))
-            if low < least[axis] - OVERHANG_M or high > most[axis] + OVERHANG_M:
+            if low < least[axis] - self.overhang_m or high > most[axis] + self.overhang_m:
                 raise InputError(
-                    f"{where}: {name} must be at most {OVERHANG_M} m outside the outline of "
+                    f"{where}: {name} must be at most {self.overhang_m} m outside the outline of "
                     f"{robot.name} ({least[axis]:g} to {most[axis]:g} m), not {low:g} to {high:g} "
-                    f"m; move the region onto the robot"
+                    f"m; move the region onto the robot, or raise its overhang_m"
                 )
+
+    def _check_height(self, link: str, robot: "Robot", where: str) -> None:
+        base = robot.places[link][2]
+        low, high = (base + end for end in ends(self.z_m))
+        # What cannot touch obstacles may reach higher: a mast, the robot's place for sensors.
+        mount = robot.places[robot.mount_link][2] + robot.mount_z_m
+        top = max(robot.height_m, base, mount)
+        if low < 0 or high > top + self.overhang_m:
+            raise InputError(
+                f"{where}: z must be above the ground and at most {self.overhang_m} m above "
+                f"{robot.name} ({top:g} m), not {low:g} to {high:g} m; "
+                f"move the region onto the robot, or raise its overhang_m"
+            )

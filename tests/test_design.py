@@ -16,7 +16,7 @@ from evoros.design import DesignSpace, SensorDesign
 from evoros.errors import POSITIVE, InputError, check, invalid
 from evoros.genes import Gene, check_genes, chosen, replaced, scaled
 from evoros.optimizer.ga import GeneticAlgorithm
-from evoros.region import OVERHANG_M, Region
+from evoros.region import Region
 from evoros.robot import Robot
 from evoros.sensor.sonar import Sonar
 from evoros.types import Array, Mount
@@ -41,8 +41,8 @@ ROBOT = Robot(
     places={"base": (0, 0, 0, 0), "mast": (-0.1, 0, 0.3, 0), "door": (0, 0.15, 0.1, math.pi / 2)},
 )
 FRONT = Region(x_m=[0.2, 0.25], y_m=[-0.1, 0.1], yaw_deg=[-30, 30])
-SIDE = Region(x_m=[0, 0.2], y_m=0.15, yaw_deg=[40, 90], z_m=[0.1, 0.3], pitch_deg=[-5, 15])
-MAST = Region(x_m=0, y_m=[-0.02, 0.02], yaw_deg=[-180, 180], z_m=0.1, pitch_deg=0, link="mast")
+SIDE = Region(x_m=[0, 0.2], y_m=0.15, yaw_deg=[40, 90], z_m=[0.1, 0.25], pitch_deg=[-5, 15])
+MAST = Region(x_m=0, y_m=[-0.02, 0.02], yaw_deg=[-180, 180], z_m=0.05, pitch_deg=0, link="mast")
 AVOID = Gene("controller.avoidance.range_m", 1, 4)
 VOTES = Gene("controller.votes", 2, 5, whole=True)
 MIXED = SensorDesign(
@@ -393,6 +393,7 @@ def test_a_whole_gene_takes_each_value_equally_often() -> None:
         (lambda: Region(0, 0, 0, z_m=[1]), r"Region\.z_m"),
         (lambda: Region(0, 0, 0, link=" "), r"Region\.link"),
         (lambda: Region(math.nan, 0, 0), r"Region\.x_m"),
+        (lambda: Region(0, 0, 0, overhang_m=-0.1), r"Region\.overhang_m"),
         (lambda: Gene("optimizer.generations", 1, 2), r"Gene\.key"),
         (lambda: Gene("robot.height_m", 1, 2), r"Gene\.key"),
         (lambda: Gene("controller..x", 1, 2), r"Gene\.key"),
@@ -424,6 +425,13 @@ def test_a_bad_value_is_refused_in_one_line(make: Callable[[], object], message:
         (Region([-0.2, 0], 0, 0, z_m=0, link="mast"), False, "not -0.3 to -0.1"),
         (Region(0.06, 0, 0, z_m=0, link="door"), False, "y .* not 0.21"),
         (Region(0, 0, 0, z_m=0, link="door"), True, "mirrored"),
+        (Region(0, 0, 0, z_m=5), False, r"regions\.front: z .*0\.2 m\), not 5 to 5"),
+        (Region(0, 0, 0, z_m=[0.1, 0.26]), False, "z .* not 0.1 to 0.26"),
+        (Region(0, 0, 0, z_m=-0.01), False, "z .* not -0.01"),
+        (Region(0, 0, 0, z_m=-0.31, link="mast"), False, "z .* not -0.01"),
+        (Region(0, 0, 0, z_m=0.051, link="mast"), False, "z .* not 0.351"),
+        (Region(0, 0, 0, z_m=0.26, overhang_m=0), False, "z .* at most 0 m"),
+        (Region([0.2, 0.26], 0, 0, overhang_m=0), False, "x .* at most 0 m"),
     ],
 )
 def test_a_region_away_from_the_robot_is_refused(
@@ -435,9 +443,31 @@ def test_a_region_away_from_the_robot_is_refused(
     assert "\n" not in str(caught.value)
 
 
-def test_a_region_may_stand_out_by_a_bracket() -> None:
-    edge = Region(x_m=0.25 + OVERHANG_M, y_m=0, yaw_deg=[-1, 1])
-    assert SensorDesign({"sonar": Sonar()}, {"edge": edge}, 1, True).space(ROBOT).size == 1
+@pytest.mark.parametrize(
+    "region",
+    [
+        Region(0.25 + 0.05, 0, [-1, 1]),
+        Region(0, -0.15 - 0.05, [-1, 1]),
+        Region(0, 0, [-1, 1], z_m=[0, 0.2 + 0.05]),
+        Region(0, 0, [-1, 1], z_m=[-0.3, 0.05], link="mast"),
+    ],
+)
+def test_a_region_may_stand_out_by_a_bracket(region: Region) -> None:
+    def size(region: Region) -> int:
+        return SensorDesign({"sonar": Sonar()}, {"edge": region}, 1, True).space(ROBOT).size
+
+    assert size(region) > 0
+    with pytest.raises(InputError, match=r"at most 0\.049 m"):
+        size(replace(region, overhang_m=0.049))
+
+
+def test_the_default_place_of_a_sensor_may_be_above_what_touches_obstacles() -> None:
+    flat = replace(ROBOT, height_m=0.07)
+    for z_m in (None, 0.166, 0.2):
+        region = Region(0, 0, [-1, 1], z_m=z_m)
+        assert SensorDesign({"sonar": Sonar()}, {"top": region}, 1, True).space(flat).size == 1
+    with pytest.raises(InputError, match=r"not -0\.1"):
+        FRONT.on(replace(ROBOT, mount_z_m=-0.1), True, "design.regions.front")
 
 
 def test_a_region_that_is_on_the_robot_may_have_its_twin_off_it() -> None:

@@ -33,7 +33,7 @@ class GeneticAlgorithm:
     mutation_probability: float = 0.15  # per candidate
     crossover_probability: float = 0.25  # per pair of parents
     tournament_size: int = 2
-    validation_trials: int = 5  # of the champion, after the search
+    validation_trials: int = 5  # of each generation's best, on fresh draws
     mutation_step: float = 1.0  # width of the redrawn part of the range; 1: all of it
     elite: str = "best_so_far"
 

@@ -17,7 +17,7 @@ class RandomSearch:
 
     population_size: int = 16
     generations: int = 25
-    validation_trials: int = 5  # of the champion, after the search
+    validation_trials: int = 5  # of each generation's best, on fresh draws
 
     def __post_init__(self) -> None:
         check(self, population_size=COUNT, generations=COUNT, validation_trials=WHOLE)
