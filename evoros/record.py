@@ -38,6 +38,7 @@ def require_unused(path: Path) -> None:
     """
     if not path.exists() or (path.is_dir() and not any(path.iterdir())):
         return
+    require_whole(path)
     if any((path / name).exists() for name in (CONFIG, MANIFEST, MISSIONS)):
         raise InputError(
             f"{path}: this folder already holds a run, and a run is never overwritten; "
@@ -46,6 +47,19 @@ def require_unused(path: Path) -> None:
     raise InputError(
         f"{path}: a run needs a new or an empty folder; choose another with hydra.run.dir"
     )
+
+
+def require_whole(path: Path) -> None:
+    """The missions are the last of a new run's files: without them it has never begun.
+
+    Raises:
+        InputError: a kill came while the folder was made.
+    """
+    if (path / CONFIG).exists() and not (path / MISSIONS).exists():
+        raise InputError(
+            f"{path}: must be a whole run or empty: it has {CONFIG} and no {MISSIONS}, so its run "
+            f"was killed before its first mission; delete what is in the folder and start again"
+        )
 
 
 class RunFolder:
@@ -73,7 +87,7 @@ class RunFolder:
         """
         require_unused(path)
         try:
-            _draw_up(path.resolve(), config, manifest)
+            _draw_up(path.resolve(), config, manifest)  # of a link, what it leads to
         except OSError as error:
             raise InputError(
                 f"{path}: the folder of the run cannot be made ({error.strerror}); choose another "
@@ -162,6 +176,7 @@ class RunFolder:
 
     def _lock(self) -> BinaryIO:
         path = self.path / MISSIONS
+        require_whole(self.path)
         if not path.is_file():
             raise InputError(
                 f"{self.path}: no run to resume: it has no {MISSIONS}; give the folder of a run"
@@ -200,26 +215,49 @@ class RunFolder:
 
 
 def _draw_up(path: Path, config: str, manifest: Mapping[str, Any]) -> None:
-    """Whole or not at all: a kill in between leaves no folder that is neither run nor empty."""
+    """A new folder comes into being whole; in an empty one the missions come last, as the mark.
+
+    An empty folder stays itself: it may be somebody's current folder, or a mount point.
+    """
+    if path.exists():
+        _fill(path, config, manifest)
+        return
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
     try:
         draft.chmod(0o755)
-        (draft / GENERATIONS).mkdir()
-        (draft / CONFIG).write_text(config)
-        (draft / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
-        (draft / MISSIONS).write_text(text([MISSIONS_HEADER]))
+        _fill(draft, config, manifest)
         draft.replace(path)
     except BaseException:
         shutil.rmtree(draft, ignore_errors=True)
         raise
 
 
+def _fill(path: Path, config: str, manifest: Mapping[str, Any]) -> None:
+    """Write a run's first files into an empty folder; leave it empty where one cannot be."""
+    with (path / CONFIG).open("x") as file:  # of two processes at the same time, one is refused
+        try:
+            file.write(config)
+            file.flush()
+            write_atomically(path / MANIFEST, json.dumps(manifest, indent=2) + "\n")
+            (path / GENERATIONS).mkdir()
+            write_atomically(path / MISSIONS, text([MISSIONS_HEADER]))
+        except BaseException:
+            shutil.rmtree(path / GENERATIONS, ignore_errors=True)
+            for name in (MANIFEST, CONFIG):
+                (path / name).unlink(missing_ok=True)
+            raise
+
+
 def write_atomically(path: Path, content: str) -> None:
     """The file has either its old content or the new one, whenever the process is killed."""
     draft = path.with_name(f".{path.name}.part")
-    with draft.open("w") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())  # before the name: a loss of power must not leave an empty file
-    draft.replace(path)
+    try:
+        with draft.open("w") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())  # before the name: a loss of power must leave no empty file
+        draft.replace(path)
+    except BaseException:  # a full disk, Ctrl-C
+        draft.unlink(missing_ok=True)
+        raise

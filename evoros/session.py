@@ -20,7 +20,7 @@ from evoros.log import LOGGER, logging_to_file
 from evoros.manifest import check_unchanged, manifest
 from evoros.mission import Mission
 from evoros.outcome import Outcome
-from evoros.record import CONFIG, LOG, MANIFEST, RunFolder, require_unused
+from evoros.record import CONFIG, LOG, MANIFEST, RunFolder, require_unused, require_whole
 
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
 
@@ -198,6 +198,7 @@ def _where_it_began(recorded: Mapping[str, Any]) -> Iterator[None]:
 
 
 def _read_manifest(folder: Path) -> Mapping[str, Any]:
+    require_whole(folder)
     if not (folder / CONFIG).is_file() or not (folder / MANIFEST).is_file():
         raise InputError(
             f"resume={folder}: must be the folder of a run, with {CONFIG} and {MANIFEST}; "

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
-from fakes import OWN, TINY, content, everything, resume, start, tiny
+from fakes import TINY, content, everything, resume, start, tiny
 from test_cli import wait_for_missions
 
 from evoros.cli import DONE, INPUT, evoros
@@ -275,4 +275,77 @@ def test_the_missions_are_on_disk_before_they_are_used(tmp_path: Path) -> None:
     rows = (tmp_path / "run" / "missions.csv").read_bytes().count(b"\n") - 1
     assert status["state"] == "running"
     assert rows >= status["missions"]
-    assert OWN.is_dir()
+
+
+def test_the_current_folder_is_used_where_it_is_empty(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And stays itself: an empty mount point could not be replaced by another folder."""
+    monkeypatch.chdir(tmp_path)
+    before = tmp_path.stat()
+    assert tiny(Path(".")) == DONE
+    assert tmp_path.stat().st_ino == before.st_ino
+    assert list(Path.cwd().iterdir()) != []
+    assert content(tmp_path) == content(whole)
+    assert resume(Path(".")) == DONE
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "link").symlink_to("elsewhere")
+    assert tiny(Path("link"), "optimizer.generations=1") == DONE
+    assert (tmp_path / "link").is_symlink()
+
+
+@pytest.mark.parametrize("exists", [False, True])
+@pytest.mark.parametrize("at", range(4))
+def test_what_fails_while_the_folder_is_made_leaves_nothing(
+    at: int, exists: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = tmp_path / "run"
+    if exists:
+        run.mkdir()
+    calls = iter(range(100))
+    replace = Path.replace
+
+    def failing(path: Path, target: Path) -> Path:
+        if next(calls) == at:
+            raise OSError(28, "No space left on device")
+        return replace(path, target)
+
+    monkeypatch.setattr(Path, "replace", failing)
+    moved = 2 if exists else 3  # the manifest, the missions and a new folder are put in place
+    if at >= moved:
+        RunFolder.create(run, "", {}).__exit__()
+        return
+    with pytest.raises(InputError, match="cannot be made"):
+        RunFolder.create(run, "", {})
+    assert list(tmp_path.rglob("*")) == ([run] if exists else [])
+
+
+@pytest.mark.parametrize("parts", [1, 2])
+def test_a_folder_that_a_kill_left_half_made_says_what_to_do(
+    parts: int, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    for name in ("config.yaml", "manifest.json")[:parts]:
+        (run / name).write_bytes((whole / name).read_bytes())
+    before = everything(run)
+    for command in (tiny, resume):
+        assert command(run) == INPUT
+        err = capsys.readouterr().err
+        assert "killed before its first mission; delete what is in the folder" in err
+        assert err.count("\n") == 1
+    assert everything(run) == before
+
+
+def test_of_two_runs_that_are_made_in_one_folder_one_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second looks before the first writes."""
+    from evoros import record
+
+    monkeypatch.setattr(record, "require_unused", lambda path: None)
+    first = RunFolder.create(tmp_path, "first", {})
+    with pytest.raises(InputError):
+        RunFolder.create(tmp_path, "second", {})
+    assert (tmp_path / "config.yaml").read_text() == "first"
+    first.__exit__()
