@@ -9,6 +9,7 @@ from lxml import etree
 
 from evoros.errors import InputError
 from evoros.urdf import expansion as description
+from evoros.urdf import xacro_child
 
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
 DEFAULT = "erle_rover/erle_rover.xacro"
@@ -106,6 +107,25 @@ def test_a_waiting_file_is_stopped(tmp_path: Path) -> None:
     assert "within 0.3 s" in refused(name, limit=0.3)
 
 
+@pytest.mark.parametrize("end", ["", "; time.sleep(60)"])
+def test_what_the_expansion_has_started_ends_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str
+) -> None:
+    """A process that holds the pipes open must neither hold up the run nor stay behind."""
+    number = tmp_path / "number"
+    code = "import subprocess, time; p = subprocess.Popen(['sleep', '60'])"
+    program = f"{code}; open({str(number)!r}, 'w').write(str(p.pid)){end}"
+    (tmp_path / "child.py").write_text(program)
+    monkeypatch.setattr(xacro_child, "__file__", str(tmp_path / "child.py"))
+    since = time.monotonic()
+    assert "within 0.5 s" in refused(write(tmp_path, ""), limit=0.5)
+    assert time.monotonic() - since < 10
+    status = Path(f"/proc/{number.read_text()}/stat")
+    while status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z":
+        assert time.monotonic() - since < 20
+        time.sleep(0.01)
+
+
 def test_a_doctype_is_refused_wherever_it_is(tmp_path: Path) -> None:
     doctype = '<!DOCTYPE robot [<!ENTITY e SYSTEM "file:///etc/hostname">]>'
     (tmp_path / "part.xacro").write_text(doctype + '<robot name="r">&e;</robot>')
@@ -186,6 +206,28 @@ def test_a_link_out_of_the_package_is_refused(tmp_path: Path) -> None:
     name = write(tmp_path / "robot", '<mesh filename="x.stl"/>')
     (tmp_path / "robot" / "x.stl").symlink_to(secret)
     assert "x.stl" in refused(name)
+
+
+@pytest.mark.parametrize(
+    "body", ['<xacro:include filename="{}"/>', "${{xacro.load_yaml('{}')}}", "${{load_yaml('{}')}}"]
+)
+def test_only_declared_folders_are_included(tmp_path: Path, body: str) -> None:
+    other = tmp_path / "other"
+    other.mkdir()
+    for inside in (other / "part.xacro", tmp_path / "robot" / "part.xacro"):
+        name = write(tmp_path / "robot", body.format(inside))
+        inside.write_text('<robot name="r"/>' if "include" in body else "a: 1")
+        if inside.parent == other:
+            assert "part.xacro must lie inside" in refused(name)
+        assert text(name, (str(other),))
+    inside.unlink()
+    inside.symlink_to(other / "part.xacro")
+    assert "part.xacro must lie inside" in refused(name)
+
+
+def test_the_bundled_robots_can_be_included(tmp_path: Path) -> None:
+    include = '<xacro:include filename="$(find erle_rover)/erle_rover.xacro"/>'
+    assert "rear_left_wheel" in text(write(tmp_path, include))
 
 
 def test_a_missing_package_folder_is_named(tmp_path: Path) -> None:

@@ -1,8 +1,11 @@
 """Reads robot descriptions: xacro is expanded in a process of its own, XML is parsed strictly."""
 
+import contextlib
 import json
 import logging
 import math
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -27,13 +30,13 @@ def read(
 ) -> tuple[Path, Element]:
     """The file and the root element of a URDF, or of what a xacro file expands to.
 
-    ``packages`` are the folders, besides the file's own package, in which ``$(find name)``,
-    ``package://`` and ``model://`` look. ``time_limit_s`` [s of processor time] bounds the
-    expansion. Files that the description names are given as absolute paths in the result.
+    ``packages`` are the folders, besides the file's own package and the bundled robots, in which
+    ``$(find name)``, ``package://`` and ``model://`` look. ``time_limit_s`` [s of processor time]
+    bounds the expansion. Files that the description names are absolute paths in the result.
 
     Raises:
         InputError: the file is missing, not well-formed, does not expand, has a document type,
-            or names a file that is missing or outside its package and ``packages``.
+            or names or includes a file that is missing or outside these folders.
     """
     file = assets.find(name, "robots")
     root = parse(_content(file), str(file))
@@ -86,27 +89,43 @@ def _answer(request: dict[str, object], file: Path, time_limit_s: float) -> dict
     rule = f"xacro must expand within {time_limit_s:g} s and {xacro_child.MEMORY_BYTES >> 20} MiB"
     cure = "look for an endless or huge expression, include or macro"
     try:
-        done = subprocess.run(
-            [sys.executable, "-I", xacro_child.__file__],
-            input=json.dumps(request),
-            capture_output=True,
-            text=True,
-            encoding="utf-8",
-            env={"LC_ALL": "C.UTF-8"},
-            cwd=file.parent,
-            timeout=3 * time_limit_s,  # the processor may be shared
-        )
+        status, output, notes = _child(json.dumps(request), file.parent, 3 * time_limit_s)
     except subprocess.TimeoutExpired as error:
         raise InputError(f"{file}: {rule}, which it does not; {cure}") from error
-    notes = " ".join(done.stderr.split())
-    if done.returncode != 0:
+    notes = " ".join(notes.split())
+    if status != 0:
         raise InputError(
-            f"{file}: {rule}, but it ended with status {done.returncode} {notes[-200:]}; {cure}"
+            f"{file}: {rule}, but it ended with status {status} {notes[-200:]}; {cure}"
         )
     if notes:
         _LOG.warning("%s: xacro says: %s", file, notes)
-    answer: dict[str, str] = json.loads(done.stdout)
+    answer: dict[str, str] = json.loads(output)
     return answer
+
+
+def _child(request: str, folder: Path, patience_s: float) -> tuple[int, str, str]:
+    """Status, output and notes of the child process, which may share the processor with others.
+
+    Where it gives up, it ends what the child has started too: that would hold the pipes open.
+    """
+    with subprocess.Popen(
+        [sys.executable, "-I", xacro_child.__file__],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+        env={"LC_ALL": "C.UTF-8"},
+        cwd=folder,
+        start_new_session=True,
+    ) as child:
+        try:
+            output, notes = child.communicate(request, timeout=patience_s)
+        except BaseException:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGKILL)
+            raise
+        return child.returncode, output, notes
 
 
 def _argument(file: Path, name: str, value: object) -> str:
@@ -125,7 +144,7 @@ def _content(file: Path) -> bytes:
 
 
 def _roots(file: Path, packages: Sequence[str]) -> list[Path]:
-    """The folder of the file, the ROS package around it, and the declared folders."""
+    """The file's folder, the ROS package around it, the declared and the bundled folders."""
     roots = [file.parent]
     roots += [folder for folder in file.parents if (folder / "package.xml").is_file()][:1]
     for name in packages:
@@ -133,7 +152,7 @@ def _roots(file: Path, packages: Sequence[str]) -> list[Path]:
         if not folder.is_dir():
             raise InputError(f"packages: {name}: no such folder; give an existing one")
         roots.append(folder.resolve())
-    return roots
+    return [*roots, assets.folder("robots")]
 
 
 def _resolve_files(root: Element, file: Path, roots: Sequence[Path]) -> None:

@@ -10,7 +10,7 @@ import json
 import resource
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 MEMORY_BYTES = 1 << 30
 OUTPUT_CHARACTERS = 1 << 24
@@ -30,6 +30,10 @@ class _Arguments(dict[str, str]):
     def __getitem__(self, name: str) -> str:
         self.known.add(name)
         return super().__getitem__(name)
+
+
+class _OutsideError(Exception):
+    """A file is named that lies in no declared folder."""
 
 
 def _limit(seconds: int) -> None:
@@ -56,6 +60,14 @@ def _package(name: str, roots: list[str]) -> str:
     raise LookupError(f"package {name!r} is in none of the folders {', '.join(roots)}")
 
 
+def _open(name: str, roots: list[str]) -> TextIO:
+    """What a file includes or loads (YAML), like its meshes, must lie in a declared folder."""
+    real = Path(name).resolve()
+    if not any(real.is_relative_to(Path(root).resolve()) for root in roots):
+        raise _OutsideError(f"{name} must lie inside {', '.join(roots)} or the robot's packages")
+    return real.open()
+
+
 def _expand(file: str, given: dict[str, str], roots: list[str]) -> dict[str, Any]:
     import xacro  # type: ignore[import-untyped, unused-ignore]
     from xacro import substitution_args
@@ -72,6 +84,7 @@ def _expand(file: str, given: dict[str, str], roots: list[str]) -> dict[str, Any
         return _package(name, roots)
 
     xacro.parse = parse
+    xacro.open = lambda name: _open(name, roots)  # xacro opens every file by this name
     substitution_args._eval_find = find
     substitution_args._eval_dict["find"] = find
     arguments = _Arguments(given)
@@ -79,6 +92,8 @@ def _expand(file: str, given: dict[str, str], roots: list[str]) -> dict[str, Any
         document = xacro.process_file(file, mappings=arguments)
     except RecursionError:
         return {"error": "it includes or calls itself without end", "file": file}
+    except _OutsideError as error:
+        return {"error": str(error), "file": file}
     except MemoryError:
         return {"error": f"it needs more than {MEMORY_BYTES >> 20} MiB", "file": file}
     except Exception as error:  # whatever the expressions of the file raise
