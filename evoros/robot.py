@@ -18,10 +18,6 @@ from evoros.types import Array, Mount, Sensor
 from evoros.urdf import expansion
 from evoros.urdf.tree import Urdf, read_tree
 
-SENSOR_SIZE_M = (0.02, 0.045, 0.02)
-SENSOR_MASS_KG = 0.009
-"""Of the common small sonars. A body without mass would be dropped by simulators."""
-
 _CIRCLE = 64  # corners of the polygon that stands for a circle
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -226,7 +222,7 @@ def _sensor_xml(name: str, mount: Mount, sensor: Sensor) -> str:
     xyz = f"{float(mount.x_m)!r} {float(mount.y_m)!r} {float(mount.z_m)!r}"
     rpy = f"0 {-math.radians(mount.pitch_deg)!r} {math.radians(mount.yaw_deg)!r}"
     return (
-        f'  <link name="{name}">{_SENSOR_BODY}</link>\n'
+        f'  <link name="{name}">{_sensor_body(sensor)}</link>\n'
         f'  <joint name="{name}_joint" type="fixed">'
         f"<parent link={quoteattr(mount.link)}/>"
         f'<child link="{name}"/><origin xyz="{xyz}" rpy="{rpy}"/></joint>\n'
@@ -234,16 +230,14 @@ def _sensor_xml(name: str, mount: Mount, sensor: Sensor) -> str:
     )
 
 
-def _sensor_body() -> str:
-    x, y, z = SENSOR_SIZE_M
+def _sensor_body(sensor: Sensor) -> str:
+    """A homogeneous box to see and to weigh, without a collision shape."""
+    mass, (x, y, z) = float(sensor.mass_kg), map(float, sensor.size_m)
     moments = (y * y + z * z, x * x + z * z, x * x + y * y)
-    xx, yy, zz = (SENSOR_MASS_KG * moment / 12.0 for moment in moments)
+    xx, yy, zz = (mass * moment / 12.0 for moment in moments)
     return (
-        f'<inertial><mass value="{SENSOR_MASS_KG}"/><origin xyz="0 0 0" rpy="0 0 0"/>'
+        f'<inertial><mass value="{mass}"/><origin xyz="0 0 0" rpy="0 0 0"/>'
         f'<inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/></inertial>'
         f'<visual><origin xyz="0 0 0" rpy="0 0 0"/><geometry><box size="{x} {y} {z}"/></geometry>'
         f'<material name="sensor"><color rgba="0.1 0.3 0.8 1"/></material></visual>'
     )
-
-
-_SENSOR_BODY = _sensor_body()

@@ -155,6 +155,16 @@ class Sensor(Protocol):
         """By name, applied in order to the readings of this type: first of all its noise."""
         ...
 
+    @property
+    def size_m(self) -> Sequence[float]:
+        """Lengths (3,) of its body, a box about its frame's origin; it touches nothing."""
+        ...
+
+    @property
+    def mass_kg(self) -> float:
+        """Mass of its body, greater than 0: simulators drop a body without mass."""
+        ...
+
     def rays(self) -> Array:
         """(k, 3) unit vectors in the sensor's frame (x forward); the nearest hit is the reading."""
         ...

@@ -7,7 +7,7 @@ import pickle
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -37,6 +37,8 @@ class Whisker:
     period_s: float = 0.1
     range_min_m: float = 0.0
     range_max_m: float = 1.0
+    size_m: Sequence[float] = (0.01, 0.02, 0.03)
+    mass_kg: float = 0.012
     filters: Mapping[str, Filter] = field(default_factory=dict)
 
     def rays(self) -> Array:
@@ -402,6 +404,22 @@ def test_the_default_place_must_be_on_the_robot() -> None:
         load(mount={"link": "front_left_wheel", "z_m": 0.1, "pitch_deg": 0.0})
     with pytest.raises(InputError, match="pitch_deg"):
         MountDefaults("base_link", 0.1, math.nan)
+
+
+def test_a_sensor_has_the_body_of_its_type() -> None:
+    heavy = dataclasses.replace(SENSORS["whisker"], mass_kg=2, size_m=[1, 2, 3])
+    mounts = [dataclasses.replace(m, sensor=kind) for kind in SENSORS for m in some_mounts(1)]
+    model = independent(rover().equipped(mounts, {**SENSORS, "whisker": heavy}).urdf)
+    for link, mass, (x, y, z) in (
+        ("sonar_0", 0.012, (0.01, 0.02, 0.03)),
+        ("whisker_1", 2.0, (1, 2, 3)),
+    ):
+        body = model.link_map[link]
+        assert body.inertial.mass == mass
+        moments = np.array([y * y + z * z, x * x + z * z, x * x + y * y]) * mass / 12
+        np.testing.assert_allclose(body.inertial.inertia, np.diag(moments), rtol=1e-12)
+        assert list(body.visuals[0].geometry.box.size) == [x, y, z]
+        assert not body.collisions
 
 
 def test_sensors_on_a_turned_link_keep_their_place(tmp_path: Path) -> None:

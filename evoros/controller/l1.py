@@ -163,6 +163,7 @@ class L1:
     integral_limit_deg: float = 15.0
     output_limit_deg: float = 45.0
     least_speed_mps: float = 1.0
+    interruption_s: float = 1.0  # after which the integrals start afresh
 
     def __post_init__(self) -> None:
         check(
@@ -179,6 +180,7 @@ class L1:
             integral_limit_deg=NOT_NEGATIVE,
             output_limit_deg=POSITIVE,
             least_speed_mps=POSITIVE,
+            interruption_s=NOT_NEGATIVE,
         )
 
     @property
@@ -207,7 +209,7 @@ class L1:
         parameters[LOCK] = robot.drive.steering_limit / self.output_limit_deg
         parameters[LEAST_SPEED] = self.least_speed_mps
         # What has been integrated is out of date once avoidance has driven for a while.
-        parameters[INTERRUPTION] = max(1.0, 1.5 * period)
+        parameters[INTERRUPTION] = max(self.interruption_s, 1.5 * period)
         parameters[AXLE] = robot.drive.turning_x_m
         memory = np.zeros(LAST_TIME + 1)
         memory[LAST_TIME] = -math.inf

@@ -1,7 +1,7 @@
 """A sonar: one range, the nearest hit of a grid of rays that fills its beam."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.sax.saxutils import escape, quoteattr
 
@@ -11,6 +11,10 @@ from evoros.errors import COUNT, NOT_NEGATIVE, POSITIVE, Rule, check, invalid, i
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.types import Array, Filter
 
+BOX = Rule(
+    "a list of three lengths greater than 0",
+    lambda v: isinstance(v, list | tuple) and len(v) == 3 and all(map(POSITIVE.holds, v)),
+)
 BEAM = Rule("an angle greater than 0 and less than 180", lambda v: is_number(v) and 0 < v < 180)
 
 GAZEBO_SENSOR = """\
@@ -59,6 +63,8 @@ class Sonar:
     fov_deg: float = 30.0  # full width of the beam, horizontal and vertical alike
     rays_per_axis: int = 5
     period_s: float = 0.1  # time between two readings
+    size_m: Sequence[float] = (0.02, 0.045, 0.02)  # of its body: that of common small sonars
+    mass_kg: float = 0.009
     filters: Mapping[str, Filter] = field(default_factory=dict)  # applied in this order
 
     def __post_init__(self) -> None:
@@ -69,6 +75,8 @@ class Sonar:
             fov_deg=BEAM,
             rays_per_axis=COUNT,
             period_s=POSITIVE,
+            size_m=BOX,
+            mass_kg=POSITIVE,
             filters=mapping_of(Filter, "filters"),
         )
         if self.range_min_m >= self.range_max_m:
