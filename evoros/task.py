@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from evoros.design import SensorDesign
-from evoros.errors import InputError, check, instance_of, mapping_of
+from evoros.errors import InputError, check, instance_of
 from evoros.genes import replaced
 from evoros.robot import Robot
 from evoros.types import Controller, Design, Failure, Simulator
@@ -34,7 +34,7 @@ class Task:
         check(
             self,
             robot=instance_of(Robot, "a robot"),
-            world=mapping_of(World, "worlds"),
+            world=instance_of(Mapping, "a mapping from names to worlds"),
             design=instance_of(SensorDesign, "a sensor design"),
             failure=instance_of(Failure, "a failure model (draw)"),
             controller=instance_of(Controller, "a controller (period_s, localization and open)"),
@@ -42,6 +42,12 @@ class Task:
         )
         if not self.world:
             raise InputError("world: must have at least one world, not none; add world=case_study")
+        for name, world in self.world.items():
+            if not isinstance(world, World):
+                raise InputError(
+                    f"world.{name}: must be a world, and some of its keys are missing; choose it "
+                    f"with world=[...], or remove world.{name}"
+                )
         self.steps_of("controller.period_s", self.controller.period_s)
         for name, sensor in self.design.sensors.items():
             self.steps_of(f"design.sensors.{name}.period_s", sensor.period_s)

@@ -120,10 +120,11 @@ class World:
         return tuple(body for body in self.bodies if not body.is_ground)
 
 
-def load_world(sdf: str, course: Course, name: str = "") -> World:
+def load_world(sdf: str, course: Course) -> World:
     """The world of an SDF file; a level ground is added if the file has none.
 
-    ``sdf`` is a path, or relative to the bundled ``worlds``; ``name`` is the file's if empty.
+    ``sdf`` is a path, or relative to the bundled ``worlds``. The world's name, in messages, is the
+    file's; tables name it by its key in the configuration.
 
     Raises:
         InputError: no such file, an element that cannot be used, a waypoint in an obstacle.
@@ -134,7 +135,7 @@ def load_world(sdf: str, course: Course, name: str = "") -> World:
     if not any(body.is_ground for body in bodies):
         logging.getLogger(__name__).warning("%s: no plane: level ground is added", sdf)
         bodies = (Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),)), *bodies)
-    return World(name or Path(sdf).stem, bodies, course, sdf, hashlib.sha256(content).hexdigest())
+    return World(Path(sdf).stem, bodies, course, sdf, hashlib.sha256(content).hexdigest())
 
 
 def _check_names(world: World) -> None:

@@ -1,5 +1,6 @@
 import json
 import re
+import shutil
 import signal
 import time
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 from fakes import OWN, TINY, content, everything, resume, start, tiny
 
+from evoros.assets import folder
 from evoros.cli import DONE, INPUT, INTERRUPTED, STOPPED, evoros
 
 BAD = [
@@ -132,10 +134,15 @@ def test_a_sweep_names_its_folders_and_a_bad_job_stops_no_other(
     assert {path.name for path in sweep.iterdir()} == finished  # nothing of Hydra's
 
 
-def test_names_that_look_alike_get_folders_of_their_own(tmp_path: Path) -> None:
+def test_names_that_look_alike_get_folders_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sweep = tmp_path / "sweep"
+    for name in ("a b", "a-b"):
+        shutil.copy(folder("worlds") / "boxes.sdf", tmp_path / f"{name}.sdf")
+    monkeypatch.chdir(tmp_path)
     arguments = [*TINY, "executor=serial", f"hydra.sweep.dir={sweep}", "optimizer.generations=1"]
-    assert evoros(["-m", *arguments, "world.near.name='a b','a-b'"]) == DONE
+    assert evoros(["-m", *arguments, "world.near.sdf='a b.sdf','a-b.sdf'"]) == DONE
     assert len(list(sweep.iterdir())) == 2
 
 
@@ -158,7 +165,16 @@ def test_no_secret_reaches_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setenv("EVOROS_SECRET", "13572468")
     assert evoros([*TINY, "executor=serial", "seed=${oc.env:EVOROS_SECRET}"]) == INPUT
     assert list(tmp_path.iterdir()) == []
-    assert evoros([*TINY, "executor=serial", "world.near.name=${oc.env:EVOROS_SECRET}"]) == DONE
+    assert (
+        evoros(
+            [
+                *TINY,
+                "executor=serial",
+                "controller.avoidance.range_m='${oc.decode:${oc.env:EVOROS_SECRET}}'",
+            ]
+        )
+        == DONE
+    )
     (run,) = (tmp_path / "outputs").iterdir()
     assert "13572468" not in run.name
     assert "EVOROS_SECRET" in (run / "config.yaml").read_text()

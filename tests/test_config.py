@@ -20,10 +20,10 @@ def test_what_a_run_keeps_composes_to_the_same_experiment(tmp_path: Path) -> Non
 
 
 def test_references_are_kept_and_not_their_values(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("EVOROS_SECRET", "97531")
-    config = compose(["world.boxes.name=${oc.env:EVOROS_SECRET}"])
+    monkeypatch.setenv("EVOROS_SECRET", "0.297531")
+    config = compose(["+robot.arguments.front_axle_x=${oc.env:EVOROS_SECRET}"])
     assert "97531" not in to_text(config)
-    assert build(config).world["boxes"].name == "97531"
+    assert "0.297531" in build(config).robot.urdf
 
 
 def test_composing_twice_is_composing_once() -> None:

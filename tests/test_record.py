@@ -217,17 +217,17 @@ def test_files_may_be_relative_and_the_run_resumed_from_anywhere(
 def test_what_the_configuration_refers_to_must_not_change_either(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("EVOROS_NAME", "15")
-    reference = "world.near.name=${oc.env:EVOROS_NAME}"
+    monkeypatch.setenv("EVOROS_SEED", "15")
+    reference = "seed='${oc.decode:${oc.env:EVOROS_SEED}}'"
     assert tiny(tmp_path / "run", reference, "optimizer.generations=1") == DONE
     assert resume(tmp_path / "run") == DONE
-    monkeypatch.setenv("EVOROS_NAME", "16")
+    monkeypatch.setenv("EVOROS_SEED", "16")
     capsys.readouterr()
     assert resume(tmp_path / "run") == INPUT
     assert "refer to" in capsys.readouterr().err
-    monkeypatch.delenv("EVOROS_NAME")
+    monkeypatch.delenv("EVOROS_SEED")
     assert resume(tmp_path / "run") == INPUT
-    assert "world.near.name: " in capsys.readouterr().err
+    assert "seed: " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("folder", ["", "nix", ".", "..", "a,b", "${oc.env:HOME}", "nix=1"])

@@ -16,10 +16,13 @@ from hypothesis import strategies as st
 
 from evoros.assets import folder
 from evoros.body import Body, Pose, Shape
+from evoros.config import build
+from evoros.config import compose as compose_evoros
 from evoros.errors import InputError
 from evoros.geometry import clearances, footprints, lowest
 from evoros.world import Course, World, load_world
 
+SHARED = "  - world/course@course: square\n"
 CORNERS = [[5.0, 5.0], [5.0, -5.0], [-5.0, -5.0], [-5.0, 5.0]]
 GROUND = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
 
@@ -112,7 +115,7 @@ def test_a_world_pickles_and_knows_its_source(name: str) -> None:
 
 
 def configured(tmp_path: Path, world: str, *overrides: str) -> Any:
-    (tmp_path / "config.yaml").write_text(f"defaults:\n  - world: {world}\n  - _self_\n")
+    (tmp_path / "config.yaml").write_text(f"defaults:\n  - world: {world}\n{SHARED}  - _self_\n")
     search = f"hydra.searchpath=[file://{folder('conf')}]"
     with initialize_config_dir(str(tmp_path), version_base=None):
         config = compose("config", overrides=[search, *overrides])
@@ -129,6 +132,21 @@ def test_the_case_study_is_the_three_in_order(tmp_path: Path) -> None:
     worlds = configured(tmp_path, "case_study")
     assert list(worlds) == ["boxes", "maze", "blocks"]
     assert list(worlds) == [world.name for world in worlds.values()]
+
+
+def test_the_course_is_changed_in_all_worlds_at_once(tmp_path: Path) -> None:
+    changes = ("course.time_limit_s=60.0", "world.maze.course.time_limit_s=30.0")
+    worlds = configured(tmp_path, "case_study", *changes)
+    limits = {name: world.course.time_limit_s for name, world in worlds.items()}
+    assert limits == {"boxes": 60.0, "maze": 30.0, "blocks": 60.0}
+
+
+@pytest.mark.parametrize("world", ["boxes", "maze", "blocks", "case_study", "[blocks,maze]"])
+def test_an_experiment_takes_any_of_the_worlds(world: str) -> None:
+    for name in ("as_run", "case_study", "quickstart", "free_placement"):
+        experiment = build(compose_evoros([f"experiment={name}", f"world={world}"]))
+        directions = {each.course.direction for each in experiment.world.values()}
+        assert directions == {"parity" if name == "as_run" else "random"}
 
 
 def test_one_world_s_course_can_be_changed_alone(tmp_path: Path) -> None:

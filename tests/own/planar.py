@@ -34,12 +34,12 @@ from evoros.world import World
 
 @dataclass(frozen=True)
 class Planar:
-    """``fault`` is none, raise, exit, hang or fail, in ``fault_world``; with ``mark``, once."""
+    """``fault``: none, raise, exit, hang or fail, in ``fault_limit_s``; with ``mark``, once."""
 
     time_step: float = 0.05
     pause_s: float = 0.0  # wall clock, for each mission
     fault: str = "none"
-    fault_world: str = "far"
+    fault_limit_s: float = 30.0  # time limit of the world in which it happens
     mark: str = ""
 
     def __post_init__(self) -> None:
@@ -48,7 +48,7 @@ class Planar:
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator["Plane"]:
         time.sleep(self.pause_s)
-        if world.name == self.fault_world and self._is_due():
+        if world.course.time_limit_s == self.fault_limit_s and self._is_due():
             self._happen()
         yield Plane(robot, world, self.time_step)
 
