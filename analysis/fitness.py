@@ -3,9 +3,9 @@
 import matplotlib as mpl
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
-COLUMN_IN = 3.5  # width of one column of a two-column page
-FONTS = {"font.size": 8, "pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "evoros"}
+from .style import COLUMN_IN, STYLE  # relative: installed, this is evoros.analysis
 
 
 def fitness(generations: pd.DataFrame, width: float = COLUMN_IN) -> Figure:
@@ -16,7 +16,7 @@ def fitness(generations: pd.DataFrame, width: float = COLUMN_IN) -> Figure:
     """
     per = generations.groupby("generation")
     validated = generations.loc[per.fitness.idxmax()].set_index("generation").validated_fitness
-    with mpl.rc_context(FONTS):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(width, 0.72 * width), layout="constrained")
         axes = figure.subplots()
         axes.scatter(
@@ -34,7 +34,7 @@ def fitness(generations: pd.DataFrame, width: float = COLUMN_IN) -> Figure:
             axes.plot(validated, color="#d55e00", lw=1.2, label="best, validated")
         axes.set_xlabel("generation")
         axes.set_ylabel("fitness (Eq. 1)")
-        axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.spines[["top", "right"]].set_visible(False)
         figure.legend(loc="outside lower center", ncols=3, frameon=False, handlelength=1.5)
     return figure
