@@ -1,7 +1,7 @@
 """The rover's controller: who decides, which way, how sharply."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +21,7 @@ from evoros.controller.serpentine import Serpentine
 from evoros.controller.weighted_voting import WeightedVoting
 from evoros.errors import InputError
 from evoros.rng import generator
+from evoros.sensor.sonar import Sonar
 from evoros.types import (
     COMMAND_SIZE,
     DRIVE_SPEED,
@@ -32,6 +33,7 @@ from evoros.types import (
     Controller,
     Layer,
     LayerRule,
+    Mount,
     StartedLayer,
 )
 
@@ -53,6 +55,8 @@ class Frame:
 
     yaws_deg: Sequence[float] = ()
     drive: Drive = field(default_factory=Drive)
+    mounts: tuple[Mount, ...] = ()
+    sensors: Mapping[str, Sonar] = field(default_factory=dict)
 
     def sensor_poses(self) -> Array:
         poses = np.zeros((len(self.yaws_deg), 5))
@@ -394,3 +398,20 @@ def test_a_live_controller_runs_at_its_own_period_and_is_released_with_the_missi
         (400, False),
         (200, False),
     ]
+
+
+@pytest.mark.parametrize(("reach", "fits"), [(2.5, True), (2.0, True), (1.99, False)])
+def test_a_sensor_that_sees_nothing_casts_no_vote(reach: float, fits: bool) -> None:
+    short = Sonar(range_max_m=reach)
+    mounts = (Mount("short", "base_link", 0.2, 0.0, 0.166, 0.0, 12.5),)
+    carrier = cast("Robot", Frame((0.0,), mounts=mounts, sensors={"short": short}))
+    if not fits:
+        with pytest.raises(InputError, match=r"range_m: must be at most .* 1\.99"):
+            WeightedVoting(range_m=2.0).start(carrier, 0.1, generator("seed", "layer"))
+        return
+    parameters, memory = WeightedVoting(range_m=2.0).start(carrier, 0.1, generator("s", "l"))
+    command = np.zeros(COMMAND_SIZE)
+    rule = WeightedVoting().rule
+    assert not rule(
+        parameters, memory, np.zeros(STATE_SIZE), np.zeros(4), np.array([reach]), 0.0, command
+    )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import Generator
 
-from evoros.errors import NOT_NEGATIVE, POSITIVE, Rule, check, is_number
+from evoros.errors import NOT_NEGATIVE, POSITIVE, Rule, check, invalid, is_number
 from evoros.types import DRIVE_SPEED, STEERING, Array, LayerRule
 
 if TYPE_CHECKING:
@@ -99,7 +99,15 @@ class WeightedVoting:
         return vote
 
     def start(self, robot: "Robot", period: float, rng: Generator) -> tuple[Array, Array]:
-        """Parameters with each sensor's direction, from where it is mounted; no memory."""
+        """Parameters with each sensor's direction, from where it is mounted; no memory.
+
+        Raises:
+            InputError: a sensor that sees nothing would cast a vote, for it reads its range.
+        """
+        shortest = min((robot.sensors[m.sensor].range_max_m for m in robot.mounts), default=np.inf)
+        if self.range_m > shortest:
+            rule = f"must be at most the least range_max_m of the sensors, which is {shortest:g}"
+            raise invalid(self, "range_m", self.range_m, rule, "lower it to less than that")
         ahead = math.radians(self.ahead_deg) + ROUNDING
         yaws = [math.atan2(math.sin(yaw), math.cos(yaw)) for yaw in robot.sensor_poses()[:, 3]]
         parameters = np.array(
