@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.random import Generator
 
-from evoros.errors import COUNT, NOT_NEGATIVE, check, instance_of, invalid
+from evoros.errors import COUNT, check, instance_of
+from evoros.failure.window import check_window, time_at
 from evoros.filter.silence import Silence
 from evoros.types import Channels, Fault, Filter
 
@@ -28,13 +29,9 @@ class RandomFailure:
         check(
             self,
             count=COUNT,
-            earliest_s=NOT_NEGATIVE,
-            latest_s=NOT_NEGATIVE,
             effect=instance_of(Filter, "a filter"),
         )
-        if self.earliest_s > self.latest_s:
-            rule = f"must be at most latest_s ({self.latest_s})"
-            raise invalid(self, "earliest_s", self.earliest_s, rule)
+        check_window(self)
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """One fault with the onsets of all chosen sensors; none without sensors.
@@ -48,5 +45,5 @@ class RandomFailure:
             choice, moment = rng.random(), rng.random()
             if intact:
                 failing = intact.pop(int(choice * len(intact)))
-                onset[failing] = self.earliest_s + (self.latest_s - self.earliest_s) * moment
+                onset[failing] = time_at(self, moment)
         return (Fault(self.effect, onset),) if channels.size else ()

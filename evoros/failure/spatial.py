@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.random import Generator
 
-from evoros.errors import NOT_NEGATIVE, PROBABILITY, check, instance_of, invalid, is_number
+from evoros.errors import PROBABILITY, check, instance_of, invalid, is_number
+from evoros.failure.window import check_window, time_at
 from evoros.filter.silence import Silence
 from evoros.types import Array, Channels, Fault, Filter
 
@@ -30,13 +31,9 @@ class SpatialFailure:
     def __post_init__(self) -> None:
         check(
             self,
-            earliest_s=NOT_NEGATIVE,
-            latest_s=NOT_NEGATIVE,
             effect=instance_of(Filter, "a filter"),
         )
-        if self.earliest_s > self.latest_s:
-            rule = f"must be at most latest_s ({self.latest_s})"
-            raise invalid(self, "earliest_s", self.earliest_s, rule)
+        check_window(self)
         self._check_rings()
 
     def _check_rings(self) -> None:
@@ -63,7 +60,7 @@ class SpatialFailure:
             return ()
         centre = channels.position[int(choice * channels.size)]
         hit = luck < self._chance(np.linalg.norm(channels.position - centre, axis=1))
-        time = self.earliest_s + (self.latest_s - self.earliest_s) * moment
+        time = time_at(self, moment)
         return (Fault(self.effect, np.where(hit, time, math.inf)),)
 
     def _chance(self, distance: Array) -> Array:

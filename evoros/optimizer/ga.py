@@ -1,6 +1,5 @@
 """The genetic algorithm of Evo-ROS (2018), Section 5, "Evolutionary Parameters", and Table 1."""
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,6 +8,7 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.errors import COUNT, PROBABILITY, WHOLE, InputError, Rule, check, is_number, one_of
+from evoros.optimizer.told import check_told
 from evoros.search import Aspect, Candidate, Individual, Search, Space
 from evoros.types import Array
 
@@ -81,11 +81,7 @@ class _GeneticSearch:
 
     def tell(self, fitness: Sequence[float]) -> list[Candidate]:
         asked = self.ask()
-        if len(fitness) != len(asked) or any(map(math.isnan, fitness)):
-            raise InputError(
-                f"fitness: must be {len(asked)} numbers, not {list(fitness)}; "
-                f"give one for each individual asked for"
-            )
+        check_told(fitness, asked)
         new = {individual.id for individual in asked}
         self._fitness |= {
             individual.id: float(value) for individual, value in zip(asked, fitness, strict=True)

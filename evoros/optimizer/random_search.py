@@ -1,12 +1,12 @@
 """Random search: the baseline that any other optimizer has to beat."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from numpy.random import Generator
 
-from evoros.errors import COUNT, WHOLE, InputError, check
+from evoros.errors import COUNT, WHOLE, check
+from evoros.optimizer.told import check_told
 from evoros.search import Candidate, Individual, Search, Space
 from evoros.types import Array
 
@@ -38,11 +38,7 @@ class _RandomSearch:
         return self._asked
 
     def tell(self, fitness: Sequence[float]) -> list[Candidate]:
-        if len(fitness) != len(self._asked) or any(map(math.isnan, fitness)):
-            raise InputError(
-                f"fitness: must be {len(self._asked)} numbers, not {list(fitness)}; "
-                f"give one for each individual asked for"
-            )
+        check_told(fitness, self._asked)
         table = [] if self._best is None else [self._best]
         table += [
             Candidate(individual, individual.operator, value, 0)
