@@ -18,20 +18,6 @@ if TYPE_CHECKING:
     from evoros.history import replay
     from evoros.runs import Run, load_run
 
-_HOMES = {
-    "Evaluator": "evoros.api",
-    "EvorosError": "evoros.errors",
-    "InputError": "evoros.errors",
-    "Run": "evoros.runs",
-    "RunStopped": "evoros.errors",
-    "compose": "evoros.config",
-    "evaluate": "evoros.api",
-    "load_run": "evoros.runs",
-    "replay": "evoros.history",
-    "resume": "evoros.api",
-    "run": "evoros.api",
-}
-
 __all__ = [
     "Evaluator",
     "EvorosError",
@@ -47,7 +33,14 @@ __all__ = [
 ]
 
 
+_HOMES = ("errors", "runs", "config", "history", "api")
+"""The modules that have these names; what is asked for is looked for in the lightest ones first."""
+
+
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'evoros' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+    if name in __all__:
+        for home in _HOMES:
+            module = import_module(f"evoros.{home}")
+            if hasattr(module, name):
+                return getattr(module, name)
+    raise AttributeError(f"module 'evoros' has no attribute {name!r}")

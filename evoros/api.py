@@ -57,15 +57,20 @@ def run(config: Configuration, folder: str | Path, display: Display | None = Non
 
 
 def resume(
-    folder: str | Path, overrides: Sequence[str] = (), display: Display | None = None
+    folder: str | Path,
+    overrides: Sequence[str] = (),
+    display: Display | None = None,
+    config_dir: str | Path | None = None,
 ) -> Run:
     """Go on with a run, as ``evoros resume=FOLDER`` does.
+
+    ``config_dir`` is the folder of your own parts, as with ``compose`` when the run was started.
 
     Raises:
         InputError: no run there, or an override that resuming does not accept.
         RunStopped: a mission was lost.
     """
-    session.resume(Path(folder), overrides, display or Silent())
+    session.resume(Path(folder), overrides, display or Silent(), config_dir)
     return load_run(folder)
 
 

@@ -133,26 +133,35 @@ def _session(
 ) -> int:
     """One run, its display and what is said at its end; returns an exit status."""
     from evoros.progress import Progress
-    from evoros.record import resume_command
+    from evoros.record import LOG
     from evoros.summary import summary
 
-    again = f"; to continue type: {resume_command(path)}"
-    again += f" --config-dir {shlex.quote(config_dir)}" if config_dir else ""
     try:
         with Progress(live and sys.stderr.isatty()) as display:
             work(display)
     except KeyboardInterrupt:
         message, status = signals.what_happened()
-        return _say(message + again, status)
+        return _say(message + _again(path, config_dir), status)
     except RunStopped as error:
-        return _say(f"{error}{again}", STOPPED)
+        return _say(f"{error}{_again(path, config_dir)}", STOPPED)
     except EvorosError as error:
         return _say(str(error), _status(error))
     except Exception as error:  # a part of the user's, a full disk, or a fault of ours
         said = " ".join(f"{type(error).__name__}: {error}".split())
-        return _say(f"{said} (traceback in {path / 'evoros.log'}){again}", STOPPED)
+        log = path / LOG
+        where = f" (traceback in {log})" if log.exists() else ""
+        return _say(f"{said}{where}{_again(path, config_dir)}", STOPPED)
     print(summary(path))
     return DONE
+
+
+def _again(path: Path, config_dir: str | None) -> str:
+    """What to type to go on; nothing before there is a run."""
+    from evoros.record import MISSIONS, resume_command
+
+    own = f" --config-dir {shlex.quote(config_dir)}" if config_dir else ""
+    begun = (path / MISSIONS).exists()
+    return f"; to continue type: {resume_command(path)}{own}" if begun else ""
 
 
 def _status(error: EvorosError) -> int:

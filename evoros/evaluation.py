@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import TypeVar
 
-import numpy as np
-
 from evoros.errors import EvorosError, InputError, RunStopped, WorkerLost
 from evoros.fitness import Fitness
-from evoros.mission import Mission, Place, not_flown, run_mission
+from evoros.mission import Mission, Place, no_trajectory, not_flown, run_mission
 from evoros.outcome import LOST, NOT_FLOWN, Outcome
 from evoros.task import Task
 from evoros.types import Array, Design, Pool
@@ -146,9 +144,13 @@ def trajectories(task: Task, missions: Sequence[Mission], pool: Pool, lost: str)
     blob = _packed(task)
     futures = [pool.submit(_trajectory, blob, mission) for mission in missions]
     return [
-        _settled(mission, future, lost, lambda _: np.empty((0, 0)))
+        _settled(mission, future, lost, partial(_nowhere, mission))
         for mission, future in zip(missions, futures, strict=True)
     ]
+
+
+def _nowhere(mission: Mission, reason: str) -> Array:
+    return no_trajectory(mission)
 
 
 def _packed(task: Task) -> bytes:

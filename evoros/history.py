@@ -8,20 +8,27 @@ from evoros import session
 from evoros.errors import InputError
 from evoros.experiment import Experiment
 from evoros.mission import Mission, run_mission
-from evoros.outcome import TRAJECTORY, Outcome
+from evoros.outcome import Outcome
 from evoros.rng import generator
 from evoros.runs import Run, load_run
-from evoros.types import Array, Design
+from evoros.tables import trajectory_columns
+from evoros.types import Design
 
 
 def replay(
-    folder: str | Path, generation: int, design: int, world: str, trial: int
+    folder: str | Path,
+    generation: int,
+    design: int,
+    world: str,
+    trial: int,
+    config_dir: str | Path | None = None,
 ) -> tuple[Outcome, pd.DataFrame]:
     """Fly one recorded mission of a run again, in this process; its result is the same.
 
     The four numbers and names are those of its row in ``missions.csv``. Returns its outcome and
     its trajectory, with the columns of ``champion/trajectory_WORLD.csv``. This builds the run's
-    experiment, so it runs the code that its configuration names.
+    experiment, so it runs the code that its configuration names; ``config_dir`` is the folder of
+    your own parts, as with ``compose`` when the run was started.
 
     Raises:
         InputError: no such run or mission, or the run was made by another version.
@@ -34,14 +41,14 @@ def replay(
             f"{folder}: must have a mission of design {design} in {world}, generation "
             f"{generation}, trial {trial}, and has none; take the values from missions.csv"
         )
-    experiment = session.rebuild(run.path)
+    experiment = session.rebuild(run.path, config_dir)
     row = rows.loc[[place]].iloc[0]
     flown = designs(run, experiment)[design]
     mission = Mission(
         generation, design, flown, world, trial, str(row["purpose"]), str(row["draws"])
     )
     outcome, track = run_mission(experiment.task, mission)
-    return outcome, trajectory_frame(track)
+    return outcome, pd.DataFrame(track, columns=trajectory_columns(track))
 
 
 def designs(run: Run, experiment: Experiment) -> dict[int, Design]:
@@ -60,9 +67,3 @@ def designs(run: Run, experiment: Experiment) -> dict[int, Design]:
         search.tell([float(fitness[one.id]) for one in search.ask()])
         found |= {one.id: experiment.space.decode(one.genome) for one in search.ask()}
     return found
-
-
-def trajectory_frame(track: Array) -> pd.DataFrame:
-    """A trajectory (rows, columns + sensors) with its columns named."""
-    ranges = [f"range_{i}_m" for i in range(track.shape[1] - len(TRAJECTORY))]
-    return pd.DataFrame(track, columns=[*TRAJECTORY, *ranges])

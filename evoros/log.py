@@ -2,7 +2,7 @@
 
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -24,17 +24,44 @@ def logging_to_terminal() -> Iterator[None]:
         LOGGER.propagate = True
 
 
+class _Memory(logging.Handler):
+    """Keeps what is said before there is a file for it."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self.records: list[logging.LogRecord] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.records.append(record)
+
+
 @contextmanager
-def logging_to_file(path: Path) -> Iterator[None]:
-    """Messages go into the file, too, and tracebacks go there alone."""
+def remembering() -> Iterator[list[logging.LogRecord]]:
+    """The messages that are said while this is open, for ``logging_to_file``."""
+    memory = _Memory()
+    LOGGER.addHandler(memory)
+    try:
+        yield memory.records
+    finally:
+        LOGGER.removeHandler(memory)
+
+
+@contextmanager
+def logging_to_file(path: Path, before: Sequence[logging.LogRecord] = ()) -> Iterator[None]:
+    """Messages go into the file, too, and tracebacks go there alone.
+
+    ``before`` are messages that were said before the file was there.
+    """
     handler = logging.FileHandler(path)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
-    before = LOGGER.level
+    for record in before:
+        handler.handle(record)
+    level = LOGGER.level
     LOGGER.addHandler(handler)
     LOGGER.setLevel(logging.DEBUG)
     try:
         yield
     finally:
         LOGGER.removeHandler(handler)
-        LOGGER.setLevel(before)
+        LOGGER.setLevel(level)
         handler.close()

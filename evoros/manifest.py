@@ -1,8 +1,10 @@
 """What a run was made from: versions, machine, and hashes of everything that it depends on."""
 
 import hashlib
+import json
 import platform
 import subprocess
+import sys
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -11,9 +13,12 @@ from typing import Any
 
 from evoros.errors import InputError
 from evoros.experiment import Experiment
+from evoros.log import LOGGER
 from evoros.record import FORMAT_VERSION
 
 PACKAGES = ("evoros", "numpy", "pybullet", "hydra-core", "omegaconf", "xacro", "lxml")
+DECISIVE = ("evoros", "numpy", "pybullet")
+"""Of these packages another version may fly a mission differently."""
 
 
 def manifest(experiment: Experiment, config: str, values: str) -> dict[str, Any]:
@@ -38,11 +43,13 @@ def manifest(experiment: Experiment, config: str, values: str) -> dict[str, Any]
 def hashes(experiment: Experiment, config: str, values: str) -> dict[str, str]:
     """Of all that the experiment was built from."""
     worlds = {f"world.{name}": world.source_sha256 for name, world in experiment.world.items()}
+    own = {f"module {name}": _sha256_of(name) for name in sorted(_modules(json.loads(values)))}
     return {
         "configuration": _sha256(config),
         "configuration (what its ${...} refer to)": _sha256(values),
         "robot": _sha256(experiment.robot.urdf),
         **worlds,
+        **own,
     }
 
 
@@ -50,6 +57,8 @@ def check_unchanged(
     folder: Path, recorded: Mapping[str, Any], experiment: Experiment, config: str, values: str
 ) -> None:
     """Before resuming: the run must be made of what it was made of when it began.
+
+    Packages of other versions are said: the replay shows whether they make a difference.
 
     Raises:
         InputError: a file has changed, or the run is of another format.
@@ -59,6 +68,7 @@ def check_unchanged(
             f"{folder / 'manifest.json'}: format_version must be {FORMAT_VERSION}, not "
             f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
         )
+    _warn_of_versions(folder, recorded.get("packages", {}))
     now = hashes(experiment, config, values)
     for name, value in recorded.get("sha256", {}).items():
         if now.get(name) != value:
@@ -66,6 +76,45 @@ def check_unchanged(
                 f"{folder}: {name} must be as it was when the run began, and it has changed; "
                 f"restore it, or start a new run"
             )
+
+
+def _warn_of_versions(folder: Path, recorded: Mapping[str, Any]) -> None:
+    for name in DECISIVE:
+        before, now = recorded.get(name), _version(name)
+        if before != now:
+            LOGGER.warning(
+                "%s: made with %s %s, and this is %s; new missions may differ from those on disk",
+                folder,
+                name,
+                before or "(not installed)",
+                now or "not installed",
+            )
+
+
+def _modules(values: Any) -> set[str]:
+    """The imported modules, evoros's own and built-in ones apart, that ``values`` name.
+
+    Those of the executor do not count: no result depends on it, and resuming may change it.
+    """
+    if isinstance(values, list):
+        return set().union(*map(_modules, values))
+    if not isinstance(values, dict):
+        return set()
+    found = set().union(*(_modules(each) for key, each in values.items() if key != "executor"))
+    name = str(values.get("_target_", ""))
+    while name and name not in sys.modules:  # from the class up to its module
+        name = name.rpartition(".")[0]
+    own = name.partition(".")[0] != "evoros" and _file(name)
+    return {*found, name} if own else found
+
+
+def _file(module: str) -> str | None:
+    """The source file of an imported module, where it has one."""
+    return getattr(sys.modules.get(module), "__file__", None)
+
+
+def _sha256_of(module: str) -> str:
+    return hashlib.sha256(Path(_file(module) or "").read_bytes()).hexdigest()
 
 
 def _sha256(text: str) -> str:

@@ -72,17 +72,24 @@ def run_mission(task: Task, mission: Mission) -> tuple[Outcome, Array]:
     try:
         embodied = task.embody(mission.design)
     except InputError as error:
-        return not_flown(task, mission, result.REFUSED, str(error)), np.empty((0, 0))
-    try:
-        return _run(embodied, mission)
-    except SimulationError as error:
-        return not_flown(task, mission, result.SIMULATION_FAILURE, str(error)), np.empty((0, 0))
+        ended, reason = result.REFUSED, str(error)
+    else:
+        try:
+            return _run(embodied, mission)
+        except SimulationError as error:
+            ended, reason = result.SIMULATION_FAILURE, str(error)
+    return not_flown(task, mission, ended, reason), no_trajectory(mission)
 
 
 def not_flown(task: Task, mission: Mission, ended: str, reason: str) -> Outcome:
     """The outcome of a mission that could not be flown."""
     limit = task.world[mission.world].course.time_limit_s
     return Outcome.failure(ended, reason, limit, len(mission.design.mounts))
+
+
+def no_trajectory(mission: Mission) -> Array:
+    """The trajectory of a mission that could not be flown: all columns and no row."""
+    return np.empty((0, len(TRAJECTORY) + len(mission.design.mounts)))
 
 
 def _run(task: Task, mission: Mission) -> tuple[Outcome, Array]:

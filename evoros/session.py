@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from logging import LogRecord
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -16,7 +17,7 @@ from evoros import config as configuration
 from evoros.errors import InputError, is_whole
 from evoros.evaluation import describe
 from evoros.experiment import Evolution, Experiment, Generation, Observer
-from evoros.log import LOGGER, logging_to_file
+from evoros.log import LOGGER, logging_to_file, remembering
 from evoros.manifest import check_unchanged, manifest
 from evoros.mission import Mission
 from evoros.outcome import Outcome
@@ -110,26 +111,24 @@ def start(config: DictConfig, folder: Path, display: Display) -> Generation:
         RunStopped: a mission was lost; the run can be resumed.
     """
     require_unused(folder)  # before anything is built, which may take seconds
-    experiment = configuration.build(config)
-    content = configuration.to_text(config)
-    described = manifest(experiment, content, configuration.to_values(config))
+    with remembering() as said:
+        experiment = configuration.build(config)
+        content = configuration.to_text(config)
+        described = manifest(experiment, content, configuration.to_values(config))
     generations = experiment.optimizer.generations
     with RunFolder.create(folder, content, described) as record:
-        return _evolve(experiment, record, generations, display)
+        return _evolve(experiment, record, generations, display, said)
 
 
-def rebuild(folder: Path) -> Experiment:
+def rebuild(folder: Path, config_dir: str | Path | None = None) -> Experiment:
     """The experiment of a recorded run. This runs the code that its configuration names.
+
+    ``config_dir`` has the modules of the user's own parts, as when the run was started.
 
     Raises:
         InputError: no run there, or what it is made of has changed.
     """
-    recorded, config = _read_manifest(folder), configuration.read(folder / CONFIG)
-    with _where_it_began(recorded):
-        experiment = configuration.build(config.copy())
-    text = (folder / CONFIG).read_text()
-    check_unchanged(folder, recorded, experiment, text, configuration.to_values(config))
-    return experiment
+    return _rebuilt(folder, (), config_dir)[0]
 
 
 def resume(
@@ -140,18 +139,15 @@ def resume(
 ) -> Generation:
     """Go on with the run in the folder; a finished one is verified, and extended if asked to.
 
-    ``overrides`` may change the executor and raise ``optimizer.generations``.
+    ``overrides`` may change the executor and raise ``optimizer.generations``; ``config_dir`` has
+    the modules of the user's own parts.
 
     Raises:
         InputError: no run there, another override, or what the run is made of has changed.
         RunStopped: as in ``start``.
     """
-    recorded, config = _read_manifest(folder), configuration.read(folder / CONFIG)
-    text = (folder / CONFIG).read_text()
-    changed, asked = _overridden(config.copy(), overrides, config_dir)
-    with _where_it_began(recorded):
-        experiment = configuration.build(changed)
-    check_unchanged(folder, recorded, experiment, text, configuration.to_values(config))
+    with remembering() as said:
+        experiment, asked = _rebuilt(folder, overrides, config_dir)
     with RunFolder(folder) as record:
         reached = record.read_status().get("generations")
         known = reached if isinstance(reached, int) else experiment.optimizer.generations
@@ -160,14 +156,18 @@ def resume(
                 f"optimizer.generations: must be at least {known}, which the run already has, "
                 f"not {asked}; a run can only be extended"
             )
-        return _evolve(experiment, record, asked or known, display)
+        return _evolve(experiment, record, asked or known, display, said)
 
 
 def _evolve(
-    experiment: Experiment, record: RunFolder, generations: int, display: Display
+    experiment: Experiment,
+    record: RunFolder,
+    generations: int,
+    display: Display,
+    said: Sequence[LogRecord],
 ) -> Generation:
     recorder = Recorder(record, display, generations, time.monotonic())
-    with logging_to_file(record.path / LOG):
+    with logging_to_file(record.path / LOG, said):
         LOGGER.info(
             "%s: %d generations, seed %d, worlds %s, %d workers",
             record.path,
@@ -187,6 +187,21 @@ def _evolve(
             raise
         recorder.write(FINISHED)
     return last
+
+
+def _rebuilt(
+    folder: Path, overrides: Sequence[str], config_dir: str | Path | None
+) -> tuple[Experiment, int | None]:
+    """The unchanged experiment of a run, with what may change; and the generations asked for."""
+    if config_dir is not None:
+        configuration.own_folder(config_dir)
+    recorded, config = _read_manifest(folder), configuration.read(folder / CONFIG)
+    text = (folder / CONFIG).read_text()
+    changed, asked = _overridden(config.copy(), overrides, config_dir)
+    with _where_it_began(recorded):
+        experiment = configuration.build(changed)
+    check_unchanged(folder, recorded, experiment, text, configuration.to_values(config))
+    return experiment, asked
 
 
 @contextmanager

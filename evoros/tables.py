@@ -129,11 +129,15 @@ def gene_table(design_id: int, design: Design, names: Mapping[str, str]) -> str:
 
 def trajectory_table(trajectory: Array) -> str:
     """The text of a trajectory: a row for each record, a column for each sensor at the end."""
-    sensors = trajectory.shape[1] - len(TRAJECTORY)
     whole = {TRAJECTORY.index(name) for name in ("mode", "visited", "contact")}
-    header = [*TRAJECTORY, *(f"range_{i}_m" for i in range(sensors))]
     rows = (
         [int(value) if i in whole else value for i, value in enumerate(row)]
         for row in trajectory.tolist()
     )
-    return text([header, *rows])
+    return text([trajectory_columns(trajectory), *rows])
+
+
+def trajectory_columns(trajectory: Array) -> list[str]:
+    """The names of the columns of a trajectory."""
+    sensors = trajectory.shape[1] - len(TRAJECTORY)
+    return [*TRAJECTORY, *(f"range_{i}_m" for i in range(sensors))]
