@@ -1,6 +1,6 @@
 """The chains of filters of one mission: from what sensors measure to what the controller reads."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.random import Generator
@@ -41,12 +41,21 @@ def sensor_chain(
         every, part = round(channels.period / tick), f"sensor.{name}"
         chain.append(Link(every, publish, np.empty(0), raw[first:last], draws(part), values))
         chain += _started(part, robot.sensors[name].filters, channels, values, every, draws)
-        for number, fault in enumerate(faults):
-            onset, rng = fault.onset[first:last], draws(f"fault.{number}.{name}")
+        for number, fault in _numbered(faults):
+            onset = fault.onset[first:last]
+            rng = draws(f"fault.{fault.name}.{number}.{name}")
             if np.isfinite(onset).any():
                 started = fault.filter.start(channels, onset, rng)
                 chain.append(Link(every, fault.filter.rule, *started, rng, values))
     return chain
+
+
+def _numbered(faults: Sequence[Fault]) -> Iterator[tuple[int, Fault]]:
+    """Each fault with its number among those of its name: others do not shift its draws."""
+    met: dict[str, int] = {}
+    for fault in faults:
+        met[fault.name] = met.get(fault.name, -1) + 1
+        yield met[fault.name], fault
 
 
 def localization_chain(

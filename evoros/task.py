@@ -20,7 +20,8 @@ class Task:
     (``controller.avoidance.range_m``) is its place in here.
 
     Raises:
-        InputError: a part of the wrong kind, or a period that is no multiple of the time step.
+        InputError: a part of the wrong kind, a period that is no multiple of the time step, or a
+            time limit that is no multiple of the controller's period.
     """
 
     robot: Robot
@@ -51,6 +52,22 @@ class Task:
         self.steps_of("controller.period_s", self.controller.period_s)
         for name, sensor in self.design.sensors.items():
             self.steps_of(f"design.sensors.{name}.period_s", sensor.period_s)
+        for name, world in self.world.items():
+            self._check_limit(name, world.course.time_limit_s)
+
+    def _check_limit(self, world: str, limit: float) -> None:
+        """A mission that ended later than its limit would have used more time than there is.
+
+        Every tick of a mission's clock divides the controller's period, whatever sensors it has.
+        """
+        period = self.controller.period_s
+        count = max(1, round(limit / period))
+        if not math.isclose(count * period, limit, rel_tol=1e-9):
+            raise InputError(
+                f"world.{world}.course.time_limit_s: must be a whole multiple of "
+                f"controller.period_s ({period:g} s), not {limit:g} s; set it to "
+                f"{count * period:g}"
+            )
 
     def steps_of(self, key: str, period: float) -> int:
         """How many time steps a period has.

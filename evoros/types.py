@@ -116,10 +116,18 @@ class Filter(Protocol):
 
 @dataclass(frozen=True)
 class Fault:
-    """A filter that acts on each channel from its own time on."""
+    """A filter that acts on each channel from its own time on.
+
+    The random draws of a fault go by its name; faults of one name are numbered in their order.
+    """
 
     filter: Filter
     onset: Array  # (n,) [s], infinity: never
+    name: str = ""  # empty: that of the filter's class
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            object.__setattr__(self, "name", type(self.filter).__name__)
 
 
 @runtime_checkable

@@ -275,16 +275,17 @@ def test_a_state_that_is_not_finite_is_an_outcome(experiment: Experiment) -> Non
 @given(
     sense=st.sampled_from([0.02, 0.1, 0.2, 0.06, 0.5]),
     decide=st.sampled_from([0.02, 0.1, 0.2, 0.06, 0.5]),
-    limit=st.sampled_from([1.5, 2.1, 3.0]),
+    decisions=st.integers(3, 30),
 )
 def test_each_part_runs_at_its_own_period(
-    experiment: Experiment, sense: float, decide: float, limit: float
+    experiment: Experiment, sense: float, decide: float, decisions: int
 ) -> None:
+    limit = decisions * decide
     simulator, pilot = Plane(), Pilot(period_s=decide)
     flown = task(experiment, simulator, pilot, {"sonar": Sonar(period_s=sense)}, time_limit_s=limit)
     outcome, _ = run_mission(flown, mission("sonar"))
     end = outcome.time_s
-    assert limit - 1e-9 <= end < limit + min(sense, decide)
+    assert end == pytest.approx(limit)
     assert simulator.opened[-1].sensed == math.ceil(round(end / sense, 6))
     assert pilot.calls[-1][0] == math.ceil(round(end / decide, 6))
 
@@ -312,6 +313,14 @@ def test_periods_are_multiples_of_the_step(
 ) -> None:
     with pytest.raises(InputError, match=key):
         task(experiment, controller=controller, sensors=sensors)
+
+
+@pytest.mark.parametrize("limit", [1.03, 0.05, 1.001])
+def test_a_time_limit_is_a_multiple_of_the_control_period(
+    experiment: Experiment, limit: float
+) -> None:
+    with pytest.raises(InputError, match=r"world.open.course.time_limit_s: .* multiple"):
+        task(experiment, time_limit_s=limit)
 
 
 # Draws.

@@ -1,7 +1,7 @@
 """Several failures in one mission."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from numpy.random import Generator
 
@@ -23,11 +23,11 @@ class CombinedFailure:
         """The faults of every failure.
 
         Each failure has a generator of its own, made from one draw and its name, so that adding
-        one never shifts another's.
+        one never shifts another's; so do the faults, whose names begin with that name.
         """
         key = rng.bytes(16).hex()
         return tuple(
-            fault
+            replace(fault, name=f"{name}.{fault.name}")
             for name, failure in self.failures.items()
             for fault in failure.draw(channels, randomness.generator(key, name))
         )
