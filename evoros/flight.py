@@ -95,8 +95,12 @@ def fly(
     end_on_collision: bool,
     timing: Timing,
     arrays: Arrays,
+    modes: Array,  # (layers + 1,) counts the decisions of each layer; the first: of none
 ) -> Count:
-    """Fly one mission; ``arrays.leg`` starts with home as its first point."""
+    """Fly one mission; ``arrays.leg`` starts with home as its first point.
+
+    One long function: as one it can be compiled whole, and read from top to bottom.
+    """
     tick, sense_every, decide_every, record_every, limit = timing
     state, pose, leg, command, raw, readings, trajectory = arrays
     legs, reach = len(route), acceptance * acceptance
@@ -144,6 +148,7 @@ def fly(
                     if decide(parameters, memory, pose, leg, readings, time, command):
                         mode = number + 1
                         break
+                modes[mode] += 1.0
         if k % record_every == 0 or ended != FLYING:
             row = trajectory[rows]
             row[0], row[1], row[2], row[3] = time, x, y, yaw

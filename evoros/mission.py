@@ -40,6 +40,8 @@ ENDED = {
     TIME_LIMIT: result.TIME_LIMIT,
 }
 AVOIDING = "avoiding"
+LEAST_RECORD_S = 0.05
+"""A trajectory has a row for each decision, but not more than one in this time."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,9 @@ def run_mission(task: Task, mission: Mission) -> tuple[Outcome, Array]:
 
     A failure of the simulation itself is an outcome, because it would recur; so are evolved values
     that a part refuses, which say nothing against the other designs.
+
+    Raises:
+        InputError: a part refuses to start, and it is not for an evolved value.
     """
     try:
         embodied = task.embody(mission.design)
@@ -78,6 +83,10 @@ def run_mission(task: Task, mission: Mission) -> tuple[Outcome, Array]:
             return _run(embodied, mission)
         except SimulationError as error:
             ended, reason = result.SIMULATION_FAILURE, str(error)
+        except InputError as error:
+            if not mission.design.values:
+                raise
+            ended, reason = result.REFUSED, str(error)
     return not_flown(task, mission, ended, reason), no_trajectory(mission)
 
 
@@ -122,9 +131,10 @@ def _run(task: Task, mission: Mission) -> tuple[Outcome, Array]:
             world.course.end_on_collision,
             timing,
             arrays,
+            modes := np.zeros(len(layers) + 1),
         )
-    flight = _flight(count, timing, arrays.trajectory)
-    return measure(flight, robot, world, route, _number(layers), faults), flight.trajectory
+    flight = _flight(count, timing, arrays.trajectory, _avoiding(layers, modes))
+    return measure(flight, robot, world, route, faults), flight.trajectory
 
 
 def _arrays(timing: Timing, world: World, route: Array, sensors: int) -> Arrays:
@@ -149,10 +159,12 @@ def _timing(task: Task, world: World) -> Timing:
     common = math.gcd(decide, sense)
     tick = common * task.simulator.time_step
     limit = math.ceil(round(world.course.time_limit_s / tick, 6))
-    return Timing(tick, sense // common, decide // common, sense // common, limit)
+    decide //= common
+    record = decide * math.ceil(LEAST_RECORD_S / (decide * tick) - 1e-9)
+    return Timing(tick, sense // common, decide, record, limit)
 
 
-def _flight(count: Count, timing: Timing, trajectory: Array) -> Flight:
+def _flight(count: Count, timing: Timing, trajectory: Array, avoiding: float) -> Flight:
     """What the loop left, in seconds.
 
     Raises:
@@ -167,10 +179,12 @@ def _flight(count: Count, timing: Timing, trajectory: Array) -> Flight:
         visited=count.visited,
         collisions=count.collisions,
         first_collision=first * timing.tick if first >= 0 else math.nan,
+        avoiding=avoiding,
         trajectory=trajectory[: count.rows],
     )
 
 
-def _number(layers: Sequence[StartedLayer]) -> int:
-    """The number that the trajectory gives to the mode of avoiding; -1: there is none."""
-    return next((i + 1 for i, layer in enumerate(layers) if layer.mode == AVOIDING), -1)
+def _avoiding(layers: Sequence[StartedLayer], modes: Array) -> float:
+    """The share of the decisions that were taken by layers that avoid."""
+    avoided = sum(float(modes[i + 1]) for i, layer in enumerate(layers) if layer.mode == AVOIDING)
+    return avoided / max(float(modes.sum()), 1.0)

@@ -86,6 +86,7 @@ class Flight:
     visited: int
     collisions: int
     first_collision: float  # [s], NaN: none
+    avoiding: float  # share of the decisions
     trajectory: Array  # (rows, len(TRAJECTORY) + sensors)
 
 
@@ -94,10 +95,9 @@ def measure(
     robot: Robot,
     world: World,
     route: Array,
-    avoiding: int,
     faults: tuple[Fault, ...],
 ) -> Outcome:
-    """The metrics of a flight along ``route`` (n, 2); ``avoiding`` is the number of that mode."""
+    """The metrics of a flight along ``route`` (n, 2)."""
     track = flight.trajectory
     steps = np.diff(track[:, [AT_X, AT_Y]], axis=0)
     distance = float(np.sqrt((steps * steps).sum(axis=1)).sum())
@@ -119,8 +119,8 @@ def measure(
         least_waypoint_distances_m=_least_distances(track, world),
         collisions=flight.collisions,
         first_collision_s=flight.first_collision,
-        avoiding=float((track[:-1, MODE] == avoiding).mean()) if len(track) > 1 else 0.0,
-        least_clearance_m=_least_clearance(track, robot, world),
+        avoiding=flight.avoiding,
+        least_clearance_m=_least_clearance(flight, robot, world),
         failed_sensors=tuple(index for index, _, _ in hurt),
         failed_at_s=tuple(onset for _, onset, _ in hurt),
         failed_by=tuple(effect for _, _, effect in hurt),
@@ -158,10 +158,14 @@ def _least_distances(track: Array, world: World) -> tuple[float, ...]:
     return tuple(np.sqrt((gaps * gaps).sum(axis=2)).min(axis=0).tolist())
 
 
-def _least_clearance(track: Array, robot: Robot, world: World) -> float:
-    """Least distance [m] between the robot's outline and any obstacle's; NaN without obstacles."""
+def _least_clearance(flight: Flight, robot: Robot, world: World) -> float:
+    """Least distance [m] between the robot's outline and any obstacle's; NaN without obstacles.
+
+    Up to the first collision, for until then every obstacle stands where the world has put it.
+    """
     outlines = footprints(world.obstacles, robot.height_m)
     if not outlines:
         return float("nan")
-    poses = np.ascontiguousarray(track[:, [AT_X, AT_Y, HEADING]])
+    untouched = ~(flight.trajectory[:, TIME] > flight.first_collision)
+    poses = np.ascontiguousarray(flight.trajectory[untouched][:, [AT_X, AT_Y, HEADING]])
     return float(clearances(robot.outline, poses, outlines).min())
