@@ -88,6 +88,11 @@ class Experiment:
         sensor_chain(task.robot, faults, values, values, tick, rng)
         controller, pose = task.controller, np.zeros(POSE_SIZE)
         localization_chain(controller.localization, pose, controller.period_s, rng)
+        try:
+            with controller.open(task.robot, rng):
+                pass
+        except InputError as error:
+            raise InputError(f"controller: {error}") from None
 
     @cached_property
     def task(self) -> Task:

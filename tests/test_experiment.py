@@ -206,12 +206,25 @@ def test_evolved_values_that_a_part_refuses_are_the_worst_and_not_the_end(
     assert content(run) == before
 
 
+def test_evolved_values_that_a_part_refuses_only_when_it_starts(tmp_path: Path) -> None:
+    """The avoidance needs sensors that see as far as it looks, which is known in a mission only."""
+    far = NEAR_AND_FAR[1] % 1
+    assert tiny(tmp_path / "run", far, "optimizer.population_size=8") == DONE
+    missions, table = load_run(tmp_path / "run").missions, load_run(tmp_path / "run").generations
+    values = table.drop_duplicates("id").set_index("id")
+    refused = missions["ended"] == "refused"
+    assert set(refused) == {True, False}
+    looks = build(compose(["experiment=tiny"], OWN)).controller.avoidance.range_m  # type: ignore[attr-defined]
+    assert (refused == (values.loc[missions["design"], "far"].to_numpy() < looks)).all()
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["design.number=0"], "evolve"),
         (["+filter@design.sensors.sonar.filters.x=pose_noise"], "PoseNoise: "),
         (["filter@failure.effect=pose_noise"], "PoseNoise: "),
+        (["design.sensors.sonar.range_max_m=1.5"], "controller: WeightedVoting.range_m: "),
     ],
 )
 def test_what_would_break_inside_a_run_is_refused_before_it(
