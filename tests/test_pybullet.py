@@ -43,13 +43,7 @@ def experiment() -> Experiment:
 @pytest.fixture(autouse=True)
 def _closed() -> Iterator[None]:
     yield
-    forget()
-
-
-def forget() -> None:
-    """Close all engines, so that the next mission builds."""
-    while module._idle():
-        module._idle().pop().close()
+    module.close_engines()
 
 
 def mission(experiment: Experiment, world: str, number: int = 0, trial: int = 0) -> Mission:
@@ -121,7 +115,7 @@ def test_missions_repeat_in_a_process_and_in_a_fresh_one(experiment: Experiment)
 @pytest.mark.parametrize("world", ["boxes", "maze", "blocks"])
 def test_a_mission_does_not_know_what_was_flown_before(experiment: Experiment, world: str) -> None:
     wanted = mission(experiment, world, 1)
-    forget()
+    module.close_engines()
     _, alone = run_mission(experiment.task, wanted)
     for before in (
         mission(experiment, world, 1, trial=1),  # the same robot and world: reset
@@ -142,7 +136,7 @@ def test_a_reset_gives_the_bits_of_a_rebuild(experiment: Experiment, steps: int)
         with PyBullet().open(robot, world) as simulation:
             simulation.advance(command, 0.02 * steps)  # leaves contacts behind
         if rebuild:
-            forget()
+            module.close_engines()
         with PyBullet().open(robot, world) as simulation:
             models.append(simulation._model)
             tracks.append(track(simulation, 40))
@@ -389,7 +383,7 @@ def test_merged_links_move_as_the_separate_ones(
     robot = experiment.robot.equipped(design.mounts, experiment.design.sensors)
     tracks = []
     for separate in (False, True):
-        forget()
+        module.close_engines()
         if separate:
             monkeypatch.setattr("evoros.simulator.pybullet_model.merged", str)
         state, rows = np.zeros(STATE_SIZE), []

@@ -84,8 +84,18 @@ class PyBullet:
 
 @cache
 def _idle() -> list[Engine]:
-    """The engines of this process that no simulation is using: one, unless they are nested."""
+    """The engines of this process that no simulation is using: one, unless they are nested.
+
+    The one state that outlives a mission, and no result depends on it: an engine that is not
+    here is made anew.
+    """
     return []
+
+
+def close_engines() -> None:
+    """Disconnect the idle engines of this process; the next mission makes its own."""
+    while _idle():
+        _idle().pop().close()
 
 
 @cache

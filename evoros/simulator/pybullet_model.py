@@ -20,6 +20,8 @@ RAY, ROBOT, GROUND, FIXED, MOVABLE = 1, 2, 4, 8, 16
 SEEN = GROUND | FIXED | MOVABLE
 MOVING = RAY | ROBOT | MOVABLE
 
+BODY_FRICTION = 1.0  # of the chassis, which touches the ground only when the robot tips over
+
 UPWARDS = 1000.0  # [m]: far from everything
 
 Frame = tuple[tuple[float, ...], tuple[float, ...]]  # position [m], quaternion (x, y, z, w)
@@ -221,7 +223,7 @@ class Engine:
             bullet.changeDynamics(
                 body,
                 link,
-                lateralFriction=settings.wheel_friction,
+                lateralFriction=settings.wheel_friction if link in wheels else BODY_FRICTION,
                 linearDamping=0,
                 angularDamping=0,
                 jointDamping=0,
