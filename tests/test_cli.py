@@ -170,7 +170,7 @@ def test_no_secret_reaches_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPa
             [
                 *TINY,
                 "executor=serial",
-                "controller.avoidance.range_m='${oc.decode:${oc.env:EVOROS_SECRET}}'",
+                "failure.latest_s='${oc.decode:${oc.env:EVOROS_SECRET}}'",
             ]
         )
         == DONE
