@@ -6,12 +6,11 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from evoros.analysis.fitness import fitness
+from evoros.analysis.style import save
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
-
-from analysis.fitness import fitness
-from analysis.style import save
 
 NAN = math.nan
 TABLE = pd.DataFrame(
