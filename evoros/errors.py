@@ -102,7 +102,7 @@ def check(part: object, **rules: Rule) -> None:
     for name, rule in rules.items():
         value = getattr(part, name)
         if not rule.holds(value):
-            raise invalid(part, name, value, f"must be {rule.text}")
+            raise invalid(part, name, value, f"must be {rule.text}", _forgotten(value))
 
 
 def invalid(part: object, field: str, value: object, rule: str, cure: str = "") -> InputError:
@@ -112,6 +112,13 @@ def invalid(part: object, field: str, value: object, rule: str, cure: str = "") 
         cure = f"set it to such a value, for example {default}"
     cure = f"; {cure}" if cure else "; set it to such a value"
     return InputError(f"{type(part).__name__}.{field}: {rule}, not {_short(value)}{cure}")
+
+
+def _forgotten(value: object) -> str:
+    """The cure where keys were given for a part, or for one of several, but no class to build."""
+    several = isinstance(value, dict) and any(isinstance(each, dict) for each in value.values())
+    lone = isinstance(value, dict) and not any(hasattr(each, "__dict__") for each in value.values())
+    return "add _target_, the class to build from these keys" if value and (several or lone) else ""
 
 
 def _short(value: object) -> str:

@@ -48,6 +48,9 @@ def about_instantiation(error: InstantiationException) -> str:
     where = f"{key}: " if key else ""
     if isinstance(cause, TypeError):
         return f"{where}{_signature(str(cause))}"
+    absent = re.fullmatch(r"No module named '(.*)\.(\w+)'; '\1' is not a package", str(cause))
+    if absent:
+        return f"{where}the module {absent[1]} has no {absent[2]}; correct _target_"
     if isinstance(cause, ImportError | AttributeError):
         return (
             f"{where}{_flat(cause)}; correct _target_, or put the module into the folder given "
@@ -94,10 +97,16 @@ def _no_such_key(key: str, cause: BaseException | None) -> str:
     if last in there:  # it is the key above that does not take values
         there = []
     close = get_close_matches(last, there, 1)
-    cure = (
-        f"did you mean {close[0]}" if close else f"there is {', '.join(there)}" if there else HELP
-    )
+    below = [f"{each}.{last}" for each in there if _has(parent, each, last)]
+    cure = HELP if not there else f"there is {', '.join(there)}"
+    if close or below:
+        cure = f"did you mean {(close or below)[0]}"
     return f"{key}: must be an existing key; {cure}"
+
+
+def _has(config: DictConfig | None, group: str, key: str) -> bool:
+    inner = config._get_node(group) if config is not None else None
+    return isinstance(inner, DictConfig) and key in inner
 
 
 def _no_such_choice(error: MissingConfigException) -> str:
