@@ -19,7 +19,7 @@ from evoros.experiment import Experiment
 from evoros.mission import Mission, run_mission
 from evoros.outcome import AT_X, AT_Y
 from evoros.robot import Robot
-from evoros.simulator.pybullet import PyBullet, close_engines
+from evoros.simulator.pybullet import PyBullet, forget_models
 from evoros.simulator.pybullet_model import SEEN
 from evoros.task import Task
 from evoros.types import STATE_SIZE, Array, X, Y
@@ -99,7 +99,7 @@ def pair(experiment: Experiment, recorder: Recorder, mission: Mission) -> tuple[
     """Seconds of the mission, of its bare calls, and simulated."""
     task = experiment.task
     _, track = run_mission(replace(task, simulator=recorder), mission)
-    close_engines()  # so that building the model counts, as for every new design
+    forget_models()  # so that building counts, as for every new design
     begin = perf_counter()
     outcome, _ = run_mission(task, mission)
     whole = perf_counter() - begin

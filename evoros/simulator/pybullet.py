@@ -92,6 +92,12 @@ def _idle() -> list[Engine]:
     return []
 
 
+def forget_models() -> None:
+    """Let the next mission build its model, as every new design does."""
+    for engine in _idle():
+        engine.forget()
+
+
 def close_engines() -> None:
     """Disconnect the idle engines of this process; the next mission makes its own."""
     while _idle():

@@ -66,6 +66,10 @@ class Engine:
         """Disconnect; the engine cannot be used any more."""
         self.bullet.disconnect(self.client)
 
+    def forget(self) -> None:
+        """The next mission builds its model."""
+        self._loaded = None
+
     def prepare(self, robot: Robot, world: World, settings: Settings) -> Model:
         """The model at the start of a mission: reset where it can be, else built."""
         drive = robot.drive
