@@ -152,27 +152,11 @@ def load_robot(
     Raises:
         InputError: the file cannot be used, or ``drive`` or ``mount`` name what it has not.
     """
-    for name, given, kind, what in (
-        ("description", description, str, "the path of a file"),
-        ("drive", drive, DriveDescription, "the description of a drive"),
-        ("mount", mount, MountDefaults, "a MountDefaults"),
-        ("arguments", arguments or {}, Mapping, "a mapping from names to values"),
-        ("packages", packages, list | tuple, "a list of folders"),
-    ):
-        if not isinstance(given, kind):
-            raise InputError(f"robot.{name}: must be {what}, not {given!r}; give one")
+    _check_kinds(description, drive, mount, arguments or {}, packages)
     file, root = expansion.read(description, arguments or {}, packages)
     urdf = read_tree(root, str(file))
     fitted = drive.fit(urdf)
-    wheels = {urdf.joints[name].child for name in fitted.wheel_joints}
-    touching = [
-        (shape, urdf.poses[link] @ shape.pose)
-        for link, shapes in urdf.shapes.items()
-        if link not in wheels
-        for shape in shapes
-    ]
-    if not touching:
-        raise urdf.fault("a link beside the wheels must have a <collision>", "give it a box")
+    touching = _touching(urdf, fitted)
     robot = Robot(
         name=urdf.name,
         base_urdf=etree.tostring(root, encoding="unicode", pretty_print=True),
@@ -188,6 +172,34 @@ def load_robot(
     if mount.link not in robot.places:
         raise robot._no_place(mount.link)
     return robot
+
+
+def _check_kinds(
+    description: object, drive: object, mount: object, arguments: object, packages: object
+) -> None:
+    for name, given, kind, what in (
+        ("description", description, str, "the path of a file"),
+        ("drive", drive, DriveDescription, "the description of a drive"),
+        ("mount", mount, MountDefaults, "a MountDefaults"),
+        ("arguments", arguments, Mapping, "a mapping from names to values"),
+        ("packages", packages, list | tuple, "a list of folders"),
+    ):
+        if not isinstance(given, kind):
+            raise InputError(f"robot.{name}: must be {what}, not {given!r}; give one")
+
+
+def _touching(urdf: Urdf, drive: Drive) -> list[tuple[Shape, Pose]]:
+    """The shapes that can touch obstacles, all but the wheels', in the robot's frame."""
+    wheels = {urdf.joints[name].child for name in drive.wheel_joints}
+    touching = [
+        (shape, urdf.poses[link] @ shape.pose)
+        for link, shapes in urdf.shapes.items()
+        if link not in wheels
+        for shape in shapes
+    ]
+    if not touching:
+        raise urdf.fault("a link beside the wheels must have a <collision>", "give it a box")
+    return touching
 
 
 def _places(urdf: Urdf) -> dict[str, tuple[float, float, float, float]]:
