@@ -64,6 +64,16 @@ class Ackermann:
             rule = f"must be at most {self.steering_stop_rad:g}, where the steering joints stop"
             raise invalid(self, "steering_limit_rad", self.steering_limit_rad, rule)
 
+    @property
+    def limited_at_m(self) -> float:
+        """The limit of the speed is that of the rear axle's middle."""
+        return 0.0
+
+    @property
+    def free_links(self) -> tuple[str, ...]:
+        """All wheels are driven."""
+        return ()
+
     @cached_property
     def steering_limit(self) -> float:
         """Full lock: the bicycle model's angle [rad] at which the inner wheel is at its limit."""

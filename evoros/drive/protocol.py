@@ -22,7 +22,17 @@ class Drive(Protocol):
 
     @property
     def max_speed_mps(self) -> float:
-        """Greatest speed of the point at ``turning_x_m``."""
+        """Greatest speed, straight ahead, of the point at ``turning_x_m``."""
+        ...
+
+    @property
+    def limited_at_m(self) -> float:
+        """How far to the side of that point the limit of the speed applies.
+
+        In a turn the speed of the point is at most ``max_speed_mps / (1 + |curvature| *
+        limited_at_m)``: 0 where the limit is that of the point itself, half the track where each
+        of two wheels has a limit.
+        """
         ...
 
     @property
@@ -48,6 +58,11 @@ class Drive(Protocol):
     @property
     def wheel_joints(self) -> tuple[str, ...]:
         """Controlled by velocity. Their links touch the ground and nothing else."""
+        ...
+
+    @property
+    def free_links(self) -> tuple[str, ...]:
+        """Casters: links that slide on the ground without friction and touch nothing else."""
         ...
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
