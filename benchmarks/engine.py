@@ -174,7 +174,7 @@ def running(choice: str, robots: dict[str, Robot], world: World) -> tuple[Any, A
     robot = robots["cylinder" if choice == "cylinder" else "sphere"]
     merge = rigid.merged
     if choice == "links":
-        vars(pybullet_model)["merged"] = str
+        vars(pybullet_model)["merged"] = lambda urdf, kept: urdf
     try:
         model = engine.prepare(robot, world, settings)
     finally:

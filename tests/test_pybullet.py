@@ -385,7 +385,8 @@ def test_merged_links_move_as_the_separate_ones(
     for separate in (False, True):
         module.close_engines()
         if separate:
-            monkeypatch.setattr("evoros.simulator.pybullet_model.merged", str)
+            unchanged = "evoros.simulator.pybullet_model.merged"
+            monkeypatch.setattr(unchanged, lambda urdf, kept: urdf)
         state, rows = np.zeros(STATE_SIZE), []
         with PyBullet().open(robot, level(experiment)) as simulation:
             joints = simulation._bullet.getNumJoints(

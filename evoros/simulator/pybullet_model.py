@@ -14,8 +14,8 @@ from evoros.simulator.rigid import merged
 from evoros.world import World
 
 # Collision groups. Rays come in group 1 (the engine's default), and so nothing else is in it.
-# Wheels meet the ground only, the robot never itself, and what is fixed not what is fixed: such
-# pairs cost the engine time wherever walls touch each other or the ground.
+# Wheels and casters meet the ground only, the robot never itself, and what is fixed not what is
+# fixed: such pairs cost the engine time wherever walls touch each other or the ground.
 RAY, ROBOT, GROUND, FIXED, MOVABLE = 1, 2, 4, 8, 16
 SEEN = GROUND | FIXED | MOVABLE
 MOVING = RAY | ROBOT | MOVABLE
@@ -73,8 +73,8 @@ class Engine:
     def prepare(self, robot: Robot, world: World, settings: Settings) -> Model:
         """The model at the start of a mission: reset where it can be, else built."""
         drive = robot.drive
-        joints = (drive.steering_joints, drive.wheel_joints)
-        wanted = (robot.urdf, joints, world.bodies, world.course.home, settings)
+        parts = (drive.steering_joints, drive.wheel_joints, drive.free_links)
+        wanted = (robot.urdf, parts, world.bodies, world.course.home, settings)
         if self._model is None or self._loaded != wanted or self._disturbed(self._model):
             self._loaded = None
             try:
@@ -210,24 +210,26 @@ class Engine:
         ground: frozenset[int],
         movable: Mapping[int, Frame],
     ) -> Model:
-        bullet, client, course = self.bullet, self.client, world.course
+        bullet, client, course, drive = self.bullet, self.client, world.course, robot.drive
         position, yaw = course.home[:3], course.home[3]
         facing = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
-        body = self._load_urdf(merged(robot.urdf), position, facing)
+        body = self._load_urdf(merged(robot.urdf, drive.free_links), position, facing)
         infos = [
             bullet.getJointInfo(body, joint, physicsClientId=client)
             for joint in range(bullet.getNumJoints(body, physicsClientId=client))
         ]
         number = {info[1].decode(): info[0] for info in infos}
-        wheels = tuple(number[name] for name in robot.drive.wheel_joints)
-        steering = tuple(number[name] for name in robot.drive.steering_joints)
+        wheels = tuple(number[name] for name in drive.wheel_joints)
+        steering = tuple(number[name] for name in drive.steering_joints)
+        friction = {info[0]: 0.0 for info in infos if info[12].decode() in drive.free_links}
+        friction.update(dict.fromkeys(wheels, settings.wheel_friction))  # of what meets the ground
         for link in range(-1, len(infos)):
-            meets = GROUND if link in wheels else GROUND | FIXED | MOVABLE
+            meets = GROUND if link in friction else GROUND | FIXED | MOVABLE
             bullet.setCollisionFilterGroupMask(body, link, ROBOT, meets, physicsClientId=client)
             bullet.changeDynamics(
                 body,
                 link,
-                lateralFriction=settings.wheel_friction if link in wheels else BODY_FRICTION,
+                lateralFriction=friction.get(link, BODY_FRICTION),
                 linearDamping=0,
                 angularDamping=0,
                 jointDamping=0,
@@ -240,7 +242,7 @@ class Engine:
             touching=tuple(
                 link
                 for link in range(-1, len(infos))
-                if link not in wheels and bullet.getCollisionShapeData(body, link, client)
+                if link not in friction and bullet.getCollisionShapeData(body, link, client)
             ),
             movable=movable,
             steering=steering,

@@ -1,6 +1,7 @@
 """Links that cannot move against each other, made one: engines pay for every link."""
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 from lxml import etree
@@ -11,8 +12,10 @@ from evoros.types import Array
 from evoros.urdf.parts import read_origin, value
 
 
-def merged(urdf: str) -> str:
+def merged(urdf: str, kept: Collection[str] = ()) -> str:
     """The description with every outermost link on a fixed joint made part of its parent.
+
+    Links that are ``kept`` stay links of their own, for example where their friction differs.
 
     Mass, centre of mass and inertia are those of both together; collision shapes move along.
     What is only seen, and what is meant for other simulators, is left out.
@@ -20,7 +23,7 @@ def merged(urdf: str) -> str:
     root = etree.fromstring(urdf.encode())
     etree.strip_elements(root, "visual", "gazebo", "material", "transmission")
     links = {str(link.get("name")): link for link in root.findall("link")}
-    while (joint := _outermost(root)) is not None:
+    while (joint := _outermost(root, kept)) is not None:
         parent, child = (links[_end(joint, tag)] for tag in ("parent", "child"))
         _merge(parent, child, read_origin(joint))
         root.remove(joint)
@@ -34,11 +37,11 @@ def _end(joint: Element, tag: str) -> str:
     return str(end.get("link"))
 
 
-def _outermost(root: Element) -> Element | None:
-    """A fixed joint whose child carries nothing."""
-    parents = {_end(joint, "parent") for joint in root.findall("joint")}
+def _outermost(root: Element, kept: Collection[str]) -> Element | None:
+    """A fixed joint whose child carries nothing and is not kept."""
+    staying = {_end(joint, "parent") for joint in root.findall("joint")} | set(kept)
     for joint in root.findall("joint"):
-        if joint.get("type") == "fixed" and _end(joint, "child") not in parents:
+        if joint.get("type") == "fixed" and _end(joint, "child") not in staying:
             return joint
     return None
 
