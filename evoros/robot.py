@@ -190,7 +190,7 @@ def _check_kinds(
 
 def _touching(urdf: Urdf, drive: Drive) -> list[tuple[Shape, Pose]]:
     """The shapes that can touch obstacles, all but those on the ground, in the robot's frame."""
-    wheels = {urdf.joints[name].child for name in drive.wheel_joints} | set(drive.free_links)
+    wheels = {urdf.joints[name].child for name in drive.wheel_joints} | set(drive.caster_links)
     touching = [
         (shape, urdf.poses[link] @ shape.pose)
         for link, shapes in urdf.shapes.items()

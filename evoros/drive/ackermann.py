@@ -7,23 +7,18 @@ from functools import cached_property
 
 import numpy as np
 
-from evoros.drive.protocol import TOLERANCE_M, UP, axle, driven_joint, wheel
-from evoros.errors import NUMBER, POSITIVE, Rule, check, invalid
+from evoros.drive.protocol import (
+    ANGLE,
+    PAIR,
+    TOLERANCE_M,
+    UP,
+    axle,
+    driven_joint,
+    same_radius,
+    wheel,
+)
+from evoros.errors import NUMBER, POSITIVE, check, invalid
 from evoros.urdf.tree import Urdf
-
-ANGLE = Rule(
-    "an angle greater than 0 and less than pi/2",
-    lambda v: POSITIVE.holds(v) and v < 0.5 * math.pi,
-)
-PAIR = Rule(
-    "a list of the names of two joints, left and right",
-    lambda v: (
-        isinstance(v, list | tuple)
-        and len(v) == 2
-        and all(isinstance(name, str) and name for name in v)
-        and v[0] != v[1]
-    ),
-)
 
 
 @dataclass(frozen=True)
@@ -70,7 +65,7 @@ class Ackermann:
         return 0.0
 
     @property
-    def free_links(self) -> tuple[str, ...]:
+    def caster_links(self) -> tuple[str, ...]:
         """All wheels are driven."""
         return ()
 
@@ -138,8 +133,7 @@ class AckermannDescription:
         """
         names = (*self.front_wheel_joints, *self.rear_wheel_joints)
         centers, radii = zip(*(wheel(urdf, name) for name in names), strict=True)
-        if max(radii) - min(radii) > TOLERANCE_M:
-            raise urdf.fault(f"wheels must be equally large, not {radii}", "correct their shapes")
+        radius = same_radius(urdf, radii)
         front_x, front_track = axle(urdf, self.front_wheel_joints, centers[:2])
         rear_x, rear_track = axle(urdf, self.rear_wheel_joints, centers[2:])
         kingpin_x, kingpin_track, stop = self._steering(urdf)
@@ -154,7 +148,7 @@ class AckermannDescription:
             kingpin_track_m=kingpin_track,
             front_track_m=front_track,
             rear_track_m=rear_track,
-            wheel_radius_m=math.fsum(radii) / len(radii),
+            wheel_radius_m=radius,
             turning_x_m=rear_x,
             steering_stop_rad=stop,
             steering_limit_rad=self.steering_limit_rad,

@@ -1,12 +1,15 @@
 """What a drive is, and what every drive on wheels needs to know of its robot.
 
 A drive is two things: a description, which names joints and sets limits, and the drive itself,
-whose geometry the description reads from the robot's URDF. See ``evoros.drive.ackermann``.
+whose geometry the description reads from the robot's URDF. See ``evoros.drive.ackermann`` and
+``evoros.drive.differential``.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
+from evoros.errors import POSITIVE, Rule
 from evoros.types import Array
 from evoros.urdf.parts import Joint
 from evoros.urdf.tree import Urdf
@@ -15,6 +18,20 @@ TOLERANCE_M = 1e-3
 """How far wheels may be from lying opposite each other, or from touching the ground."""
 
 FORWARD, LEFT, UP = range(3)
+
+ANGLE = Rule(
+    "an angle greater than 0 and less than pi/2",
+    lambda v: POSITIVE.holds(v) and v < 0.5 * math.pi,
+)
+PAIR = Rule(
+    "a list of the names of two joints, left and right",
+    lambda v: (
+        isinstance(v, list | tuple)
+        and len(v) == 2
+        and all(isinstance(name, str) and name for name in v)
+        and v[0] != v[1]
+    ),
+)
 
 
 class Drive(Protocol):
@@ -61,8 +78,8 @@ class Drive(Protocol):
         ...
 
     @property
-    def free_links(self) -> tuple[str, ...]:
-        """Casters: links that slide on the ground without friction and touch nothing else."""
+    def caster_links(self) -> tuple[str, ...]:
+        """Links that slide on the ground without friction and touch nothing else."""
         ...
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -139,3 +156,15 @@ def axle(urdf: Urdf, names: Sequence[str], places: Sequence[Array]) -> tuple[flo
         rule = f"joints {names[0]!r} and {names[1]!r} must lie opposite each other, not at {found}"
         raise urdf.fault(rule, "correct their <origin>")
     return 0.5 * (left_x + right_x), left_y - right_y
+
+
+def same_radius(urdf: Urdf, radii: Sequence[float]) -> float:
+    """The radius [m] of all wheels.
+
+    Raises:
+        InputError: they differ.
+    """
+    if max(radii) - min(radii) > TOLERANCE_M:
+        found = ", ".join(f"{radius:g}" for radius in radii)
+        raise urdf.fault(f"wheels must be equally large, not {found} m", "correct their shapes")
+    return math.fsum(radii) / len(radii)

@@ -73,7 +73,7 @@ class Engine:
     def prepare(self, robot: Robot, world: World, settings: Settings) -> Model:
         """The model at the start of a mission: reset where it can be, else built."""
         drive = robot.drive
-        parts = (drive.steering_joints, drive.wheel_joints, drive.free_links)
+        parts = (drive.steering_joints, drive.wheel_joints, drive.caster_links)
         wanted = (robot.urdf, parts, world.bodies, world.course.home, settings)
         if self._model is None or self._loaded != wanted or self._disturbed(self._model):
             self._loaded = None
@@ -213,7 +213,7 @@ class Engine:
         bullet, client, course, drive = self.bullet, self.client, world.course, robot.drive
         position, yaw = course.home[:3], course.home[3]
         facing = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
-        body = self._load_urdf(merged(robot.urdf, drive.free_links), position, facing)
+        body = self._load_urdf(merged(robot.urdf, drive.caster_links), position, facing)
         infos = [
             bullet.getJointInfo(body, joint, physicsClientId=client)
             for joint in range(bullet.getNumJoints(body, physicsClientId=client))
@@ -221,7 +221,7 @@ class Engine:
         number = {info[1].decode(): info[0] for info in infos}
         wheels = tuple(number[name] for name in drive.wheel_joints)
         steering = tuple(number[name] for name in drive.steering_joints)
-        friction = {info[0]: 0.0 for info in infos if info[12].decode() in drive.free_links}
+        friction = {info[0]: 0.0 for info in infos if info[12].decode() in drive.caster_links}
         friction.update(dict.fromkeys(wheels, settings.wheel_friction))  # of what meets the ground
         for link in range(-1, len(infos)):
             meets = GROUND if link in friction else GROUND | FIXED | MOVABLE
