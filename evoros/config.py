@@ -47,9 +47,14 @@ def compose(overrides: Sequence[str] = (), config_dir: str | Path | None = None)
 
 
 def compose_whole(
-    overrides: Sequence[str], config_dir: str | Path | None = None, number: int = 0
+    overrides: Sequence[str],
+    config_dir: str | Path | None = None,
+    number: int = 0,
+    primary: str = "config",
 ) -> DictConfig:
     """As ``compose``, with Hydra's own part; ``number`` is that of the job in a sweep.
+
+    ``primary`` is the file of conf/ that everything else is composed into.
 
     The interpolation ``${hydra:...}`` refers to the configuration that was composed last.
     """
@@ -61,7 +66,7 @@ def compose_whole(
     try:
         with initialize_config_dir(str(folder("conf")), "evoros", version_base=_HYDRA_VERSION):
             config = hydra_compose(
-                "config", overrides=[*extra, *overrides], return_hydra_config=True
+                primary, overrides=[*extra, *overrides], return_hydra_config=True
             )
         with open_dict(config):
             config.hydra.job.num = number

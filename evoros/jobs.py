@@ -47,18 +47,25 @@ def options_of(arguments: Sequence[str]) -> Namespace:
 class Jobs:
     """The jobs of one command: one, or the product of all values of a sweep.
 
-    ``sweep`` is the folder of the sweep; None for a single job.
+    ``primary`` is the command's own file of conf/; ``sweep`` is the folder of the sweep, None for a
+    single job.
 
     Raises:
         InputError: what is common to all jobs cannot be composed.
     """
 
-    def __init__(self, overrides: Sequence[str], multirun: bool, config_dir: Path | None) -> None:
+    def __init__(
+        self,
+        overrides: Sequence[str],
+        multirun: bool,
+        config_dir: Path | None,
+        primary: str = "config",
+    ) -> None:
         parsed = parse(overrides)
         swept = [typed(each) for each in parsed if each.is_sweep_override()]
         common = [typed(each) for each in parsed if not each.is_sweep_override()]
-        self._base = compose_whole(common, config_dir)
-        self._config_dir = config_dir
+        self._base = compose_whole(common, config_dir, primary=primary)
+        self._config_dir, self._primary = config_dir, primary
         self._overrides: list[tuple[str, ...]] = []
         self.sweep: Path | None = None
         if multirun or self._base.hydra.mode == RunMode.MULTIRUN:
@@ -83,7 +90,7 @@ class Jobs:
         used: set[str] = set()
         for number, overrides in enumerate(self._overrides):
             try:
-                config = compose_whole(overrides, self._config_dir, number)
+                config = compose_whole(overrides, self._config_dir, number, self._primary)
                 name = str(config.hydra.sweep.subdir)
             except EvorosError as error:
                 yield error
