@@ -4,7 +4,7 @@ import math
 import pickle
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import TypeVar
 
@@ -17,7 +17,8 @@ from evoros.types import Array, Design, Pool
 
 Result = TypeVar("Result")
 
-SELECTION, VALIDATION, EVALUATION = "selection", "validation", "evaluation"
+SELECTION, CONFIRMATION = "selection", "confirmation"
+VALIDATION, EVALUATION = "validation", "evaluation"
 POLICIES = ("generation", "individual", "run")
 STOP, WORST = "stop", "worst"
 AHEAD = 4
@@ -52,6 +53,17 @@ class Plan:
         """
         trials = range(self.trials, self.trials + self.validation_trials)
         return self._missions(generation, design_id, design, VALIDATION, "all", trials)
+
+    def confirmation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
+        """The missions of the selection again, under the same draws, for another simulator.
+
+        Their trials are numbered after those of the validation.
+        """
+        after = self.trials + self.validation_trials
+        return [
+            replace(mission, trial=after + mission.trial, purpose=CONFIRMATION)
+            for mission in self.selection(generation, design_id, design)
+        ]
 
     def evaluation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
         """Missions outside a run, under draws that no run is selected or validated on."""

@@ -44,10 +44,9 @@ def replay(
     experiment = session.rebuild(run.path, config_dir)
     row = rows.loc[[place]].iloc[0]
     flown = designs(run, experiment)[design]
-    mission = Mission(
-        generation, design, flown, world, trial, str(row["purpose"]), str(row["draws"])
-    )
-    outcome, track = run_mission(experiment.task, mission)
+    purpose, draws = str(row["purpose"]), str(row["draws"])
+    mission = Mission(generation, design, flown, world, trial, purpose, draws)
+    outcome, track = run_mission(experiment.task_of(purpose), mission)
     return outcome, pd.DataFrame(track, columns=trajectory_columns(track))
 
 

@@ -6,7 +6,7 @@ import time
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from evoros.experiment import Generation
+from evoros.evolution import Generation
 from evoros.log import LOGGER
 from evoros.mission import Mission
 from evoros.outcome import Outcome

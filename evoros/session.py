@@ -16,7 +16,8 @@ from omegaconf import DictConfig, OmegaConf
 from evoros import config as configuration
 from evoros.errors import InputError, is_whole
 from evoros.evaluation import describe
-from evoros.experiment import Evolution, Experiment, Generation, Observer
+from evoros.evolution import Evolution, Generation, Observer
+from evoros.experiment import Experiment
 from evoros.log import LOGGER, logging_to_file, remembering
 from evoros.manifest import check_unchanged, manifest
 from evoros.mission import Mission
@@ -94,6 +95,9 @@ class Recorder:
                 "generations_done": 0 if last is None else last.number + 1,
                 "best_fitness": None if last is None else last.best.fitness,
                 "best_validated_fitness": None if last is None else last.validated,
+                "best_loss": None if last is None else last.loss,
+                "mean_loss": None if last is None else last.mean_loss,
+                "confirmed": 0 if last is None else len(last.losses),
                 "missions": len(self.folder.outcomes),
                 "session_missions": self.missions,
                 "session_simulated_s": round(self.simulated, 1),

@@ -1,7 +1,9 @@
 """What a run says at its end."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from evoros.record import STATUS
 
@@ -21,4 +23,13 @@ def summary(folder: Path) -> str:
         f"champion          {folder / 'champion'}",
         f"run folder        {folder}",
     ]
+    if status["mean_loss"] is not None:
+        lines.insert(1, _loss(status))
     return "\n".join(lines)
+
+
+def _loss(status: Mapping[str, Any]) -> str:
+    """What the confirming simulator took from the fitness in the run's own."""
+    best = "" if status["best_loss"] is None else f"{status['best_loss']:.3f} of the best, "
+    mean = f"{status['mean_loss']:.3f} on average of {status['confirmed']} designs"
+    return f"loss, confirmed   {best}{mean}"

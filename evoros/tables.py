@@ -25,8 +25,9 @@ CANDIDATE_COLUMNS = (
     "operator",
     "survived",
     "fitness",
-    "validated_fitness",
 )
+VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
+MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two with a confirmation only
 DESIGN_COLUMNS = (
     "design",
     "sensor",
@@ -97,17 +98,20 @@ def _parse(content: str, kind: Any) -> Any:
 def generation_table(
     generation: int,
     candidates: Sequence[Candidate],
-    validated: Mapping[int, float],
+    measured: Mapping[str, Mapping[int, float]],
     genes: Sequence[Mapping[str, object]],
 ) -> str:
-    """The text of ``generations/NNNNN.csv``: a row for each candidate of the pool."""
+    """The text of ``generations/NNNNN.csv``: a row for each candidate of the pool.
+
+    ``measured`` has further numbers by column and individual; not every individual has one.
+    """
     names = list(genes[0]) if genes else []
-    rows: list[Sequence[object]] = [(*CANDIDATE_COLUMNS, *names)]
+    rows: list[Sequence[object]] = [(*CANDIDATE_COLUMNS, *measured, *names)]
     for candidate, values in zip(candidates, genes, strict=True):
         one = candidate.individual
         head = (generation, one.id, one.parents, candidate.operator, candidate.survived)
-        known = validated.get(one.id, math.nan)
-        rows.append([*head, candidate.fitness, known, *(values[name] for name in names)])
+        known = [numbers.get(one.id, math.nan) for numbers in measured.values()]
+        rows.append([*head, candidate.fitness, *known, *(values[name] for name in names)])
     return text(rows)
 
 
