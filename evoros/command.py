@@ -143,8 +143,8 @@ def _session(
     live: bool,
 ) -> int:
     """One run, its display and what is said at its end; returns an exit status."""
+    from evoros.folder import LOG
     from evoros.progress import Progress
-    from evoros.record import LOG
 
     try:
         with Progress(live and sys.stderr.isatty()) as display:
@@ -167,7 +167,7 @@ def _session(
 
 def _again(path: Path, config_dir: str | None) -> str:
     """What to type to go on; nothing before there is a run."""
-    from evoros.record import MISSIONS, resume_command
+    from evoros.folder import MISSIONS, resume_command
 
     own = f" --config-dir {shlex.quote(config_dir)}" if config_dir else ""
     begun = (path / MISSIONS).exists()

@@ -13,8 +13,8 @@ from typing import Any
 
 from evoros.errors import InputError
 from evoros.experiment import Experiment
+from evoros.folder import FORMAT_VERSION
 from evoros.log import LOGGER
-from evoros.record import FORMAT_VERSION
 
 PACKAGES = ("evoros", "numpy", "pybullet", "hydra-core", "omegaconf", "xacro", "lxml")
 DECISIVE = ("evoros", "numpy", "pybullet")

@@ -18,11 +18,12 @@ from evoros.errors import InputError, is_whole
 from evoros.evaluation import describe
 from evoros.evolution import Evolution, Generation, Observer
 from evoros.experiment import Experiment
+from evoros.folder import CONFIG, LOG, MANIFEST, require_unused, require_whole
 from evoros.log import LOGGER, logging_to_file, remembering
 from evoros.manifest import check_unchanged, manifest
 from evoros.mission import Mission
 from evoros.outcome import Outcome
-from evoros.record import CONFIG, LOG, MANIFEST, RunFolder, require_unused, require_whole
+from evoros.record import RunFolder
 
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
 

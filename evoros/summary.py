@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from evoros.record import STATUS
+from evoros.folder import STATUS
 
 
 def summary(folder: Path) -> str:
