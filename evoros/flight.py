@@ -5,9 +5,10 @@ engine, a configuration or a file.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
 from numpy.random import Generator
 
 from evoros.types import (
@@ -15,9 +16,14 @@ from evoros.types import (
     SPEED,
     STEERING,
     YAW,
+    AdvanceRule,
     Array,
     FilterRule,
     LayerRule,
+    ObserveRule,
+    RuleSimulation,
+    SenseRule,
+    Simulation,
     X,
     Y,
 )
@@ -39,7 +45,7 @@ class Timing(NamedTuple):
 class Link(NamedTuple):
     """One filter of the chain, started for the sensors of one type."""
 
-    every: int  # ticks
+    every: int  # ticks; 0: neither this link nor those behind it do anything
     rule: FilterRule
     parameters: Array
     memory: Array
@@ -78,15 +84,54 @@ class Count(NamedTuple):
     first_collision: int  # tick, -1: none
 
 
+class Parts(NamedTuple):
+    """The first arguments of ``fly``: all rules, with their parameters and memory."""
+
+    observe: ObserveRule
+    sense: SenseRule
+    advance: AdvanceRule
+    parameters: Array  # of the simulation
+    memory: Array
+    filters: tuple[Link, ...]
+    localization: tuple[Link, ...]
+    layers: tuple[Step, ...]
+
+
+def parts_of(
+    simulation: Simulation,
+    filters: Sequence[Link],
+    localization: Sequence[Link],
+    layers: Sequence[Step],
+) -> Parts:
+    """The parts of a mission; a live engine's methods take the place of rules."""
+    chains = tuple(filters), tuple(localization), tuple(layers)
+    if isinstance(simulation, RuleSimulation):
+        return Parts(*simulation.rules, simulation.parameters, simulation.memory, *chains)
+
+    def observe(parameters: Array, memory: Array, state: Array) -> None:
+        simulation.observe(state)
+
+    def sense(parameters: Array, memory: Array, readings: Array) -> None:
+        simulation.sense(readings)
+
+    def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
+        simulation.advance(command, duration)
+
+    nothing = np.zeros(0)
+    return Parts(observe, sense, advance, nothing, nothing, *chains)
+
+
 def publish(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
     """The first link of every chain: a sensor publishes what it measured."""
     values[:] = memory
 
 
 def fly(
-    observe: Callable[[Array], None],
-    sense: Callable[[Array], None],
-    advance: Callable[[Array, float], None],
+    observe: ObserveRule,
+    sense: SenseRule,
+    advance: AdvanceRule,
+    parameters: Array,
+    memory: Array,
     filters: tuple[Link, ...],
     localization: tuple[Link, ...],
     layers: tuple[Step, ...],
@@ -99,17 +144,20 @@ def fly(
 ) -> Count:
     """Fly one mission; ``arrays.leg`` starts with home as its first point.
 
-    One long function: as one it can be compiled whole, and read from top to bottom.
+    ``parameters`` and ``memory`` are the simulation's. One long function: as one it is compiled
+    whole (``evoros.compiled``), and read from top to bottom.
     """
     tick, sense_every, decide_every, record_every, limit = timing
     state, pose, leg, command, raw, readings, trajectory = arrays
     legs, reach = len(route), acceptance * acceptance
     visited = collisions = mode = rows = 0
     first_collision, touching, ended = -1, False, FLYING
-    goal_x, goal_y = leg[2], leg[3] = float(route[0, 0]), float(route[0, 1])
+    goal_x, goal_y = float(route[0, 0]), float(route[0, 1])
+    leg[2] = goal_x
+    leg[3] = goal_y
     for k in range(limit + 1):
         time = k * tick
-        observe(state)
+        observe(parameters, memory, state)
         # Plain numbers: an array's own scalars cost several times as much to compute with.
         x, y, yaw, speed = float(state[X]), float(state[Y]), float(state[YAW]), float(state[SPEED])
         if not math.isfinite(x + y + yaw + speed):
@@ -120,9 +168,11 @@ def fly(
             if visited == legs:
                 ended = COMPLETED
             else:
-                leg[0], leg[1] = goal_x, goal_y
+                leg[0] = goal_x
+                leg[1] = goal_y
                 goal_x, goal_y = float(route[visited, 0]), float(route[visited, 1])
-                leg[2], leg[3] = goal_x, goal_y
+                leg[2] = goal_x
+                leg[3] = goal_y
         contact = float(state[CONTACT]) > 0.0
         if contact and not touching:
             collisions += 1
@@ -135,28 +185,38 @@ def fly(
             ended = TIME_LIMIT
         if ended == FLYING:
             if k % sense_every == 0:
-                sense(raw)
-                for every, rule, parameters, memory, rng, values in filters:
+                sense(parameters, memory, raw)
+                for every, change, constants, kept, rng, values in filters:
+                    if every == 0:
+                        break
                     if k % every == 0:
-                        rule(parameters, memory, rng, values, time)
+                        change(constants, kept, rng, values, time)
             if k % decide_every == 0:
                 pose[:] = state
-                for _, rule, parameters, memory, rng, values in localization:
-                    rule(parameters, memory, rng, values, time)
+                for every, change, constants, kept, rng, values in localization:
+                    if every == 0:
+                        break
+                    change(constants, kept, rng, values, time)
                 mode = 0
-                for number, (decide, parameters, memory) in enumerate(layers):
-                    if decide(parameters, memory, pose, leg, readings, time, command):
+                for number, (decide, constants, kept) in enumerate(layers):
+                    if decide(constants, kept, pose, leg, readings, time, command):
                         mode = number + 1
                         break
                 modes[mode] += 1.0
         if k % record_every == 0 or ended != FLYING:
             row = trajectory[rows]
-            row[0], row[1], row[2], row[3] = time, x, y, yaw
-            row[4], row[5], row[6] = speed, command[STEERING], mode
-            row[7], row[8] = visited, contact
+            row[0] = time
+            row[1] = x
+            row[2] = y
+            row[3] = yaw
+            row[4] = speed
+            row[5] = command[STEERING]
+            row[6] = mode
+            row[7] = visited
+            row[8] = 1.0 if contact else 0.0
             row[9:] = readings
             rows += 1
         if ended != FLYING:
             break
-        advance(command, tick)
+        advance(parameters, memory, command, tick)
     return Count(ended, k, rows, visited, collisions, first_collision)

@@ -3,15 +3,11 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evoros.body import Body, Pose, Shape
 from evoros.types import Array
-
-_Flags: TypeAlias = NDArray[np.bool_]
 
 _ELLIPSE_CORNERS = 64
 _ROUND = 1.2e-3  # 1 / cos(pi / 64) - 1: by how much 64 corners reach too far
@@ -117,52 +113,9 @@ def contains(area: Footprint, point: Sequence[float]) -> bool:
     return bool(_distances(area.vertices, here)[0] <= area.radius)
 
 
-def clearances(outline: Array, poses: Array, obstacles: Sequence[Footprint]) -> Array:
-    """Least distance (t,) [m] from a moving robot to any obstacle; 0 where it touches one.
-
-    ``outline`` (k, 2) is convex and counter-clockwise, in the robot's frame [m]; ``poses`` (t, 3)
-    are x [m], y [m] and yaw [rad] of that frame. Infinite where there are no obstacles.
-    """
-    nearest = np.full(len(poses), np.inf)
-    if not obstacles or not len(poses):
-        return nearest
-    # The robot lies within `reach` of its origin, and its origin is at most `slack` away from
-    # it, or is in it at least `-slack` deep. So the distance of the origin bounds its distance
-    # from both sides, and few obstacles remain to be looked at for each pose.
-    reach = float(np.sqrt((outline * outline).sum(axis=1)).max())
-    slack = _depth(outline)
-    centers = np.stack(
-        [_distances(area.vertices, poses[:, :2]) - area.radius for area in obstacles]
-    )
-    bound = np.maximum(centers + slack, 0.0).min(axis=0)
-    for area, center in zip(obstacles, centers, strict=True):
-        near = np.flatnonzero(center - reach <= bound + 1e-9)
-        nearest[near] = np.minimum(nearest[near], _clearance(outline, poses[near], area))
-    return nearest
-
-
-def _clearance(outline: Array, poses: Array, area: Footprint) -> Array:
-    """(n,): distance of the outline at each pose from one obstacle."""
-    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    axes = np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=1)
-    robot = outline @ axes.transpose(0, 2, 1) + poses[:, None, :2]  # (n, k, 2), world
-    other = (area.vertices - poses[:, None, :2]) @ axes  # (n, k, 2), frame of the robot
-    # Of two convex polygons apart, the nearest pair of points has a corner of one of them.
-    from_robot = _distances(area.vertices, robot.reshape(-1, 2)).reshape(robot.shape[:2])
-    from_other = _distances(outline, other.reshape(-1, 2)).reshape(other.shape[:2])
-    distance = np.minimum(from_robot.min(axis=1), from_other.min(axis=1))
-    apart = _separates(area.vertices, robot) | _separates(outline, other)
-    return np.maximum(np.where(apart, distance, 0.0) - area.radius, 0.0)
-
-
-def _separates(polygon: Array, points: Array) -> _Flags:
-    """(n,): whether the line of some edge of a polygon (k, 2) keeps all points (n, m, 2) out."""
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    outside: _Flags = np.zeros(len(points), dtype=np.bool_)
-    for (x, y), (dx, dy) in zip(polygon, edges, strict=True):
-        left = dx * (points[..., 1] - y) - dy * (points[..., 0] - x)
-        outside |= (left < 0).all(axis=1)
-    return outside
+def distances(area: Footprint, points: Array) -> Array:
+    """Distance (n,) [m] of points (n, 2) from a footprint; 0 inside."""
+    return np.maximum(_distances(area.vertices, points) - area.radius, 0.0)
 
 
 def _distances(polygon: Array, points: Array) -> Array:
@@ -177,14 +130,3 @@ def _distances(polygon: Array, points: Array) -> Array:
         squared = np.minimum(squared, (px - along * dx) ** 2 + (py - along * dy) ** 2)
         inside &= dx * py - dy * px >= 0
     return np.where(inside, 0.0, np.sqrt(squared))
-
-
-def _depth(outline: Array) -> float:
-    """Distance of the origin from a polygon; if inside, minus its distance from the border."""
-    origin = np.zeros((1, 2))
-    apart = float(_distances(outline, origin)[0])
-    if apart > 0:
-        return apart
-    edges = np.roll(outline, -1, axis=0) - outline
-    left = edges[:, 1] * outline[:, 0] - edges[:, 0] * outline[:, 1]
-    return -float((left / np.sqrt((edges * edges).sum(axis=1))).min())

@@ -1,7 +1,7 @@
 """One mission: a design in a world under given draws, from the parts to the outcome."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.random import Generator
 
 from evoros import outcome as result
 from evoros.chain import localization_chain, sensor_chain, sensor_channels
+from evoros.compiled import Fly, best
 from evoros.errors import InputError, SimulationError
 from evoros.flight import (
     COLLISION,
@@ -17,9 +18,10 @@ from evoros.flight import (
     TIME_LIMIT,
     Arrays,
     Count,
+    Parts,
     Step,
     Timing,
-    fly,
+    parts_of,
 )
 from evoros.outcome import TRAJECTORY, Flight, Outcome, measure
 from evoros.rng import generator
@@ -62,10 +64,13 @@ class Mission:
         return (self.generation, self.design_id, self.world, self.trial)
 
 
+Prepare = Callable[[Parts], tuple[Fly, Parts]]
+"""Chooses the loop and makes the parts ready for it."""
+
 Place = tuple[int, int, str, int]  # generation, design, world, trial
 
 
-def run_mission(task: Task, mission: Mission) -> tuple[Outcome, Array]:
+def run_mission(task: Task, mission: Mission, prepare: Prepare = best) -> tuple[Outcome, Array]:
     """Fly the mission; returns its outcome and its trajectory, (rows, columns + sensors).
 
     A failure of the simulation itself is an outcome, because it would recur; so are evolved values
@@ -80,7 +85,7 @@ def run_mission(task: Task, mission: Mission) -> tuple[Outcome, Array]:
         ended, reason = result.REFUSED, str(error)
     else:
         try:
-            return _run(embodied, mission)
+            return _run(embodied, mission, prepare)
         except SimulationError as error:
             ended, reason = result.SIMULATION_FAILURE, str(error)
         except InputError as error:
@@ -101,9 +106,10 @@ def no_trajectory(mission: Mission) -> Array:
     return np.empty((0, len(TRAJECTORY) + len(mission.design.mounts)))
 
 
-def _run(task: Task, mission: Mission) -> tuple[Outcome, Array]:
+def _run(task: Task, mission: Mission, prepare: Prepare) -> tuple[Outcome, Array]:
     """``task`` is embodied: its robot carries the design's sensors."""
-    robot, world, controller = task.robot, task.world[mission.world], task.controller
+    robot, controller = task.robot, task.controller
+    world = task.world[mission.world].at(mission.draws)
 
     def draws(part: str) -> Generator:
         return generator(mission.draws, part)
@@ -119,13 +125,10 @@ def _run(task: Task, mission: Mission) -> tuple[Outcome, Array]:
         controller.open(robot, lambda name: draws(f"controller.{name}")) as layers,
         task.simulator.open(robot, world) as simulation,
     ):
+        steps = tuple(Step(layer.rule, layer.parameters, layer.memory) for layer in layers)
+        fly, parts = prepare(parts_of(simulation, chain, localization, steps))
         count = fly(
-            simulation.observe,
-            simulation.sense,
-            simulation.advance,
-            tuple(chain),
-            tuple(localization),
-            tuple(Step(layer.rule, layer.parameters, layer.memory) for layer in layers),
+            *parts,
             route,
             world.course.acceptance_m,
             world.course.end_on_collision,

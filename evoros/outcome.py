@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from evoros.geometry import clearances, footprints
+from evoros.plane.scene import outlines
+from evoros.plane.track import survey
 from evoros.robot import Robot
 from evoros.types import Array, Fault
 from evoros.world import World
@@ -99,8 +100,11 @@ def measure(
 ) -> Outcome:
     """The metrics of a flight along ``route`` (n, 2)."""
     track = flight.trajectory
-    steps = np.diff(track[:, [AT_X, AT_Y]], axis=0)
-    distance = float(np.sqrt((steps * steps).sum(axis=1)).sum())
+    course, areas = world.course, outlines(world, robot.height_m)
+    places = np.array([*course.waypoints, course.home[:2]], dtype=np.float64)
+    # Until the first collision every obstacle stands where the world has put it.
+    untouched = int((~(track[:, TIME] > flight.first_collision)).sum())
+    found = survey(track[:, AT_X : HEADING + 1], untouched, robot.outline, areas, places)
     hurt = failures(faults, flight.time)
     return Outcome(
         ended=flight.ended,
@@ -113,14 +117,14 @@ def measure(
         time_limit_s=world.course.time_limit_s,
         sensors=len(robot.mounts),
         visited=flight.visited,
-        mean_speed_mps=distance / flight.time if flight.time > 0 else 0.0,
+        mean_speed_mps=found.distance / flight.time if flight.time > 0 else 0.0,
         max_speed_mps=float(np.abs(track[:, PACE]).max()),
-        distance_m=distance,
-        least_waypoint_distances_m=_least_distances(track, world),
+        distance_m=found.distance,
+        least_waypoint_distances_m=found.places,
         collisions=flight.collisions,
         first_collision_s=flight.first_collision,
         avoiding=flight.avoiding,
-        least_clearance_m=_least_clearance(flight, robot, world),
+        least_clearance_m=found.clearance if len(areas.rows) else float("nan"),
         failed_sensors=tuple(index for index, _, _ in hurt),
         failed_at_s=tuple(onset for _, onset, _ in hurt),
         failed_by=tuple(effect for _, _, effect in hurt),
@@ -148,24 +152,3 @@ def failures(faults: tuple[Fault, ...], end: float) -> list[tuple[int, float, st
         for index, onset in enumerate(fault.onset)
         if onset <= end
     )
-
-
-def _least_distances(track: Array, world: World) -> tuple[float, ...]:
-    """Least distance [m] to every corner and to home, in the order of the course."""
-    course = world.course
-    places = np.array([*course.waypoints, (course.home_x_m, course.home_y_m)], dtype=float)
-    gaps = track[:, None, [AT_X, AT_Y]] - places[None]
-    return tuple(np.sqrt((gaps * gaps).sum(axis=2)).min(axis=0).tolist())
-
-
-def _least_clearance(flight: Flight, robot: Robot, world: World) -> float:
-    """Least distance [m] between the robot's outline and any obstacle's; NaN without obstacles.
-
-    Up to the first collision, for until then every obstacle stands where the world has put it.
-    """
-    outlines = footprints(world.obstacles, robot.height_m)
-    if not outlines:
-        return float("nan")
-    untouched = ~(flight.trajectory[:, TIME] > flight.first_collision)
-    poses = np.ascontiguousarray(flight.trajectory[untouched][:, [AT_X, AT_Y, HEADING]])
-    return float(clearances(robot.outline, poses, outlines).min())

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
@@ -28,6 +29,7 @@ from evoros.errors import (
 )
 from evoros.geometry import contains, footprint, lowest
 from evoros.sdf.reader import read_sdf
+from evoros.sdf.writer import write_sdf
 from evoros.types import Array
 
 __all__ = ["Body", "Course", "Pose", "Shape", "World", "load_world"]
@@ -92,15 +94,29 @@ class Course:
         return np.array([*there, home, *there[::-1], home], dtype=np.float64)
 
 
+@runtime_checkable
+class Renewal(Protocol):
+    """Draws worlds."""
+
+    def world(self, draws: str) -> "World":
+        """The world under this key of random draws, always with the same course."""
+        ...
+
+
 @dataclass(frozen=True)
 class World:
-    """Bodies and a course among them. Every world has level ground at z = 0."""
+    """Bodies and a course among them. Every world has level ground at z = 0.
+
+    A world that is renewed is another one under each mission's draws, and itself an example.
+    """
 
     name: str
     bodies: tuple[Body, ...]
     course: Course
     source: str  # the file, as the configuration names it
     source_sha256: str  # of its content
+    renewal: Renewal | None = None  # None: always the same
+    note: str = ""  # what its SDF says of it: where it comes from
 
     def __post_init__(self) -> None:
         check(
@@ -109,10 +125,24 @@ class World:
             bodies=sequence_of(Body, "bodies"),
             course=instance_of(Course, "a course (evoros.world.Course)"),
             source=TEXT,
+            renewal=instance_of(Renewal | None, "what draws worlds (world)"),
         )
         _check_names(self)
         _check_ground(self)
         _check_course(self)
+
+    def __hash__(self) -> int:
+        # Not of all bodies: what is computed from a world is kept by it.
+        return hash((self.name, self.source_sha256))
+
+    def at(self, draws: str) -> "World":
+        """The world that a mission under this key of random draws meets."""
+        return self if self.renewal is None else self.renewal.world(draws)
+
+    @property
+    def sdf(self) -> str:
+        """The bodies as an SDF file."""
+        return write_sdf(self.name, self.bodies, self.note)
 
     @property
     def obstacles(self) -> tuple[Body, ...]:

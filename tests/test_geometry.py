@@ -13,13 +13,13 @@ from scipy.spatial.transform import Rotation
 from evoros.body import Body, Pose, Shape
 from evoros.geometry import (
     Footprint,
-    clearances,
     contains,
     convex_hull,
     footprint,
     footprints,
     lowest,
 )
+from evoros.plane.track import clearances
 from evoros.types import Array
 
 # Other programs on the machine decide how long an example takes.

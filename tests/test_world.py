@@ -19,7 +19,8 @@ from evoros.body import Body, Pose, Shape
 from evoros.config import build
 from evoros.config import compose as compose_evoros
 from evoros.errors import InputError
-from evoros.geometry import clearances, footprints, lowest
+from evoros.geometry import footprints, lowest
+from evoros.plane.track import clearances
 from evoros.world import Course, World, load_world
 
 SHARED = "  - world/course@course: square\n"
