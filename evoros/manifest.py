@@ -21,13 +21,21 @@ DECISIVE = ("evoros", "numpy", "pybullet")
 """Of these packages another version may fly a mission differently."""
 
 
-def manifest(experiment: Experiment, config: str, values: str) -> dict[str, Any]:
-    """The content of ``manifest.json`` for a new run whose ``config.yaml`` is ``config``.
+def manifest(
+    experiment: Experiment,
+    config: str,
+    values: str,
+    command: str = "evoros",
+    files: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
+    """The content of ``manifest.json`` for a new folder whose ``config.yaml`` is ``config``.
 
-    ``values`` is the configuration with its references resolved.
+    ``values`` is the configuration with its references resolved; ``command`` makes the folder,
+    from the experiment and from further ``files``, by name.
     """
     return {
         "format_version": FORMAT_VERSION,
+        "command": command,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "working_directory": str(Path.cwd()),
         "seed": experiment.seed,
@@ -36,11 +44,13 @@ def manifest(experiment: Experiment, config: str, values: str) -> dict[str, Any]
         "python": platform.python_version(),
         "platform": platform.platform(),
         "processor": _processor(),
-        "sha256": hashes(experiment, config, values),
+        "sha256": hashes(experiment, config, values, files or {}),
     }
 
 
-def hashes(experiment: Experiment, config: str, values: str) -> dict[str, str]:
+def hashes(
+    experiment: Experiment, config: str, values: str, files: Mapping[str, str]
+) -> dict[str, str]:
     """Of all that the experiment was built from."""
     worlds = {f"world.{name}": world.source_sha256 for name, world in experiment.world.items()}
     own = {f"module {name}": _sha256_of(name) for name in sorted(_modules(json.loads(values)))}
@@ -50,15 +60,22 @@ def hashes(experiment: Experiment, config: str, values: str) -> dict[str, str]:
         "robot": _sha256(experiment.robot.urdf),
         **worlds,
         **own,
+        **{name: _sha256(content) for name, content in files.items()},
     }
 
 
 def check_unchanged(
-    folder: Path, recorded: Mapping[str, Any], experiment: Experiment, config: str, values: str
+    folder: Path,
+    recorded: Mapping[str, Any],
+    experiment: Experiment,
+    config: str,
+    values: str,
+    files: Mapping[str, str],
 ) -> None:
     """Before resuming: the run must be made of what it was made of when it began.
 
-    Packages of other versions are said: the replay shows whether they make a difference.
+    The arguments are those of ``manifest``. Packages of other versions are said: the replay shows
+    whether they make a difference.
 
     Raises:
         InputError: a file has changed, or the run is of another format.
@@ -69,7 +86,7 @@ def check_unchanged(
             f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
         )
     _warn_of_versions(folder, recorded.get("packages", {}))
-    now = hashes(experiment, config, values)
+    now = hashes(experiment, config, values, files)
     for name, value in recorded.get("sha256", {}).items():
         if now.get(name) != value:
             raise InputError(

@@ -1,29 +1,28 @@
 """Runs: starting one, resuming one, and what the commands and scripts call to do so."""
 
-import json
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import chdir, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from logging import LogRecord
 from pathlib import Path
 from typing import Any, Protocol
 
-from hydra.core.override_parser.types import OverrideType
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from evoros import config as configuration
-from evoros.errors import InputError, is_whole
+from evoros.errors import InputError
 from evoros.evaluation import describe
 from evoros.evolution import Evolution, Generation, Observer
 from evoros.experiment import Experiment
-from evoros.folder import CONFIG, LOG, MANIFEST, require_unused, require_whole
+from evoros.folder import LOG, require_unused
 from evoros.log import LOGGER, logging_to_file, remembering
-from evoros.manifest import check_unchanged, manifest
+from evoros.manifest import manifest
 from evoros.mission import Mission
 from evoros.outcome import Outcome
 from evoros.record import RunFolder
+from evoros.resuming import rebuilt
 
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
 
@@ -53,15 +52,39 @@ class Silent:
 
 
 @dataclass
+class Tally:
+    """What was flown since the command was typed."""
+
+    started: float  # of time.monotonic
+    missions: int = 0
+    simulated: float = 0.0
+
+    def count(self, mission: Mission, outcome: Outcome) -> None:
+        """A mission was flown and is on disk; says why it failed, if it did."""
+        self.missions += 1
+        self.simulated += outcome.time_s
+        if outcome.reason:
+            LOGGER.warning("%s: %s: %s", describe(mission), outcome.ended, outcome.reason)
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The end of every ``status.json``."""
+        return {
+            "session_missions": self.missions,
+            "session_simulated_s": round(self.simulated, 1),
+            "session_wall_s": round(time.monotonic() - self.started, 1),
+            "updated": datetime.now(UTC).isoformat(timespec="seconds"),
+        }
+
+
+@dataclass
 class Recorder:
     """Keeps ``status.json`` and the log true and passes everything on to a display."""
 
     folder: RunFolder
     display: Display
     generations: int
-    started: float
-    missions: int = 0
-    simulated: float = 0.0
+    tally: Tally
     last: Generation | None = None
 
     def begin(self, generation: int, missions: int, known: int) -> None:
@@ -70,10 +93,7 @@ class Recorder:
 
     def mission(self, mission: Mission, outcome: Outcome) -> None:
         """A mission was flown and is on disk."""
-        self.missions += 1
-        self.simulated += outcome.time_s
-        if outcome.reason:
-            LOGGER.warning("%s: %s: %s", describe(mission), outcome.ended, outcome.reason)
+        self.tally.count(mission, outcome)
         self.display.mission(mission, outcome)
 
     def generation(self, generation: Generation) -> None:
@@ -100,11 +120,8 @@ class Recorder:
                 "mean_loss": None if last is None else last.mean_loss,
                 "confirmed": 0 if last is None else len(last.losses),
                 "missions": len(self.folder.outcomes),
-                "session_missions": self.missions,
-                "session_simulated_s": round(self.simulated, 1),
-                "session_wall_s": round(time.monotonic() - self.started, 1),
-                "updated": datetime.now(UTC).isoformat(timespec="seconds"),
             }
+            | self.tally.figures
         )
 
 
@@ -133,7 +150,7 @@ def rebuild(folder: Path, config_dir: str | Path | None = None) -> Experiment:
     Raises:
         InputError: no run there, or what it is made of has changed.
     """
-    return _rebuilt(folder, (), config_dir)[0]
+    return rebuilt(folder, (), config_dir)[0]
 
 
 def resume(
@@ -152,7 +169,7 @@ def resume(
         RunStopped: as in ``start``.
     """
     with remembering() as said:
-        experiment, asked = _rebuilt(folder, overrides, config_dir)
+        experiment, asked = rebuilt(folder, overrides, config_dir)
     with RunFolder(folder) as record:
         reached = record.read_status().get("generations")
         known = reached if isinstance(reached, int) else experiment.optimizer.generations
@@ -171,8 +188,8 @@ def _evolve(
     display: Display,
     said: Sequence[LogRecord],
 ) -> Generation:
-    recorder = Recorder(record, display, generations, time.monotonic())
-    with logging_to_file(record.path / LOG, said):
+    recorder = Recorder(record, display, generations, Tally(time.monotonic()))
+    with recording(record.path, said, recorder.write):
         LOGGER.info(
             "%s: %d generations, seed %d, worlds %s, %d workers",
             record.path,
@@ -182,83 +199,24 @@ def _evolve(
             experiment.executor.workers,
         )
         display.start(generations)
-        recorder.write(RUNNING)
-        try:
-            last = Evolution(experiment, record, recorder, generations).run()
-        except BaseException as error:
-            LOGGER.debug("stopped", exc_info=True)  # the traceback goes into the file alone
-            interrupted = isinstance(error, KeyboardInterrupt)
-            recorder.write(STOPPED, "interrupted" if interrupted else str(error))
-            raise
-        recorder.write(FINISHED)
-    return last
-
-
-def _rebuilt(
-    folder: Path, overrides: Sequence[str], config_dir: str | Path | None
-) -> tuple[Experiment, int | None]:
-    """The unchanged experiment of a run, with what may change; and the generations asked for."""
-    if config_dir is not None:
-        configuration.own_folder(config_dir)
-    recorded, config = _read_manifest(folder), configuration.read(folder / CONFIG)
-    text = (folder / CONFIG).read_text()
-    changed, asked = _overridden(config.copy(), overrides, config_dir)
-    with _where_it_began(recorded):
-        experiment = configuration.build(changed)
-    check_unchanged(folder, recorded, experiment, text, configuration.to_values(config))
-    return experiment, asked
+        return Evolution(experiment, record, recorder, generations).run()
 
 
 @contextmanager
-def _where_it_began(recorded: Mapping[str, Any]) -> Iterator[None]:
-    """Paths in a configuration may be relative to the folder where the run was started."""
-    origin = Path(str(recorded.get("working_directory", ".")))
-    with chdir(origin if origin.is_dir() else Path.cwd()):
-        yield
+def recording(
+    folder: Path, said: Sequence[LogRecord], write: Callable[[str, str], None]
+) -> Iterator[None]:
+    """Work in a folder: its log, and its status, which ``write`` is told with a reason.
 
-
-def _read_manifest(folder: Path) -> Mapping[str, Any]:
-    require_whole(folder)
-    if not (folder / CONFIG).is_file() or not (folder / MANIFEST).is_file():
-        raise InputError(
-            f"resume={folder}: must be the folder of a run, with {CONFIG} and {MANIFEST}; "
-            f"give such a folder"
-        )
-    try:
-        content = json.loads((folder / MANIFEST).read_text())
-    except ValueError as error:
-        raise InputError(
-            f"{folder / MANIFEST}: must be valid JSON ({error}); restore the file"
-        ) from error
-    return content if isinstance(content, Mapping) else {}
-
-
-def _overridden(
-    config: DictConfig, overrides: Sequence[str], config_dir: str | Path | None
-) -> tuple[DictConfig, int | None]:
-    """The run's own configuration with what resuming may change; and the generations asked for."""
-    asked = None
-    for override in configuration.parse(overrides):
-        key, value = override.key_or_group, override.value()
-        plain = override.type is OverrideType.CHANGE and not override.is_sweep_override()
-        if plain and key == "executor":
-            config.executor = configuration.compose(
-                [configuration.typed(override)], config_dir
-            ).executor
-        elif plain and key.startswith("executor."):
-            OmegaConf.update(config, key, value, force_add=True)
-        elif plain and key == "optimizer.generations":
-            least = OmegaConf.select(config, key)
-            if not (isinstance(value, int) and is_whole(value)) or value < least:
-                raise InputError(
-                    f"{key}: must be a whole number of at least {least}, which the run already "
-                    f"has, not {value!r}; a run can only be extended"
-                )
-            config.optimizer.generations = asked = value
-        else:
-            raise InputError(
-                f"{configuration.typed(override)}: only executor, executor.* and a larger "
-                f"optimizer.generations go with resume=; the rest is the run's own; start a new "
-                f"run to change it"
-            )
-    return config, asked
+    ``said`` are messages from before there was a folder.
+    """
+    with logging_to_file(folder / LOG, said):
+        write(RUNNING, "")
+        try:
+            yield
+        except BaseException as error:
+            LOGGER.debug("stopped", exc_info=True)  # the traceback goes into the file alone
+            interrupted = isinstance(error, KeyboardInterrupt)
+            write(STOPPED, "interrupted" if interrupted else str(error))
+            raise
+        write(FINISHED, "")
