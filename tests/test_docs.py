@@ -278,9 +278,9 @@ def test_the_columns_of_missions_are_documented_in_order() -> None:
 
 
 def test_the_columns_of_generations_are_documented_in_order() -> None:
-    columns, known = documented("generations/NNNNN.csv"), (*CANDIDATE_COLUMNS, *MEASURED_COLUMNS)
-    fixed, decoded = columns[: len(known)], columns[len(known) :]
-    assert tuple(fixed) == known
+    columns, head = documented("generations/NNNNN.csv"), (*CANDIDATE_COLUMNS, *MEASURED_COLUMNS)
+    fixed, decoded = columns[: len(head)], columns[len(head) :]
+    assert tuple(fixed) == head
     design = ["+sensor@design.sensors.other=sonar", "design.number=[1,2]"]
     ranges = ["+design.regions.front.z_m=[0.1,0.2]", "+design.regions.front.pitch_deg=[0,10]"]
     space = build(compose([*design, *ranges])).space

@@ -26,7 +26,7 @@ def own(tmp_path: Path) -> Path:
 def test_a_users_module_that_has_changed_is_refused(
     own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run, (module,) = tmp_path / "run", own.glob("*.py")
+    run, (module,) = tmp_path / "run", own.glob("planar_*.py")
     assert evoros(["--config-dir", str(own), *ONE, f"hydra.run.dir={run}"]) == DONE
     recorded = json.loads((run / "manifest.json").read_text())["sha256"]
     assert {key for key in recorded if key.startswith("module ")} == {f"module {module.stem}"}
