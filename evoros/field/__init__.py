@@ -1,0 +1,1 @@
+"""Worlds that are drawn: fields of obstacles around a course."""

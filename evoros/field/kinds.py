@@ -1,0 +1,82 @@
+"""Kinds of obstacles that a generated field is made of."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from numpy.random import Generator
+
+from evoros.body import Shape
+from evoros.errors import POSITIVE, Rule, check, is_number
+from evoros.genes import INTERVAL, ends, scaled
+
+Interval = float | Sequence[float]
+"""A number, or [low, high]."""
+
+LEAST_M = 0.001  # to which sizes are rounded
+
+SIZE = Rule(
+    f"a number of at least {LEAST_M:g}, or [low, high] of such numbers with low at most high",
+    lambda v: INTERVAL.holds(v) and ends(v)[0] >= LEAST_M,
+)
+MASS = Rule("a number greater than 0, or null", lambda v: v is None or (is_number(v) and v > 0))
+
+
+@runtime_checkable
+class Kind(Protocol):
+    """What one obstacle of this kind may be."""
+
+    @property
+    def share(self) -> float:
+        """How often, in proportion to the shares of the other kinds."""
+        ...
+
+    @property
+    def mass_kg(self) -> float | None:
+        """Mass of an obstacle that can be pushed; None: it is fixed."""
+        ...
+
+    def draw(self, rng: Generator) -> Shape:
+        """An obstacle's shape, its sizes rounded to millimetres."""
+        ...
+
+
+@dataclass(frozen=True)
+class Box:
+    """An upright box: a crate, a low block, a wall."""
+
+    length_m: Interval
+    width_m: Interval
+    height_m: Interval
+    share: float = 1.0
+    mass_kg: float | None = None
+
+    def __post_init__(self) -> None:
+        check(self, length_m=SIZE, width_m=SIZE, height_m=SIZE, share=POSITIVE, mass_kg=MASS)
+
+    def draw(self, rng: Generator) -> Shape:
+        """Length along x, width along y, height along z."""
+        sizes = (_drawn(each, rng) for each in (self.length_m, self.width_m, self.height_m))
+        return Shape("box", tuple(sizes))
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """An upright cylinder: a post, a trunk, a barrel."""
+
+    diameter_m: Interval
+    height_m: Interval
+    share: float = 1.0
+    mass_kg: float | None = None
+
+    def __post_init__(self) -> None:
+        check(self, diameter_m=SIZE, height_m=SIZE, share=POSITIVE, mass_kg=MASS)
+
+    def draw(self, rng: Generator) -> Shape:
+        """Radius and height."""
+        diameter, height = (_drawn(each, rng) for each in (self.diameter_m, self.height_m))
+        return Shape("cylinder", (diameter / 2, height))
+
+
+def _drawn(interval: Interval, rng: Generator) -> float:
+    return round(scaled(float(rng.random()), *ends(interval)), 3)
