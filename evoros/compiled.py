@@ -152,6 +152,19 @@ def best(parts: Parts) -> tuple[Fly, Parts]:
     )
 
 
+def interpreted(parts: Parts) -> list[str]:
+    """What of a simulation that is made of rules is not compiled, and why: a line a rule."""
+    rules: list[tuple[Any, Any]] = [*zip(parts[:3], MOTION, strict=True)]
+    rules += [(link.rule, FILTER) for link in (*parts.filters, *parts.localization)]
+    rules += [(step.rule, LAYER) for step in parts.layers]
+    answers = {rule: _attempt(rule, kind) for rule, kind in rules}
+    return [
+        f"{rule.__module__}.{rule.__qualname__} is not compiled: {reason}"
+        for rule, reason in answers.items()
+        if isinstance(reason, NotCompilable)
+    ]
+
+
 def _link(link: Link) -> Link:
     return link._replace(rule=_ready(link.rule, FILTER))
 

@@ -7,17 +7,29 @@ from functools import cached_property, partial
 import numpy as np
 
 from evoros.chain import localization_chain, sensor_chain, sensor_channels
+from evoros.compiled import best, interpreted
 from evoros.confirmation import Confirmation
 from evoros.design import DesignSpace, SensorDesign
 from evoros.errors import COUNT, NAME, WHOLE, InputError, check, instance_of, one_of
 from evoros.evaluation import CONFIRMATION, POLICIES, STOP, VALIDATION, WORST, Plan
 from evoros.fitness import Fitness
+from evoros.flight import Parts, Step, parts_of
 from evoros.genes import check_genes
+from evoros.log import LOGGER
 from evoros.rng import generator
 from evoros.robot import Robot
 from evoros.search import Optimizer
 from evoros.task import Task
-from evoros.types import POSE_SIZE, Controller, Design, Executor, Failure, Simulator
+from evoros.types import (
+    POSE_SIZE,
+    Controller,
+    Design,
+    Executor,
+    Failure,
+    RuleSimulation,
+    RuleSimulator,
+    Simulator,
+)
 from evoros.world import Course, World
 
 
@@ -85,14 +97,23 @@ class Experiment:
         task = self.task.embody(Design(mounts, middle.values))
         faults = self.failure.draw(sensor_channels(task.robot), rng("failure"))
         values, tick = np.zeros(len(mounts)), self.simulator.time_step
-        sensor_chain(task.robot, faults, values, values, tick, rng)
+        filters = sensor_chain(task.robot, faults, values, values, tick, rng)
         controller, pose = task.controller, np.zeros(POSE_SIZE)
-        localization_chain(controller.localization, pose, controller.period_s, rng)
+        localization = localization_chain(controller.localization, pose, controller.period_s, rng)
         try:
-            with controller.open(task.robot, rng):
-                pass
+            with controller.open(task.robot, rng) as layers:
+                steps = [Step(layer.rule, layer.parameters, layer.memory) for layer in layers]
         except InputError as error:
             raise InputError(f"controller: {error}") from None
+        if isinstance(self.simulator, RuleSimulator):
+            simulation = RuleSimulation(self.simulator.rules, np.zeros(0), np.zeros(0))
+            self._compile(parts_of(simulation, filters, localization, steps))
+
+    def _compile(self, parts: Parts) -> None:
+        """Here and once, so that the workers find everything on disk; what cannot be is said."""
+        best(parts)
+        for line in interpreted(parts):
+            LOGGER.warning("%s; missions are flown step by step, several times slower", line)
 
     @cached_property
     def task(self) -> Task:
