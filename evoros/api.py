@@ -20,7 +20,6 @@ Example: an optimizer that is not ours drives the evaluation (any ask-tell libra
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from statistics import fmean, stdev
 from types import TracebackType
 from typing import Self
 
@@ -33,10 +32,10 @@ from evoros.design import DesignSpace
 from evoros.errors import InputError
 from evoros.evaluation import compute, fitness_of
 from evoros.experiment import Experiment
-from evoros.fitness import Fitness
 from evoros.mission import Mission, Place
 from evoros.outcome import Outcome
 from evoros.runs import Run, load_run
+from evoros.scores import scores
 from evoros.session import Display, Silent
 from evoros.tables import MISSIONS_HEADER, mission_row
 from evoros.types import Design, Pool
@@ -130,7 +129,7 @@ class Evaluator:
         """The table that the function ``evaluate`` returns."""
         missions, outcomes = self._fly(designs, generation)
         rows = [
-            {"design": i} | _scores(self.experiment.fitness, each, outcomes)
+            {"design": i} | scores(self.experiment.fitness, each, outcomes)
             for i, each in enumerate(missions)
         ]
         return pd.DataFrame(rows)
@@ -158,25 +157,6 @@ class Evaluator:
         workers, lost = experiment.executor.workers, experiment.lost_missions
         flown = compute(experiment.task, wanted, self._pool, workers, lost)
         return missions, {mission.place: outcome for mission, outcome in flown}
-
-
-def _scores(
-    fitness: Fitness, missions: Sequence[Mission], outcomes: dict[Place, Outcome]
-) -> dict[str, float]:
-    trials = sorted({mission.trial for mission in missions})
-    scores = [
-        fitness_of(fitness, [m for m in missions if m.trial == trial], outcomes) for trial in trials
-    ]
-    row: dict[str, float] = {
-        "fitness_mean": fmean(scores),
-        "fitness_sd": stdev(scores) if len(scores) > 1 else float("nan"),
-        "trials": len(scores),
-    }
-    for world in dict.fromkeys(mission.world for mission in missions):
-        there = [outcomes[m.place] for m in missions if m.world == world]
-        row[f"{world}_completed"] = fmean(outcome.completed for outcome in there)
-        row[f"{world}_progress"] = fmean(outcome.progress for outcome in there)
-    return row
 
 
 def _composed(config: Configuration) -> DictConfig:

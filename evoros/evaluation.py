@@ -100,6 +100,18 @@ def fitness_of(
 ) -> float:
     """Mean over the trials of the score over the worlds.
 
+    Raises:
+        InputError: a score is not a finite number.
+    """
+    scores = trial_scores(fitness, missions, outcomes)
+    return sum(scores) / len(scores)
+
+
+def trial_scores(
+    fitness: Fitness, missions: Sequence[Mission], outcomes: Mapping[Place, Outcome]
+) -> list[float]:
+    """The score of each trial over the worlds, in the order of the missions.
+
     A trial of which a mission could not be flown counts as the worst, whatever the others did.
 
     Raises:
@@ -114,7 +126,7 @@ def fitness_of(
             f"fitness: must score every trial with a finite number, not {scores}; correct "
             f"{type(fitness).__name__}"
         )
-    return sum(scores) / len(scores)
+    return scores
 
 
 def _score(fitness: Fitness, trial: Sequence[Outcome]) -> float:

@@ -74,7 +74,7 @@ class Progress:
         pace = self._simulated / elapsed if elapsed > 0 else 0.0
         done = self._known + self._flown
         parts = [
-            f"generation {self._generation}/{self._generations - 1}",
+            f"generation {self._generation}/{last}" if (last := self._generations - 1) else "",
             self._standing,
             f"missions {done}/{self._wanted}",
             f"{pace:.0f} simulated s/s",

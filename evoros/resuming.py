@@ -24,11 +24,11 @@ def rebuilt(
     overrides: Sequence[str],
     config_dir: str | Path | None,
     command: str = RUN,
-    files: Mapping[str, str] | None = None,
+    files: Sequence[str] = (),
 ) -> tuple[Experiment, int | None]:
     """The unchanged experiment of a folder, with what may change; and the generations asked for.
 
-    ``command`` must have made the folder, from the experiment and the further ``files``.
+    ``command`` must have made the folder, from the experiment and further ``files`` in it.
 
     Raises:
         InputError: nothing of that command there, another override, or what it is made of has
@@ -42,8 +42,13 @@ def rebuilt(
     with _where_it_began(recorded):
         experiment = configuration.build(changed)
     values = configuration.to_values(config)
-    check_unchanged(folder, recorded, experiment, text, values, files or {})
+    more = {name: _text(folder / name) for name in files}
+    check_unchanged(folder, recorded, experiment, text, values, more)
     return experiment, asked
+
+
+def _text(path: Path) -> str:
+    return path.read_text() if path.is_file() else ""
 
 
 @contextmanager

@@ -67,8 +67,12 @@ def cell(value: object) -> str:
 def mission_row(mission: Mission, outcome: Outcome) -> list[object]:
     """One row of ``missions.csv``."""
     place = [mission.generation, mission.design_id, mission.world, mission.trial]
-    values = [getattr(outcome, name) for name in OUTCOME_COLUMNS]
-    return [*place, mission.purpose, mission.draws, *values]
+    return [*place, mission.purpose, mission.draws, *outcome_cells(outcome)]
+
+
+def outcome_cells(outcome: Outcome) -> list[object]:
+    """The cells of ``OUTCOME_COLUMNS``."""
+    return [getattr(outcome, name) for name in OUTCOME_COLUMNS]
 
 
 def read_mission(row: Mapping[str, str]) -> tuple[Place, str, Outcome]:
@@ -78,8 +82,16 @@ def read_mission(row: Mapping[str, str]) -> tuple[Place, str, Outcome]:
         ValueError, KeyError: the row is damaged.
     """
     place = (int(row["generation"]), int(row["design"]), row["world"], int(row["trial"]))
-    values = {name: _parse(row[name], _TYPES[name]) for name in OUTCOME_COLUMNS}
-    return place, row["draws"], Outcome(**values)
+    return place, row["draws"], read_outcome(row)
+
+
+def read_outcome(row: Mapping[str, str]) -> Outcome:
+    """What ``outcome_cells`` put into a row.
+
+    Raises:
+        ValueError, KeyError: the row is damaged.
+    """
+    return Outcome(**{name: _parse(row[name], _TYPES[name]) for name in OUTCOME_COLUMNS})
 
 
 def _parse(content: str, kind: Any) -> Any:
