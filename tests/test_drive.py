@@ -100,6 +100,16 @@ def test_speed_is_clipped(car: Ackermann, speed: float, fraction: float) -> None
     assert car.targets(speed, steering) == car.targets(clipped, steering)
 
 
+@given(drives, fractions)
+def test_the_limit_of_the_speed_is_that_of_the_middle_of_the_rear_axle(
+    car: Ackermann, fraction: float
+) -> None:
+    assert car.limited_at_m == 0.0
+    *_, left, right = car.targets(9.0, fraction * car.steering_limit)[1]
+    speed = 0.5 * (left + right) * car.wheel_radius_m
+    assert speed == pytest.approx(car.max_speed_mps, rel=1e-12)
+
+
 def test_a_limit_beyond_the_stop_of_the_joints_is_refused() -> None:
     with pytest.raises(InputError, match=r"steering_limit_rad.*0\.7727.*0\.9"):
         dataclasses.replace(drive(), steering_limit_rad=0.9)

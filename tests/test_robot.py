@@ -16,6 +16,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
+from hydra.utils import instantiate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
@@ -23,11 +24,13 @@ from omegaconf import OmegaConf
 
 from evoros import assets
 from evoros.body import Pose
-from evoros.drive.ackermann import Ackermann, AckermannDescription
+from evoros.drive.ackermann import Ackermann
 from evoros.errors import InputError
 from evoros.robot import MountDefaults, Robot, load_robot
 from evoros.types import Array, Filter, Mount
 from evoros.urdf.tree import read_tree
+
+ROBOTS = ["erle_rover", "erle_rover_as_run", "two_wheeler"]
 
 
 @dataclass(frozen=True)
@@ -60,15 +63,13 @@ def configuration(name: str) -> dict[str, Any]:
 
 def load(name: str = "erle_rover", **changes: Any) -> Robot:
     config = {**configuration(name), **changes}
-    parts = {
-        key: {k: v for k, v in config[key].items() if k != "_target_"} for key in ("mount", "drive")
-    }
+    mount = {key: value for key, value in config["mount"].items() if key != "_target_"}
     return load_robot(
         description=config["description"],
         arguments=config["arguments"],
         packages=config["packages"],
-        mount=MountDefaults(**parts["mount"]),
-        drive=AckermannDescription(**parts["drive"]),
+        mount=MountDefaults(**mount),
+        drive=instantiate(config["drive"], _convert_="all"),
     )
 
 
@@ -122,13 +123,13 @@ def test_the_outline_covers_the_wheels_and_turns_left() -> None:
             assert (side >= -1e-12).all()
 
 
-@pytest.mark.parametrize("name", ["erle_rover", "erle_rover_as_run"])
+@pytest.mark.parametrize("name", ROBOTS)
 def test_the_masses_are_those_of_a_small_rover(name: str) -> None:
     links = independent(rover(name).urdf).link_map.values()
     assert 3.0 <= sum(link.inertial.mass for link in links) <= 4.0
 
 
-@pytest.mark.parametrize("name", ["erle_rover", "erle_rover_as_run"])
+@pytest.mark.parametrize("name", ROBOTS)
 def test_our_kinematics_are_those_of_yourdfpy(name: str) -> None:
     model = independent(rover(name).urdf)
     tree = read_tree(etree.fromstring(rover(name).urdf.encode()), name)
@@ -238,7 +239,7 @@ print(*yourdfpy.URDF.load(sys.argv[1]).joint_map)
 
 
 @pytest.mark.parametrize("reader", READERS)
-@pytest.mark.parametrize("name", ["erle_rover", "erle_rover_as_run"])
+@pytest.mark.parametrize("name", ROBOTS)
 def test_other_readers_load_it_without_a_word(tmp_path: Path, reader: str, name: str) -> None:
     if reader == "pybullet":
         pytest.importorskip("pybullet")
@@ -256,8 +257,9 @@ def test_other_readers_load_it_without_a_word(tmp_path: Path, reader: str, name:
     noise = [line for line in done.stderr.splitlines() if "build time" not in line]
     assert done.returncode == 0, done.stderr
     assert noise == []
-    drive = robot.drive
-    joints = {*drive.steering_joints, *drive.wheel_joints, *(f"sonar_{i}_joint" for i in range(6))}
+    drive, tree = robot.drive, read_tree(etree.fromstring(rover(name).urdf.encode()), name)
+    joints = {*tree.joints, *(f"sonar_{i}_joint" for i in range(6))}
+    assert {*drive.steering_joints, *drive.wheel_joints} <= joints
     (line,) = (line for line in done.stdout.splitlines() if "build time" not in line)
     assert set(line.split()) == joints
 
