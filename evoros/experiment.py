@@ -105,8 +105,10 @@ class Experiment:
                 steps = [Step(layer.rule, layer.parameters, layer.memory) for layer in layers]
         except InputError as error:
             raise InputError(f"controller: {error}") from None
-        if isinstance(self.simulator, RuleSimulator):
-            simulation = RuleSimulation(self.simulator.rules, np.zeros(0), np.zeros(0))
+        simulators = (self.task.simulator, self.confirming.simulator)
+        made = dict.fromkeys(each.rules for each in simulators if isinstance(each, RuleSimulator))
+        for rules in made:
+            simulation = RuleSimulation(rules, np.zeros(0), np.zeros(0))
             self._compile(parts_of(simulation, filters, localization, steps))
 
     def _compile(self, parts: Parts) -> None:
