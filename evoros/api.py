@@ -29,8 +29,9 @@ from omegaconf import DictConfig
 from evoros import config as configuration
 from evoros import session
 from evoros.design import DesignSpace
+from evoros.dispatch import compute
 from evoros.errors import InputError
-from evoros.evaluation import compute, fitness_of
+from evoros.evaluation import fitness_of
 from evoros.experiment import Experiment
 from evoros.mission import Mission, Place
 from evoros.outcome import Outcome
@@ -156,7 +157,7 @@ class Evaluator:
         wanted = [mission for each in missions for mission in each]
         workers, lost = experiment.executor.workers, experiment.lost_missions
         flown = compute(experiment.task, wanted, self._pool, workers, lost)
-        return missions, {mission.place: outcome for mission, outcome in flown}
+        return missions, {mission.place: outcome for each in flown for mission, outcome in each}
 
 
 def _composed(config: Configuration) -> DictConfig:

@@ -1,28 +1,19 @@
-"""A design over its worlds and trials: expanded into missions, computed by a pool, scored."""
+"""A design over its worlds and trials: expanded into missions, scored by their outcomes."""
 
 import math
-import pickle
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
-from typing import TypeVar
 
-from evoros.errors import EvorosError, InputError, RunStopped, WorkerLost
+from evoros.errors import InputError
 from evoros.fitness import Fitness
-from evoros.mission import Mission, Place, no_trajectory, not_flown, run_mission
-from evoros.outcome import LOST, NOT_FLOWN, Outcome
-from evoros.task import Task
-from evoros.types import Array, Design, Pool
-
-Result = TypeVar("Result")
+from evoros.mission import Mission, Place
+from evoros.outcome import NOT_FLOWN, Outcome
+from evoros.types import Design
 
 SELECTION, CONFIRMATION = "selection", "confirmation"
 VALIDATION, EVALUATION = "validation", "evaluation"
 POLICIES = ("generation", "individual", "run")
 STOP, WORST = "stop", "worst"
-AHEAD = 4
-"""Missions submitted for each worker ahead of time: enough that none waits, few to lose."""
 
 
 @dataclass(frozen=True)
@@ -134,97 +125,9 @@ def _score(fitness: Fitness, trial: Sequence[Outcome]) -> float:
     return fitness.score(trial) if flown else fitness.worst(trial)
 
 
-def compute(
-    task: Task, missions: Sequence[Mission], pool: Pool, workers: int, lost: str
-) -> Iterator[tuple[Mission, Outcome]]:
-    """The outcomes of the missions, as they come; at most a few are submitted ahead.
-
-    Raises:
-        RunStopped: a mission crashed or hung in spite of its retries, and ``lost`` is ``stop``.
-    """
-    blob = _packed(task)
-    waiting = list(reversed(missions))
-    running: dict[Future[Outcome], Mission] = {}
-    try:
-        while waiting or running:
-            while waiting and len(running) < workers * AHEAD:
-                mission = waiting.pop()
-                running[pool.submit(_outcome, blob, mission)] = mission
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                mission = running.pop(future)
-                worst = partial(not_flown, task, mission, LOST)
-                yield mission, _settled(mission, future, lost, worst)
-    finally:
-        for future in running:
-            future.cancel()
-
-
-def trajectories(task: Task, missions: Sequence[Mission], pool: Pool, lost: str) -> list[Array]:
-    """The trajectories of the missions, in order; without rows where one could not be flown.
-
-    Raises:
-        RunStopped: as in ``compute``.
-    """
-    blob = _packed(task)
-    futures = [pool.submit(_trajectory, blob, mission) for mission in missions]
-    return [
-        _settled(mission, future, lost, partial(_nowhere, mission))
-        for mission, future in zip(missions, futures, strict=True)
-    ]
-
-
-def _nowhere(mission: Mission, reason: str) -> Array:
-    return no_trajectory(mission)
-
-
-def _packed(task: Task) -> bytes:
-    """The task for the workers, packed once for all missions.
-
-    Raises:
-        InputError: a part does not pickle.
-    """
-    try:
-        return pickle.dumps(task)
-    except Exception as error:  # whatever a user's class raises
-        raise InputError(
-            f"the experiment cannot be sent to worker processes ({error}); define every class at "
-            f"the top of a module, and keep open files and the like out of descriptions"
-        ) from error
-
-
-def _settled(
-    mission: Mission, future: "Future[Result]", lost: str, worst: Callable[[str], Result]
-) -> Result:
-    """What the mission gave; ``worst`` of the reason where it was lost and that is no stop."""
-    error = future.exception()
-    if error is None:
-        return future.result()
-    if isinstance(error, EvorosError) and not isinstance(error, WorkerLost):
-        raise error
-    reason = str(error) if isinstance(error, WorkerLost) else f"{type(error).__name__}: {error}"
-    if lost == STOP or not isinstance(error, Exception):
-        raise RunStopped(f"{describe(mission)}: {reason}") from error
-    return worst(reason)
-
-
 def describe(mission: Mission) -> str:
     """For messages: which mission."""
     return (
         f"the mission of design {mission.design_id} in {mission.world}, "
         f"generation {mission.generation}, trial {mission.trial}"
     )
-
-
-def _outcome(blob: bytes, mission: Mission) -> Outcome:
-    return run_mission(_task(blob), mission)[0]
-
-
-def _trajectory(blob: bytes, mission: Mission) -> Array:
-    return run_mission(_task(blob), mission)[1]
-
-
-@lru_cache(maxsize=2)
-def _task(blob: bytes) -> Task:
-    """Unpickled once in each worker process."""
-    task: Task = pickle.loads(blob)
-    return task

@@ -6,15 +6,9 @@ from dataclasses import dataclass, field
 from statistics import fmean
 from typing import Protocol
 
+from evoros.dispatch import compute, trajectories
 from evoros.errors import InputError
-from evoros.evaluation import (
-    CONFIRMATION,
-    SELECTION,
-    VALIDATION,
-    compute,
-    fitness_of,
-    trajectories,
-)
+from evoros.evaluation import CONFIRMATION, SELECTION, VALIDATION, fitness_of
 from evoros.experiment import Experiment
 from evoros.mission import Mission
 from evoros.outcome import Outcome
@@ -137,9 +131,10 @@ class Evolution:
         self.observer.begin(number, len(wanted), len(wanted) - len(missing))
         workers, lost = experiment.executor.workers, experiment.lost_missions
         task = experiment.task_of(purpose)
-        for mission, outcome in compute(task, missing, pool, workers, lost):
-            folder.record(mission, outcome)
-            self.observer.mission(mission, outcome)
+        for flown in compute(task, missing, pool, workers, lost):
+            folder.record(flown)
+            for mission, outcome in flown:
+                self.observer.mission(mission, outcome)
         known = {place: outcome for place, (_, outcome) in folder.outcomes.items()}
         return {one: fitness_of(experiment.fitness, each, known) for one, each in missions.items()}
 

@@ -12,7 +12,7 @@ from evoros.types import Controller, Design, Failure, Simulator
 from evoros.world import World
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # so it can be the key of what is computed from it once
 class Task:
     """All that a mission needs besides the design, the world's name and the draws.
 

@@ -7,8 +7,8 @@ import pytest
 from fakes import OWN
 
 from evoros.config import build, compose, own_folder, read, to_text
+from evoros.dispatch import compute
 from evoros.errors import InputError
-from evoros.evaluation import compute
 
 
 def test_what_a_run_keeps_composes_to_the_same_experiment(tmp_path: Path) -> None:

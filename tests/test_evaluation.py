@@ -1,43 +1,16 @@
 import itertools
 from collections.abc import Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import Any
 
 import pytest
-from fakes import OWN
 
-from evoros.config import build, compose
-from evoros.errors import InputError, RunStopped, SimulationError, WorkerLost
-from evoros.evaluation import AHEAD, POLICIES, STOP, WORST, Plan, compute, fitness_of, trajectories
-from evoros.experiment import Experiment
+from evoros.errors import InputError
+from evoros.evaluation import POLICIES, Plan, fitness_of
 from evoros.outcome import LOST, Outcome
 from evoros.types import Design
 
 DESIGN = Design(())
 WORLDS = ("a", "b")
-
-
-@cache
-def experiment() -> Experiment:
-    return build(compose(["experiment=tiny", "executor=serial"], OWN))
-
-
-@dataclass
-class Broken:
-    """A pool whose every call ends as told; counts how many calls wait."""
-
-    error: Exception
-    waiting: int = 0
-    most: int = 0
-
-    def submit(self, function: Any, /, *args: Any) -> "Future[Any]":
-        future: Future[Any] = Future()
-        future.set_exception(self.error)
-        self.waiting += 1
-        self.most = max(self.most, self.waiting)
-        return future
 
 
 @dataclass(frozen=True)
@@ -102,34 +75,3 @@ def test_no_draw_is_met_twice_by_a_design_or_for_two_purposes(policy: str) -> No
     in_run = [*plan.selection(2, 9, DESIGN), *plan.validation(2, 9, DESIGN)]
     assert len({mission.place for mission in in_run}) == len(in_run)
     assert plan.validation(0, 1, DESIGN)[0].draws == plan.validation(7, 8, DESIGN)[0].draws
-
-
-def test_lost_missions_stop_or_are_the_worst() -> None:
-    missions = experiment().plan.selection(3, 4, DESIGN)
-    for error in (WorkerLost("it hung"), ValueError("no\nluck")):
-        with pytest.raises(RunStopped, match=r"design 4 in \w+, generation 3, trial 0: "):
-            list(compute(experiment().task, missions, Broken(error), 1, STOP))
-        flown = list(compute(experiment().task, missions, Broken(error), 1, WORST))
-        assert {outcome.ended for _, outcome in flown} == {LOST}
-        assert {outcome.progress for _, outcome in flown} == {0.0}
-        assert len(flown) == len(missions)
-        tracks = trajectories(experiment().task, missions, Broken(error), WORST)
-        assert [len(track) for track in tracks] == [0] * len(missions)
-        with pytest.raises(RunStopped):
-            trajectories(experiment().task, missions, Broken(error), STOP)
-
-
-@pytest.mark.parametrize("error", [InputError("bad"), SimulationError("odd")])
-def test_errors_of_ours_are_never_recorded_as_lost(error: Exception) -> None:
-    missions = experiment().plan.selection(0, 0, DESIGN)
-    with pytest.raises(type(error)):
-        list(compute(experiment().task, missions, Broken(error), 1, WORST))
-
-
-@pytest.mark.parametrize("workers", [1, 3])
-def test_only_a_few_missions_are_submitted_ahead(workers: int) -> None:
-    missions = [m for i in range(30) for m in experiment().plan.selection(0, i, DESIGN)]
-    pool = Broken(WorkerLost("gone"))
-    for _ in compute(experiment().task, missions, pool, workers, WORST):
-        pool.waiting -= 1
-    assert pool.most <= workers * AHEAD + 1
