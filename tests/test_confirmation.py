@@ -308,7 +308,8 @@ def test_any_simulator_confirms(tmp_path: Path) -> None:
     config = compose(["confirmation=pybullet", "confirmation.best=5"])
     assert isinstance(build(config).confirming.simulator, PyBullet)
     config = compose(
-        ["confirmation=pybullet", "simulator@confirmation.simulator=planar", "experiment=tiny"], OWN
+        ["confirmation=pybullet", "simulator@confirmation.simulator=bicycle", "experiment=tiny"],
+        OWN,
     )
     experiment = build(config)
     assert experiment.confirmation
