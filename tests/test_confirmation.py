@@ -15,7 +15,9 @@ from evoros.config import build, compose
 from evoros.confirmation import Confirmation
 from evoros.evaluation import POLICIES, Plan, fitness_of
 from evoros.experiment import Experiment
+from evoros.flight import Parts
 from evoros.record import RunFolder
+from evoros.simulator.planar import Planar
 from evoros.simulator.pybullet import PyBullet
 from evoros.types import Design
 
@@ -314,3 +316,18 @@ def test_any_simulator_confirms(tmp_path: Path) -> None:
     experiment = build(config)
     assert experiment.confirmation
     assert experiment.confirmation.simulator == experiment.simulator
+
+
+@pytest.mark.parametrize(
+    ("run", "confirming", "compiled"),
+    [("pybullet", "pybullet", 0), ("pybullet", "planar", 1), ("planar", "planar", 1)],
+)
+def test_the_rules_of_both_simulators_are_compiled_once_before_the_run(
+    run: str, confirming: str, compiled: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    met: list[Parts] = []
+    monkeypatch.setattr("evoros.experiment.best", met.append)
+    monkeypatch.setattr("evoros.experiment.interpreted", lambda parts: [])
+    chosen = [f"simulator={run}", f"simulator@confirmation.simulator={confirming}"]
+    build(compose(["confirmation=pybullet", *chosen]))
+    assert [tuple(parts[:3]) for parts in met] == [tuple(Planar().rules)] * compiled
