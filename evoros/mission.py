@@ -55,7 +55,7 @@ class Mission:
     design: Design
     world: str
     trial: int
-    purpose: str  # selection, validation or evaluation
+    purpose: str  # selection, confirmation, validation or evaluation
     draws: str  # the key of all random draws
 
     @property
