@@ -3,13 +3,13 @@
 ``docs/evaluation.md`` documents the columns.
 """
 
-import csv
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
 
+from evoros.csvfile import read_rows
 from evoros.errors import InputError
 from evoros.folder import STATUS, made_by, read_json, resume_command
 from evoros.genes import ends
@@ -62,7 +62,8 @@ def read_given(sources: Sequence[str], task: Task) -> list[Given]:
         if path.resolve() in known:
             raise InputError(f"designs: must name each source once, not {source!r} again; drop one")
         known.add(path.resolve())
-        drafts |= _of_folder(source, path, task) if path.is_dir() else _of_file(source, path, task)
+        read = _of_folder if path.is_dir() else _of_file
+        drafts |= read(" ".join(source.split()), path, task)
     return [_fitted(name, draft, task) for name, draft in drafts.items()]
 
 
@@ -98,7 +99,7 @@ def kept(given: Sequence[Given]) -> dict[str, str]:
 def _of_file(source: str, path: Path, task: Task) -> dict[Name, _Draft]:
     drafts = _designs(path, source, task)
     beside = path.with_name("genes.csv")
-    if path.name == "design.csv" and beside.is_file() and any(_rows(beside, GENE_COLUMNS, ())):
+    if path.name == "design.csv" and beside.is_file() and any(read_rows(beside, GENE_COLUMNS, ())):
         LOGGER.warning(
             "%s: its designs have other genes, in %s, which a file does not bring along: give the "
             "folder of the run",
@@ -125,7 +126,7 @@ def _of_folder(source: str, path: Path, task: Task) -> dict[Name, _Draft]:
         )
     drafts = _designs(designs, source, task, least=0)
     if not drafts:  # a champion without sensors has a name only where it has genes
-        names = (cells["design"] for _, cells in _rows(genes, GENE_COLUMNS, ()))
+        names = (cells["design"] for _, cells in read_rows(genes, GENE_COLUMNS, ()))
         drafts[source, next(names, CHAMPION)] = _Draft(str(designs))
     _add_genes(drafts, genes, source)
     return drafts
@@ -137,7 +138,7 @@ def _designs(path: Path, source: str | None, task: Task, least: int = 1) -> dict
     optional = tuple(name for name in DESIGN_COLUMNS if name not in needed)
     drafts: dict[Name, _Draft] = {}
     empty: set[Name] = set()
-    for line, cells in _rows(path, needed, optional):
+    for line, cells in read_rows(path, needed, optional):
         at = f"{path}: line {line}"
         if not cells["design"]:
             raise InputError(f"{at}: design must be a name, not empty; give each row its design")
@@ -199,7 +200,7 @@ def _mount(at: str, cells: Mapping[str, str], task: Task) -> tuple[int, Mount]:
 def _add_genes(drafts: Mapping[Name, _Draft], path: Path, source: str | None) -> None:
     """Put the other evolved values of the designs into the drafts."""
     needed = ("design", "key", "value") if source is not None else KEPT_GENE
-    for line, cells in _rows(path, needed, ("gene",)):
+    for line, cells in read_rows(path, needed, ("gene",)):
         at = f"{path}: line {line}"
         draft = drafts.get((cells.get("source", source) or "", cells["design"]))
         if draft is None or cells["key"] in draft.values:
@@ -229,48 +230,3 @@ def _fitted(name: Name, draft: _Draft, task: Task) -> Given:
     except InputError as error:
         raise InputError(f"{draft.at}: design {name[1]!r}: {error}") from None
     return Given(*name, Design(robot.mounts, draft.values))
-
-
-def _rows(
-    path: Path, needed: Sequence[str], optional: Sequence[str]
-) -> Iterator[tuple[int, dict[str, str]]]:
-    """The number of each line and its cells by column, without the space around them."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = csv.reader(file, strict=True)
-            names = [name.strip() for name in next(rows, [])]
-            _check_columns(path, names, needed, optional)
-            for row in rows:
-                if len(row) not in (0, len(names)):
-                    raise InputError(
-                        f"{path}: line {rows.line_num}: must have {len(names)} cells, as the first "
-                        f"line has, not {len(row)}; correct the line"
-                    )
-                if row:
-                    yield rows.line_num, dict(zip(names, map(str.strip, row), strict=True))
-    except FileNotFoundError:
-        raise InputError(
-            f"{path}: must be a CSV file of designs or the folder of a finished run, and there is "
-            f"none; correct the path"
-        ) from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: must be a CSV file in UTF-8 ({error}); correct it") from error
-
-
-def _check_columns(
-    path: Path, names: Sequence[str], needed: Sequence[str], optional: Sequence[str]
-) -> None:
-    all_of = ", ".join((*needed, *optional))
-    for name in needed:
-        if name not in names:
-            raise InputError(
-                f"{path}: line 1: must have the column {name}, not only "
-                f"{', '.join(names) or 'nothing'}; the columns are {all_of}"
-            )
-    for name in names:
-        if name not in (*needed, *optional) or names.count(name) > 1:
-            again = "again" if names.count(name) > 1 else "which is unknown"
-            raise InputError(
-                f"{path}: line 1: must not have the column {name!r} {again}; the columns are "
-                f"{all_of}"
-            )
