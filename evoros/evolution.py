@@ -175,7 +175,7 @@ class Evolution:
         return {VALIDATED: self.validated, SCREENED: self.screened, LOSS: self._losses()}
 
     def _record_champion(self, best: Candidate, pool: Pool) -> None:
-        """The design, its robot and its first mission in each world, flown again.
+        """The design, its robot and its first mission in each world, flown again, and the worlds.
 
         It is one of those that gave it its fitness: confirmed, where there is a confirmation.
         """
@@ -190,6 +190,8 @@ class Evolution:
         files = {"genes.csv": gene_table(one.id, design, names)}
         with suppress(InputError):  # no design of the run could be built, and so this one neither
             files["robot.urdf"] = experiment.task.embody(design).robot.urdf
+        worlds = {each.world: task.world[each.world].at(each.draws) for each in first}
+        files |= {f"world_{name}.sdf": world.sdf for name, world in worlds.items()}
         files["design.csv"] = design_table({one.id: design})
         tracks = [f"trajectory_{mission.world}.csv" for mission in first]
         if self.folder.has_champion(files, tracks):

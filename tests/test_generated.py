@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
+from fakes import OWN, content, tiny
 from hydra.utils import instantiate
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -21,6 +23,8 @@ from evoros.field.generated import FIXED, Field, generated_world
 from evoros.field.kinds import Box, Cylinder, Kind
 from evoros.field.passage import Passage
 from evoros.geometry import Footprint, distances, footprint, lowest
+from evoros.history import replay
+from evoros.runs import load_run
 from evoros.sdf.reader import read_sdf
 from evoros.sdf.writer import write_sdf
 from evoros.types import Array, Design
@@ -316,7 +320,7 @@ def test_a_bad_kind_is_refused(make: Any) -> None:
 
 def test_a_corridor_full_of_posts_has_a_way_through() -> None:
     narrow = field(
-        course=course([[8.0, 0.0]]), extent_m=[11.0, 2.4], density=0.6, kinds={"posts": POSTS}
+        course=course([[8.0, 0.0]]), extent_m=[11.0, 2.4], density=0.4, kinds={"posts": POSTS}
     )
     for seed in range(5):
         one = Field(**{**vars(narrow), "seed": seed})
@@ -393,3 +397,24 @@ def test_the_command_says_what_is_wrong(
     assert said in capsys.readouterr().err
     assert (tmp_path / "there.sdf").read_text() == "mine"
     assert not (tmp_path / "new.sdf").exists()
+
+
+def test_the_champion_keeps_the_worlds_that_it_met(tmp_path: Path) -> None:
+    here, there = tmp_path / "here", tmp_path / "there"
+    small = ["world.generated.density=0.1", "world.generated.course.time_limit_s=10"]
+    for folder, executor in ((here, "serial"), (there, "processes")):
+        renewal = ["world=generated", "world.generated.renew=true", f"executor={executor}"]
+        assert tiny(folder, *renewal, *small) == 0
+    assert content(here) == content(there)
+    run = load_run(here)
+    champion = int(pd.read_csv(here / "champion" / "design.csv").design.iloc[0])
+    rows = run.missions[(run.missions.design == champion) & (run.missions.purpose == "selection")]
+    kept = (here / "champion" / "world_generated.sdf").read_text()
+    made, draws = noted(kept)
+    assert draws == rows.draws.iloc[0]
+    assert made.world(draws).sdf == kept
+    assert run.missions.draws.nunique() == 4  # three generations and the validation
+    row = rows.iloc[0]
+    outcome, track = replay(here, int(row.generation), champion, row.world, int(row.trial), OWN)
+    assert outcome.time_s == row.time_s
+    assert len(track) == len(run.trajectory("generated"))

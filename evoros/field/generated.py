@@ -37,8 +37,9 @@ FIXED = "fixed"
 """The key of the draws of a field that is not renewed."""
 NAME_OF_WORLD = "generated"
 WALL_WIDTH_M, WALL_HEIGHT_M = 0.2, 1.0
-TRIES, ATTEMPTS = 300, 10
-"""Places tried for one obstacle; how often a field is begun again that did not become full."""
+TRIES, ATTEMPTS, HOPELESS = 300, 50, 0.5
+"""Places tried for one obstacle; how often a field is begun again that did not become full, unless
+less than this share of its obstacles found a place."""
 GROUND = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
 
 
@@ -145,6 +146,8 @@ class Field:
             if len(found) == count:
                 return found
             most = max(most, len(found))
+            if len(found) < HOPELESS * count:
+                break
         raise invalid(
             self,
             "density",
