@@ -7,23 +7,25 @@ compiles everything anew.
 """
 
 import hashlib
-import logging
 import os
 import tempfile
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from inspect import isfunction
 from pathlib import Path
+from threading import Lock
 from typing import Any, TypeVar
 
 import numba
 import numpy as np
 from numba import njit, types
-from numba.core.errors import NumbaError, NumbaExperimentalFeatureWarning
+from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.extending import register_jitable
 
 from evoros.flight import Arrays, Count, Link, Parts, Step, Timing, fly
+from evoros.log import LOGGER
 from evoros.types import Array
 
 Part = TypeVar("Part", Link, Step)
@@ -45,6 +47,8 @@ CLEARANCES = types.void(_A2, _A2, _A2, _A2, _A1)
 SURVEY = types.void(_A2, _A2, _A2, _A2, _A2, _I8, _A1)
 
 Fly = Callable[..., Count]
+
+_COMPILING = Lock()  # around settings of numba's that hold for the whole process
 
 
 class Compiled(types.WrapperAddressProtocol):  # type: ignore[misc]
@@ -104,11 +108,12 @@ def _attempt(rule: Any, kind: Any) -> Compiled | NotCompilable:
         return NotCompilable("it is not a plain function")
     if rule.__closure__:
         return NotCompilable("it refers to variables of the function that defines it")
-    keep = rule.__module__.partition(".")[0] == __package__ and _cache_folder() is not None
+    # What a user's rule calls may change without our noticing: it is compiled in every process.
+    ours = rule.__module__.partition(".")[0] == __package__
     try:
-        with _quiet():
-            return Compiled(njit(kind, cache=keep, nogil=True)(rule), kind)
-    except NumbaError as error:
+        with _compiling() as kept:
+            return Compiled(njit(kind, cache=ours and kept, nogil=True)(rule), kind)
+    except Exception as error:  # numba raises all kinds
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         telling = [line for line in lines if not line.startswith(("Failed in", "During:", "File"))]
         return NotCompilable((telling or lines or ["numba cannot compile it"])[0])
@@ -229,17 +234,26 @@ def _loop(filters: int, localization: int, layers: int) -> Fly:
         types.NamedTuple((*(_A1,) * 6, _A2), Arrays),
         _A1,
     )
-    with _quiet():
-        loop: Fly = njit(signature, cache=_cache_folder() is not None, nogil=True)(fly)
+    with _compiling() as kept:
+        loop: Fly = njit(signature, cache=kept, nogil=True)(fly)
     return loop
 
 
-class _quiet(warnings.catch_warnings):  # noqa: N801
-    """numba calls functions as arguments an experimental feature, at each of them."""
+@contextmanager
+def _compiling() -> Iterator[bool]:
+    """While open, numba keeps what it compiles in our folder; yields whether there is one.
 
-    def __enter__(self) -> None:
-        super().__enter__()
+    It also calls functions as arguments an experimental feature, at each of them.
+    """
+    folder = _cache_folder()
+    with _COMPILING, warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+        before = numba.config.CACHE_DIR
+        numba.config.CACHE_DIR = str(folder or before)
+        try:
+            yield folder is not None
+        finally:
+            numba.config.CACHE_DIR = before
 
 
 @cache
@@ -253,15 +267,13 @@ def _cache_folder() -> Path | None:
     digest = hashlib.sha256(numba.__version__.encode())
     for file in sorted(here.rglob("*.py")):
         digest.update(file.read_bytes())
-    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    for base in (Path(home), Path(tempfile.gettempdir())):
-        folder = base / "evoros" / digest.hexdigest()[:16]
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            numba.config.CACHE_DIR = str(folder)
-            return folder
-    logging.getLogger(__name__).warning("no folder can be written: code is compiled every time")
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    for base in (Path(home) / "evoros", Path(tempfile.gettempdir()) / f"evoros-{os.getuid()}"):
+        folder = base / digest.hexdigest()[:16]
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            # Compiled code that somebody else has put there must not be run.
+            if os.access(folder, os.W_OK) and base.stat().st_uid == os.getuid():
+                return folder
+    LOGGER.warning("no folder can be written (%s): rules are compiled in every process", home)
     return None

@@ -1,0 +1,247 @@
+"""Compiled missions: the bits of interpreted ones, whatever the parts; kept on disk."""
+
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.random import Generator
+
+from evoros import compiled
+from evoros.compiled import FILTER, LAYER, Compiled, NotCompilable, best, step_by_step
+from evoros.config import build, compose
+from evoros.experiment import Experiment
+from evoros.flight import Parts
+from evoros.mission import Mission, run_mission
+from evoros.types import Array, Channels, FilterRule
+
+SHORT = ["simulator=planar", "course.time_limit_s=6"]
+EARLY = ["failure.earliest_s=0", "failure.latest_s=4"]
+COMBINATIONS = [
+    ["failure=none", "controller=rover"],
+    ["failure=random", "controller=rover", *EARLY],
+    ["failure=spatial", "controller=rover_l1", *EARLY],
+    ["failure=spatial", "filter@failure.effect=stuck", "controller/avoidance=blind", *EARLY],
+    ["failure=random", "filter@failure.effect=dropout", *EARLY, "robot=erle_rover_as_run"],
+    [
+        "failure=random",
+        "filter@failure.effect=bias",
+        *EARLY,
+        "+filter@design.sensors.sonar.filters.late=delay",
+        "+filter@design.sensors.sonar.filters.held=hold",
+        "+filter@controller.localization.noise=pose_noise",
+    ],
+]
+
+
+@cache
+def experiment_of(*overrides: str) -> Experiment:
+    return build(compose([*SHORT, *overrides]))
+
+
+def missions(experiment: Experiment, count: int) -> list[Mission]:
+    """Random designs in all worlds; every second one starts in the middle of the obstacles."""
+    rng = np.random.default_rng(len(repr(experiment.failure)))
+    designs = [experiment.space.decode(rng.random(experiment.space.size)) for _ in range(count)]
+    return [m for i, one in enumerate(designs) for m in experiment.plan.evaluation(0, i, one)]
+
+
+def same(one: Any, other: Any) -> bool:
+    """All bits of outcome and trajectory."""
+    return repr(one[0]) == repr(other[0]) and one[1].tobytes() == other[1].tobytes()
+
+
+@pytest.mark.parametrize("overrides", COMBINATIONS, ids=lambda each: each[0] + str(len(each)))
+def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> None:
+    experiment = experiment_of(*overrides)
+    for mission in missions(experiment, 12):
+        whole = run_mission(experiment.task, mission)
+        stepped = run_mission(experiment.task, mission, step_by_step)
+        assert same(whole, stepped)
+
+
+def test_bodies_of_all_kinds_and_bumps_are_compiled_alike() -> None:
+    """In a generated field, driven blindly, where a collision does not end the mission."""
+    experiment = experiment_of(
+        "world=generated",
+        "world.generated.density=0.4",
+        "controller/avoidance=blind",
+        "course.end_on_collision=false",
+        "course.time_limit_s=40",
+    )
+    bumps = 0
+    for mission in missions(experiment, 4):
+        whole = run_mission(experiment.task, mission)
+        bumps += whole[0].collisions
+        assert same(whole, run_mission(experiment.task, mission, step_by_step))
+    assert bumps > 0
+
+
+def watched(prepare: Callable[[Parts], Any], seen: list[Any]) -> Callable[[Parts], Any]:
+    def choose(parts: Parts) -> Any:
+        chosen = prepare(parts)
+        seen.append(chosen)
+        return chosen
+
+    return choose
+
+
+def test_bundled_parts_are_compiled_from_start_to_end() -> None:
+    seen: list[Any] = []
+    for overrides in COMBINATIONS:
+        experiment = experiment_of(*overrides)
+        run_mission(experiment.task, missions(experiment, 1)[0], watched(best, seen))
+    loops = {loop for loop, _ in seen}
+    assert all(hasattr(loop, "nopython_signatures") for loop in loops)
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """A user's filter: the mean of the value and the one before, by a rule of some kind."""
+
+    rule: FilterRule
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
+        return np.zeros(0), np.full(channels.size, math.nan)
+
+
+def smooth(p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    for i in range(len(values)):
+        new = values[i]
+        if not math.isnan(memory[i]):
+            values[i] = 0.5 * (new + memory[i])
+        memory[i] = new
+
+
+def smooth_in_python(p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    """As ``smooth``, with what numba does not know."""
+    kept = {"i": sys.maxsize}
+    for kept["i"] in range(len(values)):
+        new = values[kept["i"]]
+        if not math.isnan(memory[kept["i"]]):
+            values[kept["i"]] = 0.5 * (new + memory[kept["i"]])
+        memory[kept["i"]] = new
+    assert list(map(str, sorted(kept))) == ["i"]
+
+
+class Live:
+    """An object whose method is a rule."""
+
+    def smooth(self, p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+        smooth(p, memory, rng, values, time)
+
+
+def with_filter(rule: FilterRule) -> Experiment:
+    experiment = experiment_of()
+    sonar = experiment.design.sensors["sonar"]
+    filters = {**sonar.filters, "smooth": Smooth(rule)}
+    sensors = {"sonar": replace(sonar, filters=filters)}  # type: ignore[type-var]
+    return replace(experiment, design=replace(experiment.design, sensors=sensors))
+
+
+@pytest.mark.parametrize("rule", [smooth_in_python, Live().smooth], ids=["python", "method"])
+def test_a_plain_python_rule_works_and_is_named(
+    rule: FilterRule, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It gives the bits of the same rule compiled, and a line says that it is slower."""
+    compilable = with_filter(smooth)
+    assert "not compiled" not in caplog.text
+    interpreted = with_filter(rule)
+    (line,) = [r.getMessage() for r in caplog.records if "not compiled" in r.getMessage()]
+    assert rule.__qualname__ in line
+    assert "slower" in line
+    for mission in missions(compilable, 2):
+        seen: list[Any] = []
+        one = run_mission(compilable.task, mission, watched(best, seen))
+        other = run_mission(interpreted.task, mission, watched(best, seen))
+        assert same(one, other)
+        assert hasattr(seen[0][0], "nopython_signatures")
+        assert not hasattr(seen[1][0], "nopython_signatures")
+
+
+def test_why_a_rule_cannot_be_compiled_is_said() -> None:
+    def inner(p: Array, m: Array, rng: Generator, values: Array, time: float) -> None:
+        values[0] = offset
+
+    offset = float(os.getpid())
+    for rule, reason in ((inner, "variables of the function"), (Live().smooth, "plain function")):
+        with pytest.raises(NotCompilable, match=reason):
+            compiled.compiled(rule, FILTER)
+    with pytest.raises(NotCompilable):
+        compiled.compiled(smooth, LAYER)  # five arguments, seven wanted
+    assert isinstance(compiled.compiled(smooth, FILTER), Compiled)
+
+
+WARM = """
+import sys, numpy as np
+from numba.core import event
+from evoros.config import build, compose
+from evoros.mission import run_mission
+class Compiles(event.Listener):
+    count = 0
+    def on_start(self, e): self.count += 1
+    def on_end(self, e): pass
+listener = Compiles()
+event.register("numba:compile", listener)
+experiment = build(compose(["simulator=planar", "course.time_limit_s=5", "failure=random"]))
+rng = np.random.default_rng(0)
+design = experiment.space.decode(rng.random(experiment.space.size))
+for mission in experiment.plan.evaluation(0, 0, design):
+    run_mission(experiment.task, mission)
+print(listener.count)
+"""
+
+
+def test_a_new_process_finds_everything_on_disk(tmp_path: Path) -> None:
+    """The first process compiles; the second one compiles nothing at all."""
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    counts = []
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", WARM],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        counts.append(int(done.stdout))
+    assert counts[0] > 0
+    assert counts[1] == 0
+
+
+ANYWHERE = """
+import numpy as np
+from evoros import compiled
+from evoros.filter.silence import Silence
+print(compiled._cache_folder())
+compiled.compiled(Silence().rule, compiled.FILTER)
+"""
+
+
+@pytest.mark.parametrize("writable", [True, False])
+def test_without_a_cache_at_home_another_place_is_found_or_none(
+    tmp_path: Path, writable: bool
+) -> None:
+    """In neither case does compiling fail."""
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    other = tmp_path / "other"
+    other.mkdir()
+    if not writable:  # as another user's, which root could write to
+        (other / f"evoros-{os.getuid()}").write_text("")
+    done = subprocess.run(
+        [sys.executable, "-c", ANYWHERE],
+        env={**os.environ, "XDG_CACHE_HOME": str(blocked), "TMPDIR": str(other)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.startswith(str(other) if writable else "None")
+    assert ("compiled in every process" in done.stderr) is not writable
