@@ -168,7 +168,7 @@ def test_a_model_is_kept_where_nothing_was_disturbed(experiment: Experiment) -> 
 
 def test_a_box_that_was_only_approached_is_put_back(experiment: Experiment) -> None:
     """The engine wakes a body nearby; awake, it settles, though nothing has touched it."""
-    world = level(experiment, box("near", 0.0, 0.67, mass=50.0))
+    world = level(experiment, box("near", 0.0, 0.71, mass=50.0))
     tracks = []
     for _ in range(2):
         with PyBullet().open(mounted(experiment, beam(), (0, 0.1, 0.1, 90, 0)), world) as opened:

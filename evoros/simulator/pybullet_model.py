@@ -126,6 +126,7 @@ class Engine:
             numSolverIterations=settings.solver_iterations,
             enableFileCaching=0,  # else a rewritten URDF loads its old geometry
             deterministicOverlappingPairs=1,
+            collisionFilterMode=0,  # else a pair collides where one of the two masks says so
             physicsClientId=client,
         )
         numbers = [(self._add(body), body) for body in world.bodies]
