@@ -1,4 +1,4 @@
-"""Differential drive: against the motion of a rigid body, and in PyBullet against geometry."""
+"""Differential drive, against the motion of a rigid body."""
 
 import copy
 import dataclasses
@@ -7,13 +7,11 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 
-from evoros.config import build, compose
 from evoros.drive.differential import Differential, DifferentialDescription
 from evoros.errors import InputError
 from evoros.urdf import expansion
@@ -232,24 +230,3 @@ def test_wheels_of_two_sizes_are_refused() -> None:
 
     with pytest.raises(InputError, match=r"equally large, not 0\.07, 0\.06 m"):
         described().fit(edited(edit))
-
-
-# The bundled robot.
-
-
-def test_wheels_and_caster_are_within_the_outline_and_touch_no_obstacle() -> None:
-    robot = build(compose(["robot=two_wheeler"])).robot
-    assert robot.outline.min(axis=0) == pytest.approx([-0.175, -0.165])
-    assert robot.outline.max(axis=0) == pytest.approx([0.245, 0.165])
-    assert robot.drive.caster_links == ("caster",)
-    assert robot.height_m == pytest.approx(0.15)
-    for link, reach in (("left_wheel", 0.015), ("right_wheel", 0.015), ("caster", 0.03)):
-        x, y, _ = edited(list).poses[link].position
-        assert -0.175 < x - 0.06 < x + 0.06 < 0.245
-        assert abs(y) + reach < 0.165
-
-
-def test_a_caster_is_no_part_of_the_outline() -> None:
-    before = build(compose(["robot=two_wheeler"])).robot.outline
-    ahead = build(compose(["robot=two_wheeler", "+robot.arguments.caster_x=0.4"])).robot.outline
-    np.testing.assert_array_equal(before, ahead)
