@@ -43,7 +43,7 @@ def manifest(
         "packages": {name: _version(name) for name in PACKAGES},
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "processor": _processor(),
+        "processor": processor(),
         "sha256": hashes(experiment, config, values, files or {}),
     }
 
@@ -158,7 +158,7 @@ def _commit() -> str | None:
     return done.stdout.strip() or None
 
 
-def _processor() -> str:
+def processor() -> str:
     """The model of the processor, where the system tells."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()

@@ -164,9 +164,10 @@ def _farthest(sensors: Array) -> float:
 def _sensors(robot: Robot) -> tuple[Array, Array]:
     """The rows of the sensors and their rays, in the frame of the robot."""
     sensors, rays, first = np.zeros((len(robot.mounts), SENSOR_SIZE)), [np.zeros((0, 3))], 0
+    beams = {name: sensor.rays() for name, sensor in robot.sensors.items()}
     for row, mount, frame in zip(sensors, robot.mounts, robot.sensor_frames(), strict=True):
         sensor = robot.sensors[mount.sensor]
-        beam = sensor.rays() @ frame[:3, :3].T
+        beam = beams[mount.sensor] @ frame[:3, :3].T
         row[AT : AT + 3] = frame[:3, 3]
         row[LEAST] = sensor.range_min_m
         row[FREE] = _ground(beam, float(frame[2, 3]), sensor.range_max_m)
