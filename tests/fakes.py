@@ -21,10 +21,12 @@ def resume(folder: Path, *more: str) -> int:
     return evoros(["--config-dir", str(OWN), f"resume={folder}", *more])
 
 
-def start(arguments: Sequence[str], cwd: Path) -> "subprocess.Popen[str]":
+def start(
+    arguments: Sequence[str], cwd: Path, entry: str = "evoros.cli"
+) -> "subprocess.Popen[str]":
     """The command in a process of its own, which leads a process group."""
     return subprocess.Popen(
-        [sys.executable, "-c", "from evoros.cli import main; main()", *arguments],
+        [sys.executable, "-c", f"from {entry} import main; main()", *arguments],
         cwd=cwd,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
         stdout=subprocess.PIPE,
