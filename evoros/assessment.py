@@ -88,7 +88,7 @@ def _sources(config: DictConfig) -> list[str]:
     if not sources or not all(TEXT.holds(each) for each in sources):
         raise InputError(
             f"designs: must be a CSV file, the folder of a finished run, or a list of these, not "
-            f"{value!r}; add designs=FILE.csv"
+            f"{'null' if value is None else value}; add designs=FILE.csv"
         )
     return sources
 

@@ -4,7 +4,7 @@ import re
 import shutil
 import signal
 import tracemalloc
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from evoros import assessment
 from evoros.command import DONE, INPUT, INTERRUPTED, STOPPED
 from evoros.config import build, compose
 from evoros.evaluate_cli import evaluate
+from evoros.folder import draw_up
 from evoros.given import read_given
 from evoros.jobs import Job, Jobs, options_of
 from evoros.mission import Mission
@@ -281,19 +282,23 @@ def test_memory_does_not_grow_with_the_missions(
     ) -> Iterator[list[tuple[Mission, Outcome]]]:
         yield from ([(mission, outcome)] for mission in missions)
 
+    def drawn_up(path: Path, files: Mapping[str, str]) -> None:
+        draw_up(path, files)
+        tracemalloc.start()  # of what is allocated from now on
+
     monkeypatch.setattr(assessment, "compute", instant)
+    monkeypatch.setattr(assessment, "draw_up", drawn_up)
     monkeypatch.setattr(assessment, "BLOCK", 500)
-    rows = "\n".join(f"{i},0,0.1,0,{i}" for i in range(20))
-    (tmp_path / "twenty.csv").write_text(f"{HEADER}\n{rows}\n")
+    rows = "\n".join(f"{i},0,0.1,0,{i}" for i in range(40))
+    (tmp_path / "forty.csv").write_text(f"{HEADER}\n{rows}\n")
     peaks: list[int] = []
-    for trials in (10, 10, 150):
-        tracemalloc.start()
-        folder = tmp_path / f"{len(peaks)}"
-        assert scored(folder, tmp_path / "twenty.csv", f"trials={trials}") == DONE
+    for trials in (10, 100):
+        folder = tmp_path / f"{trials}"
+        assert scored(folder, tmp_path / "forty.csv", f"trials={trials}") == DONE
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-        assert len((folder / "missions.csv").read_text().splitlines()) == 1 + 20 * 2 * trials
-    assert peaks[2] < peaks[1] + 1_000_000  # all outcomes would be several times as much
+        assert len((folder / "missions.csv").read_text().splitlines()) == 1 + 40 * 2 * trials
+    assert peaks[1] < peaks[0] + 1_000_000  # all missions would be several times as much
 
 
 # What is refused ----------------------------------------------------------------------------
