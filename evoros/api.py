@@ -52,7 +52,7 @@ def run(config: Configuration, folder: str | Path, display: Display | None = Non
         InputError: something cannot be used; nothing was changed.
         RunStopped: a mission was lost; ``resume(folder)`` goes on.
     """
-    session.start(_composed(config), Path(folder), display or Silent())
+    session.new(_composed(config), Path(folder)).run(display or Silent())
     return load_run(folder)
 
 
@@ -70,7 +70,7 @@ def resume(
         InputError: no run there, or an override that resuming does not accept.
         RunStopped: a mission was lost.
     """
-    session.resume(Path(folder), overrides, display or Silent(), config_dir)
+    session.resumed(Path(folder), overrides, config_dir).run(display or Silent())
     return load_run(folder)
 
 

@@ -23,8 +23,9 @@ from evoros.mission import Mission, Place
 from evoros.outcome import Outcome
 from evoros.resuming import rebuilt
 from evoros.scores import score_columns, scores
-from evoros.session import RUNNING, Display, Tally, recording
+from evoros.session import RUNNING, Display, Opener, Tally, own_pool, recording
 from evoros.tables import OUTCOME_COLUMNS, outcome_cells, read_outcome, text
+from evoros.types import Executor, Pool
 
 COMMAND = "evoros-evaluate"
 DESIGNS = "designs.csv"
@@ -38,12 +39,50 @@ STATUS_S = 5.0
 """Wall clock between two updates of ``status.json``."""
 
 
-def start(config: DictConfig, folder: Path, display: Display) -> None:
-    """Score the designs that the configuration names, in a new folder.
+@dataclass(frozen=True)
+class Evaluation:
+    """An evaluation that can begin or go on: it is built, and its folder is there."""
+
+    experiment: Experiment
+    given: Sequence[Given]
+    path: Path
+    said: Sequence[LogRecord]  # while it was built
+
+    @property
+    def executor(self) -> Executor:
+        """Where its missions are to be computed."""
+        return self.experiment.executor
+
+    def run(self, display: Display, opener: Opener = own_pool) -> None:
+        """To its end.
+
+        Raises:
+            InputError: the missions on disk are not its own.
+            RunStopped: a mission was lost; the evaluation can be resumed.
+        """
+        experiment, given = self.experiment, self.given
+        with Folder(self.path, HEADER) as folder:
+            assessment = _Assessment(experiment, given, folder, display)
+            assessment.read()
+            with recording(self.path, self.said, assessment.write_status):
+                LOGGER.info(
+                    "%s: %d designs, %d trials, seed %d, worlds %s, %d workers",
+                    self.path,
+                    len(given),
+                    experiment.trials,
+                    experiment.seed,
+                    ", ".join(experiment.world),
+                    self.executor.workers,
+                )
+                with opener(self.executor) as pool:
+                    assessment.run(pool)
+
+
+def new(config: DictConfig, folder: Path) -> Evaluation:
+    """That of the designs that the configuration names, in a new folder.
 
     Raises:
         InputError: something cannot be used; the folder is then as it was.
-        RunStopped: a mission was lost; the evaluation can be resumed.
     """
     require_unused(folder)
     with remembering() as said:
@@ -56,25 +95,22 @@ def start(config: DictConfig, folder: Path, display: Display) -> None:
         described = manifest(experiment, content, values, COMMAND, files)
     first = {CONFIG: content, MANIFEST: json.dumps(described, indent=2) + "\n", **files}
     draw_up(folder, {**first, MISSIONS: text([HEADER])})
-    _assess(experiment, given, folder, display, said)
+    return Evaluation(experiment, given, folder, said)
 
 
-def resume(
-    folder: Path, overrides: Sequence[str], config_dir: str | Path | None, display: Display
-) -> None:
-    """Go on with the evaluation in the folder; a finished one is verified.
+def resumed(folder: Path, overrides: Sequence[str], config_dir: str | Path | None) -> Evaluation:
+    """The evaluation in the folder, to go on; a finished one is verified.
 
     ``overrides`` may change the executor; ``config_dir`` has the modules of the user's own parts.
 
     Raises:
         InputError: no evaluation there, another override, or what it is made of has changed.
-        RunStopped: as in ``start``.
     """
     with remembering() as said:
         files = (DESIGN_FILE, GENE_FILE)
         experiment, _ = rebuilt(folder, overrides, config_dir, COMMAND, files)
         given = read_kept(folder, experiment.task)
-    _assess(experiment, given, folder, display, said)
+    return Evaluation(experiment, given, folder, said)
 
 
 def _sources(config: DictConfig) -> list[str]:
@@ -91,29 +127,6 @@ def _sources(config: DictConfig) -> list[str]:
             f"{'null' if value is None else value}; add designs=FILE.csv"
         )
     return sources
-
-
-def _assess(
-    experiment: Experiment,
-    given: Sequence[Given],
-    path: Path,
-    display: Display,
-    said: Sequence[LogRecord],
-) -> None:
-    with Folder(path, HEADER) as folder:
-        assessment = _Assessment(experiment, given, folder, display)
-        assessment.read()
-        with recording(path, said, assessment.write_status):
-            LOGGER.info(
-                "%s: %d designs, %d trials, seed %d, worlds %s, %d workers",
-                path,
-                len(given),
-                experiment.trials,
-                experiment.seed,
-                ", ".join(experiment.world),
-                experiment.executor.workers,
-            )
-            assessment.run()
 
 
 @dataclass
@@ -158,19 +171,18 @@ class _Assessment:
                 )
             self._take(mission, outcome)
 
-    def run(self) -> None:
+    def run(self, pool: Pool) -> None:
         """Fly what is missing, and write the table of the designs."""
         experiment = self.experiment
         self.display.start(1)
         self.display.begin(0, self.wanted, self.known)
         missing = self._missing()
-        with experiment.executor.open() as pool:
-            while block := list(islice(missing, BLOCK)):
-                workers, lost = experiment.executor.workers, experiment.lost_missions
-                for flown in compute(experiment.task, block, pool, workers, lost):
-                    self.folder.append([self._row(*each) for each in flown])
-                    for mission, outcome in flown:
-                        self._fly(mission, outcome)
+        while block := list(islice(missing, BLOCK)):
+            workers, lost = experiment.executor.workers, experiment.lost_missions
+            for flown in compute(experiment.task, block, pool, workers, lost):
+                self.folder.append([self._row(*each) for each in flown])
+                for mission, outcome in flown:
+                    self._fly(mission, outcome)
         self.folder.sync()
         columns = score_columns(list(experiment.world))
         table: list[Sequence[object]] = [("source", "design", *columns)]

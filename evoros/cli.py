@@ -10,7 +10,7 @@ from evoros.command import DONE, INPUT, INTERRUPTED, STOPPED, Command
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
-    from evoros.session import Display
+    from evoros.session import Work
 
 __all__ = ["DONE", "INPUT", "INTERRUPTED", "STOPPED", "evoros", "main"]
 
@@ -20,18 +20,16 @@ def main() -> None:
     sys.exit(evoros(sys.argv[1:]))
 
 
-def _start(config: "DictConfig", folder: Path, display: "Display") -> None:
-    from evoros.session import start
+def _new(config: "DictConfig", folder: Path) -> "Work":
+    from evoros.session import new
 
-    start(config, folder, display)
+    return new(config, folder)
 
 
-def _resume(
-    folder: Path, overrides: Sequence[str], config_dir: str | None, display: "Display"
-) -> None:
-    from evoros.session import resume
+def _resumed(folder: Path, overrides: Sequence[str], config_dir: str | None) -> "Work":
+    from evoros.session import resumed
 
-    resume(folder, overrides, display, config_dir)
+    return resumed(folder, overrides, config_dir)
 
 
 def _summary(folder: Path) -> str:
@@ -40,4 +38,4 @@ def _summary(folder: Path) -> str:
     return summary(folder)
 
 
-evoros = Command("evoros", "config", _start, _resume, _summary)
+evoros = Command("evoros", "config", _new, _resumed, _summary)

@@ -22,7 +22,9 @@ from evoros.log import LOGGER, logging_to_terminal
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
-    from evoros.session import Display
+    from evoros.jobs import Jobs
+    from evoros.session import Work
+    from evoros.sweep import Ending, Sweep
 
 DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130
 WORST_FIRST = (INTERRUPTED, INPUT, STOPPED, DONE)
@@ -38,8 +40,8 @@ class Command:
 
     name: str
     config: str  # the primary configuration, a file of conf/
-    start: "Callable[[DictConfig, Path, Display], object]"
-    resume: "Callable[[Path, Sequence[str], str | None, Display], object]"
+    new: "Callable[[DictConfig, Path], Work]"
+    resumed: "Callable[[Path, Sequence[str], str | None], Work]"
     summary: Callable[[Path], str]  # what it says at the end of the work in a folder
 
     def __call__(self, arguments: Sequence[str]) -> int:
@@ -85,8 +87,7 @@ def _resume(command: Command, options: Namespace, signals: "_Signals") -> int:
     path = Path(target.partition("=")[2]).expanduser()
     overrides = [each for each in options.overrides if each is not target]
     own = options.config_dir
-    work = partial(command.resume, path, overrides, own)
-    return _session(command, work, path, own, signals, live=True)
+    return _alone(command, partial(command.resumed, path, overrides, own), path, own, signals)
 
 
 def _run(command: Command, options: Namespace, signals: "_Signals") -> int:
@@ -95,24 +96,72 @@ def _run(command: Command, options: Namespace, signals: "_Signals") -> int:
 
     own = options.config_dir
     jobs = Jobs(options.overrides, bool(options.multirun), own, command.config)
-    statuses = []
-    for job in jobs:
-        if isinstance(job, EvorosError):
-            statuses.append(_say(command, str(job), _status(job)))
-            continue
-        alone = jobs.sweep is None
-        work = partial(command.start, job.config, job.folder)
-        statuses.append(_session(command, work, job.folder, own, signals, alone))
-        if signals.last is not None:
-            if not alone:
-                LOGGER.error(
-                    "%s: for the jobs that have not begun, repeat the command with "
-                    "hydra.sweep.dir=%s: those that have begun are refused, untouched",
-                    command.name,
-                    shlex.quote(str(jobs.sweep)),
-                )
-            break
-    return next(status for status in WORST_FIRST if status in (*statuses, DONE))
+    if jobs.sweep is not None:
+        return _sweep(command, jobs, own, signals)
+    (job,) = (each for each in jobs if not isinstance(each, EvorosError))
+    return _alone(command, partial(command.new, job.config, job.folder), job.folder, own, signals)
+
+
+def _alone(
+    command: Command,
+    build: "Callable[[], Work]",
+    path: Path,
+    config_dir: str | None,
+    signals: "_Signals",
+) -> int:
+    """One run, its display and what is said at its end; returns an exit status."""
+    from evoros.progress import Progress
+    from evoros.sweep import Ending
+
+    ending = Ending(DONE)
+    try:
+        with Progress(sys.stderr.isatty()) as display:
+            build().run(display)
+    except (KeyboardInterrupt, Exception) as error:
+        ending = _ending(config_dir, signals, path, error)
+    return _tell(command, False, path, ending)
+
+
+def _sweep(command: Command, jobs: "Jobs", config_dir: str | None, signals: "_Signals") -> int:
+    """All runs of a sweep; returns the worst exit status."""
+    from evoros.log import logging_all
+    from evoros.progress import SweepProgress
+    from evoros.sweep import Sweep
+
+    explain, tell = partial(_ending, config_dir, signals), partial(_tell, command, True)
+    with logging_all(), SweepProgress(sys.stderr.isatty(), len(jobs)) as display:
+        sweep = Sweep(command.new, explain, tell, display)
+        begun = _begin_all(command, jobs, sweep, signals)
+    if signals.last is not None:
+        sweep.statuses.append(signals.what_happened()[1])
+        if begun < len(jobs):
+            LOGGER.error(
+                "%s: for the jobs that have not begun, repeat the command with "
+                "hydra.sweep.dir=%s: those that have begun are refused, untouched",
+                command.name,
+                shlex.quote(str(jobs.sweep)),
+            )
+    return next(status for status in WORST_FIRST if status in (*sweep.statuses, DONE))
+
+
+def _begin_all(command: Command, jobs: "Jobs", sweep: "Sweep", signals: "_Signals") -> int:
+    """Begin the jobs until a signal comes, and wait for their ends; returns how many began."""
+    begun = 0
+    try:
+        for job in jobs:
+            begun += 1
+            if isinstance(job, EvorosError):
+                sweep.refuse(_say(command, str(job), _status(job)))
+            else:
+                sweep.begin(job)
+            if signals.last is not None:
+                break
+        sweep.finish()
+    except KeyboardInterrupt:  # each run that it stops says how to go on
+        pass
+    finally:
+        sweep.close()
+    return begun
 
 
 def _show(command: Command, arguments: list[str]) -> int:
@@ -134,35 +183,34 @@ def _show(command: Command, arguments: list[str]) -> int:
     return DONE
 
 
-def _session(
-    command: Command,
-    work: "Callable[[Display], object]",
-    path: Path,
-    config_dir: str | None,
-    signals: "_Signals",
-    live: bool,
-) -> int:
-    """One run, its display and what is said at its end; returns an exit status."""
+def _ending(
+    config_dir: str | None, signals: "_Signals", path: Path, error: BaseException
+) -> "Ending":
+    """How a run ended that raised, and how to go on with it."""
     from evoros.folder import LOG
-    from evoros.progress import Progress
+    from evoros.sweep import Ending
 
-    try:
-        with Progress(live and sys.stderr.isatty()) as display:
-            work(display)
-    except KeyboardInterrupt:
+    again = _again(path, config_dir)
+    if isinstance(error, KeyboardInterrupt):
         message, status = signals.what_happened()
-        return _say(command, message + _again(path, config_dir), status)
-    except RunStopped as error:
-        return _say(command, f"{error}{_again(path, config_dir)}", STOPPED)
-    except EvorosError as error:
-        return _say(command, str(error), _status(error))
-    except Exception as error:  # a part of the user's, a full disk, or a fault of ours
-        said = " ".join(f"{type(error).__name__}: {error}".split())
-        log = path / LOG
-        where = f" (traceback in {log})" if log.exists() else ""
-        return _say(command, f"{said}{where}{_again(path, config_dir)}", STOPPED)
+        return Ending(status, message + again)
+    if isinstance(error, EvorosError):
+        status = _status(error)
+        return Ending(status, f"{error}{again if isinstance(error, RunStopped) else ''}")
+    # A part of the user's, a full disk, or a fault of ours.
+    said = " ".join(f"{type(error).__name__}: {error}".split())
+    log = path / LOG
+    where = f" (traceback in {log})" if log.exists() else ""
+    return Ending(STOPPED, f"{said}{where}{again}")
+
+
+def _tell(command: Command, named: bool, path: Path, ending: "Ending") -> int:
+    """What is said at the end of a run; ``named`` where it is one of several."""
+    if ending.said:
+        name = f"{path.name}: " if named else ""
+        return _say(command, f"{name}{ending.said}", ending.status)
     print(command.summary(path))
-    return DONE
+    return ending.status
 
 
 def _again(path: Path, config_dir: str | None) -> str:

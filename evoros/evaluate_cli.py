@@ -10,7 +10,7 @@ from evoros.command import Command
 if TYPE_CHECKING:
     from omegaconf import DictConfig
 
-    from evoros.session import Display
+    from evoros.session import Work
 
 
 def main() -> None:
@@ -18,18 +18,16 @@ def main() -> None:
     sys.exit(evaluate(sys.argv[1:]))
 
 
-def _start(config: "DictConfig", folder: Path, display: "Display") -> None:
-    from evoros.assessment import start
+def _new(config: "DictConfig", folder: Path) -> "Work":
+    from evoros.assessment import new
 
-    start(config, folder, display)
+    return new(config, folder)
 
 
-def _resume(
-    folder: Path, overrides: Sequence[str], config_dir: str | None, display: "Display"
-) -> None:
-    from evoros.assessment import resume
+def _resumed(folder: Path, overrides: Sequence[str], config_dir: str | None) -> "Work":
+    from evoros.assessment import resumed
 
-    resume(folder, overrides, config_dir, display)
+    return resumed(folder, overrides, config_dir)
 
 
 def _summary(folder: Path) -> str:
@@ -38,4 +36,4 @@ def _summary(folder: Path) -> str:
     return evaluation(folder)
 
 
-evaluate = Command("evoros-evaluate", "evaluate", _start, _resume, _summary)
+evaluate = Command("evoros-evaluate", "evaluate", _new, _resumed, _summary)

@@ -85,20 +85,19 @@ class Evolution:
     validated: dict[int, float] = field(default_factory=dict)  # fitness by individual
     born: dict[int, int] = field(default_factory=dict)  # generation by individual
 
-    def run(self) -> Generation:
+    def run(self, pool: Pool) -> Generation:
         """Evolve to the last generation and record the champion; replays what is on disk."""
         experiment = self.experiment
         search = experiment.optimizer.start(
             experiment.space, generator(f"{experiment.seed}", "optimizer")
         )
-        with experiment.executor.open() as pool:
-            for number in range(self.generations):
-                individuals = search.ask()
-                self.born.update({one.id: number for one in individuals})
-                designs = {one.id: experiment.space.decode(one.genome) for one in individuals}
-                candidates = search.tell(self._evaluate(number, designs, pool))
-                generation = self._conclude(number, candidates, pool)
-            self._record_champion(generation.best, pool)
+        for number in range(self.generations):
+            individuals = search.ask()
+            self.born.update({one.id: number for one in individuals})
+            designs = {one.id: experiment.space.decode(one.genome) for one in individuals}
+            candidates = search.tell(self._evaluate(number, designs, pool))
+            generation = self._conclude(number, candidates, pool)
+        self._record_champion(generation.best, pool)
         return generation
 
     def _evaluate(self, number: int, designs: Mapping[int, Design], pool: Pool) -> list[float]:

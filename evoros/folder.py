@@ -89,6 +89,10 @@ class Folder:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Others may write from now on."""
         self.sync()
         self._missions.close()
 

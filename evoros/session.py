@@ -1,13 +1,13 @@
-"""Runs: starting one, resuming one, and what the commands and scripts call to do so."""
+"""Runs: a new one, one to be resumed, and what the commands and scripts call to do so."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from logging import LogRecord
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 from omegaconf import DictConfig
 
@@ -23,6 +23,7 @@ from evoros.mission import Mission
 from evoros.outcome import Outcome
 from evoros.record import RunFolder
 from evoros.resuming import rebuilt
+from evoros.types import Executor, Pool
 
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
 
@@ -32,6 +33,32 @@ class Display(Observer, Protocol):
 
     def start(self, generations: int) -> None:
         """The run is built and recorded; it starts now, with so many generations."""
+        ...
+
+
+Opener: TypeAlias = Callable[[Executor], AbstractContextManager[Pool]]
+"""How work gets the pool of its executor."""
+
+
+def own_pool(executor: Executor) -> AbstractContextManager[Pool]:
+    """A pool for this work alone."""
+    return executor.open()
+
+
+class Work(Protocol):
+    """A run or an evaluation that can begin or go on: it is built, and its folder is there."""
+
+    @property
+    def executor(self) -> Executor:
+        """Where its missions are to be computed."""
+        ...
+
+    def run(self, display: Display, opener: Opener = own_pool) -> object:
+        """To its end.
+
+        Raises:
+            RunStopped: a mission was lost; the work can be resumed.
+        """
         ...
 
 
@@ -125,21 +152,56 @@ class Recorder:
         )
 
 
-def start(config: DictConfig, folder: Path, display: Display) -> Generation:
-    """Run the configured experiment in a new folder; returns its last generation.
+@dataclass(frozen=True)
+class Session:
+    """A run that can begin or go on; ``record`` is open until it has run."""
+
+    experiment: Experiment
+    record: RunFolder
+    generations: int
+    said: Sequence[LogRecord]  # while it was built
+
+    @property
+    def executor(self) -> Executor:
+        """Where its missions are to be computed."""
+        return self.experiment.executor
+
+    def run(self, display: Display, opener: Opener = own_pool) -> Generation:
+        """To its end; returns the last generation.
+
+        Raises:
+            RunStopped: a mission was lost; the run can be resumed.
+        """
+        record, generations = self.record, self.generations
+        recorder = Recorder(record, display, generations, Tally(time.monotonic()))
+        with record, recording(record.path, self.said, recorder.write):
+            LOGGER.info(
+                "%s: %d generations, seed %d, worlds %s, %d workers",
+                record.path,
+                generations,
+                self.experiment.seed,
+                ", ".join(self.experiment.world),
+                self.executor.workers,
+            )
+            display.start(generations)
+            evolution = Evolution(self.experiment, record, recorder, generations)
+            with opener(self.executor) as pool:
+                return evolution.run(pool)
+
+
+def new(config: DictConfig, folder: Path) -> Session:
+    """The configured run, in a new folder.
 
     Raises:
         InputError: something cannot be used; the folder is then as it was.
-        RunStopped: a mission was lost; the run can be resumed.
     """
     require_unused(folder)  # before anything is built, which may take seconds
     with remembering() as said:
         experiment = configuration.build(config)
         content = configuration.to_text(config)
         described = manifest(experiment, content, configuration.to_values(config))
-    generations = experiment.optimizer.generations
-    with RunFolder.create(folder, content, described) as record:
-        return _evolve(experiment, record, generations, display, said)
+    record = RunFolder.create(folder, content, described)
+    return Session(experiment, record, experiment.optimizer.generations, said)
 
 
 def rebuild(folder: Path, config_dir: str | Path | None = None) -> Experiment:
@@ -153,53 +215,29 @@ def rebuild(folder: Path, config_dir: str | Path | None = None) -> Experiment:
     return rebuilt(folder, (), config_dir)[0]
 
 
-def resume(
-    folder: Path,
-    overrides: Sequence[str],
-    display: Display,
-    config_dir: str | Path | None = None,
-) -> Generation:
-    """Go on with the run in the folder; a finished one is verified, and extended if asked to.
+def resumed(
+    folder: Path, overrides: Sequence[str] = (), config_dir: str | Path | None = None
+) -> Session:
+    """The run in the folder, to go on; a finished one is verified, and extended if asked to.
 
     ``overrides`` may change the executor and raise ``optimizer.generations``; ``config_dir`` has
     the modules of the user's own parts.
 
     Raises:
         InputError: no run there, another override, or what the run is made of has changed.
-        RunStopped: as in ``start``.
     """
     with remembering() as said:
         experiment, asked = rebuilt(folder, overrides, config_dir)
-    with RunFolder(folder) as record:
-        reached = record.read_status().get("generations")
-        known = reached if isinstance(reached, int) else experiment.optimizer.generations
-        if asked is not None and asked < known:
-            raise InputError(
-                f"optimizer.generations: must be at least {known}, which the run already has, "
-                f"not {asked}; a run can only be extended"
-            )
-        return _evolve(experiment, record, asked or known, display, said)
-
-
-def _evolve(
-    experiment: Experiment,
-    record: RunFolder,
-    generations: int,
-    display: Display,
-    said: Sequence[LogRecord],
-) -> Generation:
-    recorder = Recorder(record, display, generations, Tally(time.monotonic()))
-    with recording(record.path, said, recorder.write):
-        LOGGER.info(
-            "%s: %d generations, seed %d, worlds %s, %d workers",
-            record.path,
-            generations,
-            experiment.seed,
-            ", ".join(experiment.world),
-            experiment.executor.workers,
+    record = RunFolder(folder)
+    reached = record.read_status().get("generations")
+    known = reached if isinstance(reached, int) else experiment.optimizer.generations
+    if asked is not None and asked < known:
+        record.close()
+        raise InputError(
+            f"optimizer.generations: must be at least {known}, which the run already has, "
+            f"not {asked}; a run can only be extended"
         )
-        display.start(generations)
-        return Evolution(experiment, record, recorder, generations).run()
+    return Session(experiment, record, asked or known, said)
 
 
 @contextmanager

@@ -230,7 +230,7 @@ def test_an_exception_in_a_worker_stops_the_run_which_can_be_resumed(
 def test_a_mission_that_is_lost_once_is_tried_again(fault: str, tmp_path: Path) -> None:
     run = tmp_path / "run"
     lost = [f"simulator.fault={fault}", f"simulator.mark={tmp_path / 'mark'}"]
-    limit = ["executor=processes", "executor.workers=2", "executor.time_limit_s=2"]
+    limit = ["executor=processes", "executor.workers=2", "executor.time_limit_s=6"]
     assert tiny(run, *lost, *limit, "optimizer.generations=1") == DONE
     assert tiny(tmp_path / "sound", "optimizer.generations=1") == DONE
     assert content(run) == content(tmp_path / "sound")
@@ -267,18 +267,25 @@ def test_a_failure_of_the_simulation_is_the_worst_with_a_reason(tmp_path: Path) 
 def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
     number: signal.Signals, status: int, tmp_path: Path
 ) -> None:
-    arguments = ["-m", *TINY, "executor.workers=2", "simulator.pause_s=0.1", "seed=0,1"]
+    arguments = ["-m", *TINY, "executor.workers=2", "simulator.pause_s=0.1", "seed=0,1,2,3"]
     process = start([*arguments, "hydra.sweep.dir=sweep"], tmp_path)
-    first = tmp_path / "sweep" / "experiment-tiny_workers-2_pause_s-0.1_seed-0"
-    wait_for_missions(first, 3)
+    name = "experiment-tiny_workers-2_pause_s-0.1_seed-{}"
+    begun = [tmp_path / "sweep" / name.format(seed) for seed in (0, 1)]
+    for run in begun:
+        wait_for_missions(run, 3)
     process.send_signal(number)
     _, err = process.communicate(timeout=20)
     assert process.returncode == status
-    assert f"evoros resume={first.relative_to(tmp_path)} --config-dir {OWN}" in err
     assert "hydra.sweep.dir=sweep" in err
     assert "Traceback" not in err
-    assert [path.name for path in (tmp_path / "sweep").iterdir()] == [first.name]
-    assert resume(first, "executor.workers=4") == DONE
+    assert {path.name for path in (tmp_path / "sweep").iterdir()} == {path.name for path in begun}
+    for seed, run in enumerate(begun):
+        assert f"evoros resume={run.relative_to(tmp_path)} --config-dir {OWN}" in err
+        assert json.loads((run / "status.json").read_text())["reason"] == "interrupted"
+        assert resume(run, "executor=serial") == DONE
+        alone = tmp_path / f"alone {seed}"
+        assert tiny(alone, f"seed={seed}") == DONE
+        assert content(run) == content(alone)
 
 
 def wait_for_missions(run: Path, count: int) -> None:
