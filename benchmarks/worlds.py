@@ -1,0 +1,29 @@
+"""Pictures of worlds from above for docs/worlds.md: python benchmarks/worlds.py"""
+
+from pathlib import Path
+
+from analysis.style import save
+from analysis.worlds import worlds
+from evoros.config import build, compose
+from evoros.world import World
+
+IMAGES = Path(__file__).parents[1] / "docs" / "img"
+EXAMPLES = {
+    "density 0.08, gap 1.3 m": [],
+    "density 0.16, gap 0.6 m": ["density=0.16", "gap_m=0.6"],
+    "density 0.3, gap 0.2 m, open": ["density=0.3", "gap_m=0.2", "enclosed=false"],
+}
+
+
+def generated(overrides: list[str]) -> World:
+    keys = [f"world.generated.{each}" for each in overrides]
+    return build(compose(["world=generated", *keys])).world["generated"]
+
+
+def main() -> None:
+    examples = {name: generated(overrides) for name, overrides in EXAMPLES.items()}
+    save(worlds(examples), IMAGES / "generated.png", "png")
+
+
+if __name__ == "__main__":
+    main()
