@@ -20,7 +20,8 @@ from evoros.config import build, compose
 from evoros.experiment import Experiment
 from evoros.robot import Robot
 from evoros.sensor.sonar import Sonar
-from evoros.types import Mount, RuleSimulation
+from evoros.simulator.rules import RuleSimulation
+from evoros.types import Mount
 from evoros.world import World
 
 DENSITY = 0.19  # obstacles for each square metre: nineteen boxes on ten by ten metres
@@ -32,7 +33,7 @@ OBSTACLES = (20, 200, 2_000, 20_000)
 Point = tuple[int, float]  # number, microseconds a tick
 
 
-@njit  # type: ignore[untyped-decorator]
+@njit
 def fly(sense, advance, parameters, memory, walk, readings, command):  # type: ignore[no-untyped-def]
     """Sense and advance from each pose of a walk (n, 3)."""
     for k in range(len(walk)):

@@ -7,7 +7,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from evoros.chain import localization_chain, sensor_chain, sensor_channels
-from evoros.compiled import best, interpreted
+from evoros.compiled_flight import best, interpreted
 from evoros.confirmation import Confirmation
 from evoros.design import DesignSpace, SensorDesign
 from evoros.errors import COUNT, NAME, WHOLE, InputError, check, instance_of, one_of
@@ -19,17 +19,9 @@ from evoros.log import LOGGER
 from evoros.rng import generator
 from evoros.robot import Robot
 from evoros.search import Optimizer
+from evoros.simulator.rules import RuleSimulation, RuleSimulator
 from evoros.task import Task
-from evoros.types import (
-    POSE_SIZE,
-    Controller,
-    Design,
-    Executor,
-    Failure,
-    RuleSimulation,
-    RuleSimulator,
-    Simulator,
-)
+from evoros.types import POSE_SIZE, Controller, Design, Executor, Failure, Simulator
 from evoros.world import Course, World
 
 

@@ -11,18 +11,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
+from evoros.simulator.rules import AdvanceRule, ObserveRule, RuleSimulation, SenseRule
 from evoros.types import (
     CONTACT,
     SPEED,
     STEERING,
     YAW,
-    AdvanceRule,
     Array,
     FilterRule,
     LayerRule,
-    ObserveRule,
-    RuleSimulation,
-    SenseRule,
     Simulation,
     X,
     Y,

@@ -9,7 +9,7 @@ from numpy.random import Generator
 
 from evoros import outcome as result
 from evoros.chain import localization_chain, sensor_chain, sensor_channels
-from evoros.compiled import Fly, best
+from evoros.compiled_flight import Fly, best
 from evoros.errors import InputError, SimulationError
 from evoros.flight import (
     COLLISION,

@@ -15,7 +15,8 @@ import pytest
 from numpy.random import Generator
 
 from evoros import compiled
-from evoros.compiled import FILTER, LAYER, Compiled, NotCompilable, best, step_by_step
+from evoros.compiled import FILTER, LAYER, Compiled, NotCompilable
+from evoros.compiled_flight import best, step_by_step
 from evoros.config import build, compose
 from evoros.experiment import Experiment
 from evoros.flight import Parts
@@ -71,7 +72,8 @@ def test_bodies_of_all_kinds_and_bumps_are_compiled_alike() -> None:
     """In a generated field, driven blindly, where a collision does not end the mission."""
     experiment = experiment_of(
         "world=generated",
-        "world.generated.density=0.4",
+        "world.generated.density=0.2",
+        "world.generated.gap_m=0.3",
         "controller/avoidance=blind",
         "course.end_on_collision=false",
         "course.time_limit_s=40",

@@ -21,18 +21,8 @@ from evoros.plane.track import clearances, survey
 from evoros.robot import Robot
 from evoros.sensor.sonar import Sonar
 from evoros.simulator.planar import Planar
-from evoros.types import (
-    CONTACT,
-    SPEED,
-    STATE_SIZE,
-    YAW,
-    YAW_RATE,
-    Array,
-    Mount,
-    RuleSimulation,
-    X,
-    Y,
-)
+from evoros.simulator.rules import RuleSimulation
+from evoros.types import CONTACT, SPEED, STATE_SIZE, YAW, YAW_RATE, Array, Mount, X, Y
 from evoros.world import World
 
 calm = settings(deadline=None, max_examples=60)

@@ -13,9 +13,40 @@ from dataclasses import dataclass
 import numpy as np
 
 from evoros.compiled import compilable
-from evoros.drive.protocol import Drive
 from evoros.errors import NOT_NEGATIVE, POSITIVE, check
 from evoros.plane.index import GRID_SIZE, cell_at
+from evoros.plane.layout import (
+    AT,
+    AXLE,
+    BEGINS,
+    BEHIND_RAYS,
+    CORNERS,
+    DRIVE_SHARE,
+    FASTEST,
+    FIRST_RAY,
+    FOOTPRINTS,
+    FREE,
+    GRID,
+    LEAST,
+    LEFT,
+    LIMITED_AT,
+    LOCK,
+    OBSTACLES,
+    OUTLINE,
+    RAYS,
+    REACH,
+    RIGHT,
+    SEEN,
+    SEEN_FROM,
+    SENSOR_SIZE,
+    SENSORS,
+    STEERING_SHARE,
+    STEP,
+    TOUCHED,
+    TOUCHED_FROM,
+    WHEELBASE,
+    parameters_of,
+)
 from evoros.plane.polygon import gap, place
 from evoros.plane.ray import AT_X, AT_Y, AT_Z, BOUND, OBSTACLE_SIZE, first_hit
 from evoros.plane.scene import (
@@ -26,9 +57,9 @@ from evoros.plane.scene import (
     FIRST,
     FOOTPRINT_SIZE,
     ROUND,
-    scene,
 )
 from evoros.robot import Robot
+from evoros.simulator.rules import Motion, RuleSimulation
 from evoros.types import (
     CONTACT,
     DRIVE_SPEED,
@@ -38,46 +69,10 @@ from evoros.types import (
     YAW,
     YAW_RATE,
     Array,
-    Motion,
-    RuleSimulation,
     X,
     Y,
 )
 from evoros.world import World
-
-# The parameters: these numbers, then the arrays, each of which starts where ``BEGINS`` says.
-(
-    STEP,  # [s]
-    STEERING_SHARE,  # of its error, that the steering makes up in one step
-    DRIVE_SHARE,
-    FASTEST,  # [m/s]
-    LIMITED_AT,  # [m] beside the turning point, where the speed has its limit
-    LOCK,  # [rad]
-    WHEELBASE,  # [m]
-    AXLE,  # x of the turning point [m]
-    REACH,  # of the outline from the origin [m]
-    BEGINS,
-) = range(10)
-(
-    OUTLINE,  # (k, 2) corners [m]
-    SENSORS,  # (n, SENSOR_SIZE)
-    RAYS,  # (m, 3) unit vectors, in the robot's frame
-    GRID,
-    TOUCHED_FROM,  # by cell, the first of TOUCHED
-    TOUCHED,  # rows of FOOTPRINTS within reach of the outline
-    SEEN_FROM,
-    SEEN,  # rows of OBSTACLES within reach of the sensors
-    FOOTPRINTS,
-    CORNERS,  # (c, 2) [m], of the footprints
-    OBSTACLES,  # as plane.ray has them
-) = range(11)
-ARRAYS = 11
-HEAD = BEGINS + ARRAYS + 1
-
-# A sensor: where it is [m], least range, range of the ground it sees, or its greatest [m], its
-# rays, and the unit vectors across the left and right edges of its beam, outwards; 0: no edge.
-AT, LEAST, FREE, FIRST_RAY, BEHIND_RAYS, LEFT, RIGHT = 0, 3, 4, 5, 6, 7, 9
-SENSOR_SIZE = 11
 
 TURN = 2.0 * math.pi
 
@@ -117,81 +112,9 @@ class Planar:
         home_x, home_y, _, home_yaw = world.course.home
         memory = np.zeros(PLACED + robot.outline.size)
         memory[[X, Y, YAW]] = home_x, home_y, home_yaw
-        yield RuleSimulation(self.rules, self._parameters(robot, world), memory)
-
-    def _parameters(self, robot: Robot, world: World) -> Array:
-        sensors, rays = _sensors(robot)
-        reach = float(np.sqrt((robot.outline * robot.outline).sum(axis=1)).max())
-        there = scene(world, robot.height_m, reach, _farthest(sensors))
-        arrays = [robot.outline, sensors, rays, *there]
-        ends = HEAD + np.cumsum([0, *(array.size for array in arrays)])
-        lagging = bool(robot.drive.steering_joints)
-        head = [
-            self.time_step,
-            _share(self.time_step, self.steering_lag_s if lagging else 0.0),
-            _share(self.time_step, self.drive_lag_s),
-            *_limits(robot.drive),
-            reach,
-        ]
-        return np.concatenate([head, ends, *(array.ravel() for array in arrays)])
-
-
-def _limits(drive: Drive) -> tuple[float, ...]:
-    return (
-        drive.max_speed_mps,
-        drive.limited_at_m,
-        drive.steering_limit,
-        drive.wheelbase_m,
-        drive.turning_x_m,
-    )
-
-
-def _share(step: float, lag: float) -> float:
-    """Of an error, that a first-order lag makes up in one step."""
-    return -math.expm1(-step / lag) if lag > 0.0 else 1.0
-
-
-def _farthest(sensors: Array) -> float:
-    """How far [m] the sensors see from the origin, in half metres: designs share their scene."""
-    if not len(sensors):
-        return 0.5
-    return (
-        math.ceil(2.0 * float((np.hypot(sensors[:, 0], sensors[:, 1]) + sensors[:, FREE]).max()))
-        / 2
-    )
-
-
-def _sensors(robot: Robot) -> tuple[Array, Array]:
-    """The rows of the sensors and their rays, in the frame of the robot."""
-    sensors, rays, first = np.zeros((len(robot.mounts), SENSOR_SIZE)), [np.zeros((0, 3))], 0
-    beams = {name: sensor.rays() for name, sensor in robot.sensors.items()}
-    for row, mount, frame in zip(sensors, robot.mounts, robot.sensor_frames(), strict=True):
-        sensor = robot.sensors[mount.sensor]
-        beam = beams[mount.sensor] @ frame[:3, :3].T
-        row[AT : AT + 3] = frame[:3, 3]
-        row[LEAST] = sensor.range_min_m
-        row[FREE] = _ground(beam, float(frame[2, 3]), sensor.range_max_m)
-        row[FIRST_RAY], row[BEHIND_RAYS] = first, first + len(beam)
-        row[LEFT : LEFT + 4] = _edges(beam, math.atan2(frame[1, 0], frame[0, 0]))
-        rays.append(beam)
-        first += len(beam)
-    return sensors, np.concatenate(rays)
-
-
-def _ground(beam: Array, height: float, farthest: float) -> float:
-    """The range [m] of the nearest ground: always the same, for the robot stays level."""
-    falling = beam[beam[:, 2] < 0.0, 2]
-    return min(farthest, float((-height / falling).min())) if len(falling) else farthest
-
-
-def _edges(beam: Array, yaw: float) -> tuple[float, float, float, float]:
-    """Across the beam's left and right edge, outwards; zeros where it is not a wedge."""
-    turned = np.arctan2(beam[:, 1], beam[:, 0]) - yaw
-    turned = np.arctan2(np.sin(turned), np.cos(turned))
-    if np.hypot(beam[:, 0], beam[:, 1]).min() < 1e-6 or np.abs(turned).max() >= math.pi / 2:
-        return 0.0, 0.0, 0.0, 0.0
-    left, right = yaw + float(turned.max()), yaw + float(turned.min())
-    return -math.sin(left), math.cos(left), math.sin(right), -math.cos(right)
+        lags = self.steering_lag_s, self.drive_lag_s
+        parameters = parameters_of(robot, world, self.time_step, *lags)
+        yield RuleSimulation(self.rules, parameters, memory)
 
 
 def observe(parameters: Array, memory: Array, state: Array) -> None:
@@ -220,30 +143,44 @@ def sense(parameters: Array, memory: Array, readings: Array) -> None:
         sin = math.sin(memory[YAW])
         for entry in range(int(starts[cell]), int(starts[cell + 1])):
             obstacle = obstacles[int(entries[entry])]
-            dx = obstacle[AT_X] - x
-            dy = obstacle[AT_Y] - y
-            ahead = cos * dx + sin * dy
-            aside = cos * dy - sin * dx
-            bound = obstacle[BOUND]
-            for i in range(len(readings)):
-                px = ahead - sensors[i, AT]
-                py = aside - sensors[i, AT + 1]
-                far = readings[i] + bound
-                if px * px + py * py >= far * far:
-                    continue
-                if px * sensors[i, LEFT] + py * sensors[i, LEFT + 1] > bound:
-                    continue
-                if px * sensors[i, RIGHT] + py * sensors[i, RIGHT + 1] > bound:
-                    continue
-                pz = obstacle[AT_Z] - sensors[i, AT + 2]
-                first = int(sensors[i, FIRST_RAY])
-                behind = int(sensors[i, BEHIND_RAYS])
-                readings[i] = first_hit(
-                    obstacle, cos, sin, -px, -py, -pz, rays, first, behind, readings[i]
-                )
+            look(obstacle, x, y, cos, sin, sensors, rays, readings)
     for i in range(len(readings)):
         if readings[i] < sensors[i, LEAST]:
             readings[i] = sensors[i, LEAST]
+
+
+@compilable
+def look(
+    obstacle: Array,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    sensors: Array,
+    rays: Array,
+    readings: Array,
+) -> None:
+    """Lower the readings [m] of the sensors that see the obstacle nearer than they read."""
+    dx = obstacle[AT_X] - x
+    dy = obstacle[AT_Y] - y
+    ahead = cos * dx + sin * dy
+    aside = cos * dy - sin * dx
+    bound = obstacle[BOUND]
+    for i in range(len(readings)):
+        px = ahead - sensors[i, AT]
+        py = aside - sensors[i, AT + 1]
+        # Too far, or beside the beam: then none of its rays needs to be looked at.
+        far = readings[i] + bound
+        if px * px + py * py >= far * far:
+            continue
+        if px * sensors[i, LEFT] + py * sensors[i, LEFT + 1] > bound:
+            continue
+        if px * sensors[i, RIGHT] + py * sensors[i, RIGHT + 1] > bound:
+            continue
+        pz = obstacle[AT_Z] - sensors[i, AT + 2]
+        first = int(sensors[i, FIRST_RAY])
+        behind = int(sensors[i, BEHIND_RAYS])
+        readings[i] = first_hit(obstacle, cos, sin, -px, -py, -pz, rays, first, behind, readings[i])
 
 
 def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
