@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from analysis.style import save
-from analysis.worlds import worlds
+from evoros.analysis.style import save
+from evoros.analysis.worlds import worlds
+
 from evoros.config import build, compose
 from evoros.world import World
 

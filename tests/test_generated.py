@@ -15,6 +15,7 @@ from hydra.utils import instantiate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from evoros.assets import folder
 from evoros.body import Body, Pose, Shape
 from evoros.config import build, compose
 from evoros.errors import InputError
@@ -233,6 +234,19 @@ def test_the_comment_is_enough_to_make_the_file_again() -> None:
         assert made.world(key).sdf == sdf
 
 
+DENSE = ("dense_crates", "dense_barrels", "dense_mixed")
+
+
+@pytest.mark.parametrize("name", DENSE)
+def test_the_dense_fields_are_what_their_comments_say(name: str) -> None:
+    content = (folder("worlds") / f"{name}.sdf").read_text()
+    made, draws = noted(content)
+    assert made.world(draws).sdf == content
+    experiment = build(compose(["world=dense"]))
+    assert tuple(experiment.world) == DENSE
+    assert experiment.world[name].bodies == made.world(draws).bodies
+
+
 @pytest.mark.parametrize("name", ["boxes", "maze", "blocks"])
 def test_the_bundled_worlds_survive_being_written(name: str) -> None:
     world = load_world(f"{name}.sdf", course())
@@ -402,9 +416,9 @@ def test_the_command_says_what_is_wrong(
 def test_the_champion_keeps_the_worlds_that_it_met(tmp_path: Path) -> None:
     here, there = tmp_path / "here", tmp_path / "there"
     small = ["world.generated.density=0.1", "world.generated.course.time_limit_s=10"]
-    for folder, executor in ((here, "serial"), (there, "processes")):
+    for place, executor in ((here, "serial"), (there, "processes")):
         renewal = ["world=generated", "world.generated.renew=true", f"executor={executor}"]
-        assert tiny(folder, *renewal, *small) == 0
+        assert tiny(place, *renewal, *small) == 0
     assert content(here) == content(there)
     run = load_run(here)
     champion = int(pd.read_csv(here / "champion" / "design.csv").design.iloc[0])
