@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from evoros.analysis.worlds import worlds
 from fakes import OWN, content, tiny
 from hydra.utils import instantiate
 from hypothesis import given, settings
@@ -432,3 +433,26 @@ def test_the_champion_keeps_the_worlds_that_it_met(tmp_path: Path) -> None:
     outcome, track = replay(here, int(row.generation), champion, row.world, int(row.trial), OWN)
     assert outcome.time_s == row.time_s
     assert len(track) == len(run.trajectory("generated"))
+
+
+# ---- From above.
+
+
+def test_a_picture_has_every_obstacle_where_it_stands() -> None:
+    open_, closed = field(enclosed=False).world(FIXED), field().world(FIXED)
+    track = np.array([[0.0, 0.0], [1.0, 2.0]])
+    drawn = worlds({"open": open_, "closed": closed}, {"closed": [track]}, width=5.0)
+    assert drawn.get_figwidth() == 5.0
+    for axes, world in zip(drawn.axes[:2], (open_, closed), strict=True):
+        (solids,) = axes.collections
+        found = [path.get_extents() for path in solids.get_paths()]
+        for box, area in zip(found, areas(world.bodies), strict=True):
+            low = area.vertices.min(axis=0) - area.radius
+            high = area.vertices.max(axis=0) + area.radius
+            np.testing.assert_allclose([box.p0, box.p1], [low, high], atol=1e-3)
+        tops = np.asarray(solids.get_array())
+        heights = [b.shapes[0].size[-1] for b in world.obstacles]
+        np.testing.assert_allclose(tops, heights, atol=1e-9)
+    lines = [np.asarray(line.get_xydata()) for line in drawn.axes[1].get_lines()]
+    assert any(np.array_equal(line, track) for line in lines)
+    assert drawn.axes[0].get_title() == "open"
