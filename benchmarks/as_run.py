@@ -18,6 +18,7 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
+import as_run_figures
 import as_run_report
 import pandas as pd
 
@@ -34,7 +35,7 @@ from evoros.session import FINISHED
 BASE = ("experiment=as_run", "simulator=planar", "executor=serial")
 NAVIGATION = {"l1": (), "serpentine": ("controller=rover",)}
 TREATMENTS = ("none", "random", "spatial")
-DESIGNS, VARIANT_DESIGNS, PHYSICS_DESIGNS, AGAIN_DESIGNS = 500, 200, 30, 60
+DESIGNS, VARIANT_DESIGNS, PHYSICS_DESIGNS, AGAIN_DESIGNS = 500, 120, 30, 60
 SEEDS = range(10)
 ATTEMPTS = 10  # of a mission that is flown again where it takes too long
 LATE = "+filter@design.sensors.sonar.filters.late=delay"
@@ -58,11 +59,16 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "steering lags 0.3 s": ("simulator.steering_lag_s=0.3",),
     "positions exact": ("controller/localization=exact",),
     "positions 0.4 s late": ("controller.localization.delay.delay_s=0.4",),
+    "positions 0.8 s late": ("controller.localization.delay.delay_s=0.8",),
     "positions 1.0 s late": ("controller.localization.delay.delay_s=1.0",),
-    "as fast as it can": ("controller.navigation.speed_mps=0.397", "controller.avoidance.speed_mps=0.397"),
+    "as fast as it can": (
+        "controller.navigation.speed_mps=0.397",
+        "controller.avoidance.speed_mps=0.397",
+    ),
     "readings exact": ("design.sensors.sonar.filters.noise.sigma_m=0",),
     "ten times the noise": ("design.sensors.sonar.filters.noise.sigma_m=0.05",),
     "readings 0.3 s late": (LATE, f"{LATE_S}=0.3"),
+    "readings 0.6 s late": (LATE, f"{LATE_S}=0.6"),
     "readings 1 s late": (LATE, f"{LATE_S}=1.0"),
     "a decision every 0.5 s": ("controller.period_s=0.5",),
     "avoidance within 1.0 m": ("controller.avoidance.range_m=1.0",),
@@ -144,43 +150,40 @@ def samples() -> list[Sample]:
         for treatment in TREATMENTS
     ]
     found += [Sample(name, how, VARIANT_DESIGNS) for name, how in VARIANTS.items()]
-    limit = VARIANTS["a limit of 340 s"]
-    found += [
-        Sample(f"again_{treatment}", (*limit, f"failure={treatment}"), VARIANT_DESIGNS, again=True)
-        for treatment in TREATMENTS
-    ]
+    limit, late = VARIANTS["a limit of 340 s"], VARIANTS["readings 1 s late"]
+    for treatment in TREATMENTS:
+        failure = f"failure={treatment}"
+        found += [
+            Sample(f"again_{treatment}", (*limit, failure), VARIANT_DESIGNS, again=True),
+            Sample(f"late_{treatment}", (*limit, *late, failure), VARIANT_DESIGNS, again=True),
+        ]
     found += [Sample("repeated", (), AGAIN_DESIGNS, trials=5)]
     physics = ("simulator=pybullet", "simulator.steering_lag_s=0")
     return [*found, Sample("pybullet", physics, PHYSICS_DESIGNS)]
 
 
 def evolved() -> list[Evolved]:
-    plain = [
-        Evolved(f"{name}_{treatment}_{seed}", (*how, f"failure={treatment}", f"seed={seed}"))
-        for name, how in NAVIGATION.items()
-        for treatment in TREATMENTS
-        for seed in SEEDS
-    ]
-    return plain + [
-        Evolved(
-            f"logged_{treatment}_{seed}",
-            (
-                f"failure={treatment}",
-                f"seed={seed}",
-                "~fitness.sensor_penalty",
-                "fitness._target_=as_logged.AsLogged",
-                f"+fitness.went_on={went_on(treatment)}",
-            ),
-        )
-        for treatment in TREATMENTS
-        for seed in SEEDS
-    ]
+    """Seed by seed, so that what is there after a while compares."""
+    found = []
+    for seed in SEEDS:
+        for treatment in TREATMENTS:
+            place = (f"failure={treatment}", f"seed={seed}")
+            found += [
+                Evolved(f"{name}_{treatment}_{seed}", (*how, *place))
+                for name, how in (*NAVIGATION.items(), ("logged", as_logged(treatment)))
+            ]
+    return found
 
 
-def went_on(treatment: str) -> str:
-    """Of the designs that got home, those that drove on, in all that was logged; by world."""
+def as_logged(treatment: str) -> tuple[str, ...]:
+    """The fitness that the originals counted, with the shares that drove on from home then."""
     logged = as_run_report.ORIGINAL[treatment]["logged"]
-    return "[" + ",".join(f"{world['went_on']:.3f}" for world in logged.values()) + "]"
+    shares = ",".join(f"{world['went_on']:.3f}" for world in logged.values())
+    return (
+        "~fitness.sensor_penalty",
+        "fitness._target_=as_logged.AsLogged",
+        f"+fitness.went_on=[{shares}]",
+    )
 
 
 def main(folder: Path, workers: int) -> None:
@@ -191,6 +194,7 @@ def main(folder: Path, workers: int) -> None:
         for done, future in enumerate(as_completed(map(pool.submit, tasks)), 1):
             print(f"{done:3d} of {len(tasks)}  {future.result()}", flush=True)
     as_run_report.main(folder, VARIANTS)
+    as_run_figures.main(folder)
 
 
 if __name__ == "__main__":

@@ -1,28 +1,28 @@
-"""Tables and figures of benchmarks/as_run.py, from what it has left in its folder."""
+"""Tables of benchmarks/as_run.py, from what it has left in its folder."""
 
 import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from as_logged import AT_HOME, HOME
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from evoros.runs import load_run
 
 ROOT = Path(__file__).parents[1]
-DOCUMENT, IMAGES = ROOT / "docs" / "original.md", ROOT / "docs" / "img"
+DOCUMENT = ROOT / "docs" / "original.md"
 ORIGINAL: dict[str, Any] = json.loads(Path(__file__).with_name("original.json").read_text())
 BEGIN, END = "<!-- measured: {} -->", "<!-- end: {} -->"
 TREATMENTS, WORLDS = ("none", "random", "spatial"), ("boxes", "maze", "blocks")
+NAMES = {
+    "l1": "`l1`",
+    "again": "and flown again after 340 s",
+    "late": "and readings 1 s late",
+}
 POPULATION = 30
 PENALTY = 1.8  # of six sensors, in the recorded fitness of as_run and not in Eq. 1
-LOGS, RUNS, COUNTED = "black", "#0072b2", "#d55e00"
-STYLE: dict[Any, Any] = {"font.size": 8, "axes.spines.top": False, "axes.spines.right": False}
 
 
 def read(folder: Path, name: str) -> pd.DataFrame:
@@ -36,8 +36,9 @@ def read(folder: Path, name: str) -> pd.DataFrame:
 
 
 def designs(missions: pd.DataFrame, score: str) -> pd.Series:
-    """The fitness of each design in each trial."""
-    return missions.groupby(["design", "trial"] if missions.trial.any() else "design")[score].sum()
+    """The fitness of each design, in each trial where it has several."""
+    several = missions.duplicated(["design", "world"]).any()
+    return missions.groupby(["design", "trial"] if several else "design")[score].sum()
 
 
 def best_of(scores: pd.Series) -> float:
@@ -66,9 +67,8 @@ def random_designs(folder: Path) -> str:
         rows.append(
             [treatment, "logs, 300 designs", home, done, f"{logs['first_mean']:.2f}", f"{best:.2f}"]
         )
-        for name in ("l1", "again", "serpentine"):
+        for name, label in {**NAMES, "serpentine": "`serpentine`"}.items():
             missions = read(folder, f"{name}_{treatment}")
-            label = {"again": "l1, flown again after 340 s"}.get(name, name)
             whole, to_home = (designs(missions, score) for score in ("whole", "to_home"))
             rows.append(
                 [
@@ -92,7 +92,7 @@ def ends(folder: Path) -> str:
         rows.append(
             [world, "logs", *(f"{x:.0%}" for x in logs["waypoints"]), f"{logs['home']:.0%}"]
         )
-        for name, label in (("l1", "l1"), ("again", "l1, flown again after 340 s")):
+        for name, label in NAMES.items():
             missions = read(folder, f"{name}_none").query("world == @world")
             counts = [float((missions.visited == n).mean()) for n in range(HOME)]
             rows.append(["", label, *(f"{x:.0%}" for x in counts), f"{missions.home.mean():.0%}"])
@@ -154,9 +154,9 @@ def evolved(folder: Path) -> str:
             ]
         )
         for name, label in (
-            ("logged", "l1, counted as logged"),
-            ("l1", "l1"),
-            ("serpentine", "serpentine"),
+            ("logged", "`l1`, counted as logged"),
+            ("l1", "`l1`"),
+            ("serpentine", "`serpentine`"),
         ):
             per = curves(folder, name, treatment).groupby(["generation", "run"]).fitness
             best = per.max().unstack()
@@ -188,71 +188,6 @@ def spread(folder: Path) -> str:
     )
 
 
-def draw_designs(folder: Path) -> Figure:
-    """Distribution of fitness, and how many get home in each world."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.0, 2.7), layout="constrained")
-        left, right = figure.subplots(1, 2, width_ratios=(1.3, 1))
-        quantiles = ORIGINAL["none"]["quantiles"]
-        left.plot(quantiles, np.linspace(0, 1, len(quantiles)), color=LOGS, label="the logs")
-        missions = read(folder, "l1_none")
-        for score, colour, dashes, label in (
-            ("to_home", COUNTED, "--", "here, counted to home"),
-            ("whole", RUNS, "-.", "here, whole missions"),
-        ):
-            values = np.sort(designs(missions, score))
-            heights = np.arange(1, len(values) + 1) / len(values)
-            left.plot(values, heights, color=colour, ls=dashes, label=label)
-        left.set(xlabel="fitness (Eq. 1)", ylabel="share of random designs", ylim=(0, 1.02))
-        left.legend(frameon=False, loc="lower right")
-        _homes(right, folder)
-    return figure
-
-
-def _homes(axes: Axes, folder: Path) -> None:
-    """A group of points for each world: treatments side by side."""
-    for i, world in enumerate(WORLDS):
-        for j, treatment in enumerate(TREATMENTS):
-            x = i + 0.2 * (j - 1)
-            missions = read(folder, f"l1_{treatment}").query("world == @world")
-            again = read(folder, f"again_{treatment}").query("world == @world")
-            logs = ORIGINAL[treatment]["first"][world]["home"]
-            first = i == j == 0
-            for value, colour, marker, label in (
-                (logs, LOGS, "o", "the logs"),
-                (float(missions.home.mean()), RUNS, "s", "here"),
-                (float(again.home.mean()), COUNTED, "^", "flown again after 340 s"),
-            ):
-                axes.plot(x, value, marker, color=colour, ms=4, label=label if first else None)
-    axes.set_xticks(range(len(WORLDS)), [f"{w}\nnone, random, spatial" for w in WORLDS], fontsize=6)
-    axes.set(ylabel="share that gets home", ylim=(0, 1))
-    axes.legend(frameon=False, fontsize=7)
-
-
-def draw_runs(folder: Path) -> Figure:
-    """Best and mean of each generation, means of ten runs."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.0, 2.6), layout="constrained")
-        for axes, treatment in zip(
-            figure.subplots(1, 3, sharex=True, sharey=True), TREATMENTS, strict=True
-        ):
-            logs = ORIGINAL[treatment]
-            axes.plot(logs["best"], color=LOGS, label="the logs")
-            axes.plot(logs["mean"], color=LOGS, ls=":")
-            for name, colour, label in (
-                ("logged", COUNTED, "here, counted as logged"),
-                ("l1", RUNS, "here, whole missions"),
-            ):
-                per = curves(folder, name, treatment).groupby(["generation", "run"]).fitness
-                axes.plot(per.max().unstack().mean(axis=1), color=colour, label=label)
-                axes.plot(per.mean().unstack().mean(axis=1), color=colour, ls=":")
-            axes.set(xlabel="generation", title=treatment)
-        figure.axes[0].set(ylabel="fitness (Eq. 1)", ylim=(4, 20))
-        handles, labels = figure.axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
-    return figure
-
-
 def write(parts: dict[str, str]) -> None:
     """Put each table between its marks."""
     text = DOCUMENT.read_text()
@@ -275,5 +210,3 @@ def main(folder: Path, names: Iterable[str]) -> None:
     for name, content in found.items():
         print(f"\n{name}\n{content}")
     write(found)
-    for name, draw in (("original", draw_designs), ("original_runs", draw_runs)):
-        draw(folder).savefig(IMAGES / f"{name}.png", dpi=300)
