@@ -1,10 +1,18 @@
-"""Pictures of worlds from above for docs/worlds.md: python benchmarks/worlds.py"""
+"""Pictures of worlds from above for docs/worlds.md.
 
+    python benchmarks/worlds.py [run]
+
+Writes docs/img/generated.png and, with the folder of a run with world=dense, docs/img/dense.png
+with the tracks of its champion.
+"""
+
+import sys
 from pathlib import Path
 
 from evoros.analysis.style import save
 from evoros.analysis.worlds import worlds
 
+import evoros
 from evoros.config import build, compose
 from evoros.world import World
 
@@ -21,10 +29,14 @@ def generated(overrides: list[str]) -> World:
     return build(compose(["world=generated", *keys])).world["generated"]
 
 
-def main() -> None:
+def main(folders: list[str]) -> None:
     examples = {name: generated(overrides) for name, overrides in EXAMPLES.items()}
     save(worlds(examples), IMAGES / "generated.png", "png")
+    for folder in folders:
+        run, dense = evoros.load_run(folder), build(compose(["world=dense"])).world
+        tracks = {name: [run.trajectory(name)[["x_m", "y_m"]].to_numpy()] for name in dense}
+        save(worlds(dense, tracks), IMAGES / "dense.png", "png")
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

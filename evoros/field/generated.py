@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.random import Generator
 
-from evoros.body import Body, Pose, Shape, Vector
+from evoros.body import Body, Pose, Shape
 from evoros.errors import (
     FLAG,
     NAME,
@@ -23,7 +23,7 @@ from evoros.errors import (
     is_number,
     mapping_of,
 )
-from evoros.field.kinds import Kind
+from evoros.field.kinds import Kind, moments
 from evoros.field.passage import MARGIN_M, Passage
 from evoros.field.placement import Crowd
 from evoros.geometry import footprint
@@ -243,20 +243,6 @@ def generated_world(
     field = Field(course, extent_m, density, kinds, clearing_m, gap_m, passage_m, enclosed, seed)
     world = field.world(FIXED)
     return replace(world, renewal=field) if renew else world
-
-
-def moments(shape: Shape, mass: float) -> Vector:
-    """Principal moments of inertia [kg m2] of a solid box or an upright cylinder."""
-    if shape.kind == "box":
-        x, y, z = shape.size
-        return (
-            mass / 12 * (y * y + z * z),
-            mass / 12 * (x * x + z * z),
-            mass / 12 * (x * x + y * y),
-        )
-    radius, length = shape.size
-    across = mass / 12 * (3 * radius * radius + length * length)
-    return (across, across, mass / 2 * radius * radius)
 
 
 @lru_cache(maxsize=256)

@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 
 from numpy.random import Generator
 
-from evoros.body import Shape
+from evoros.body import Shape, Vector
 from evoros.errors import POSITIVE, Rule, check, is_number
 from evoros.genes import INTERVAL, ends, scaled
 
@@ -37,7 +37,7 @@ class Kind(Protocol):
         ...
 
     def draw(self, rng: Generator) -> Shape:
-        """An obstacle's shape, its sizes rounded to millimetres."""
+        """An obstacle's shape, a box or a cylinder, its sizes rounded to millimetres."""
         ...
 
 
@@ -76,6 +76,20 @@ class Cylinder:
         """Radius and height."""
         diameter, height = (_drawn(each, rng) for each in (self.diameter_m, self.height_m))
         return Shape("cylinder", (diameter / 2, height))
+
+
+def moments(shape: Shape, mass: float) -> Vector:
+    """Principal moments of inertia [kg m2] of a solid box or an upright cylinder."""
+    if shape.kind == "box":
+        x, y, z = shape.size
+        return (
+            mass / 12 * (y * y + z * z),
+            mass / 12 * (x * x + z * z),
+            mass / 12 * (x * x + y * y),
+        )
+    radius, length = shape.size
+    across = mass / 12 * (3 * radius * radius + length * length)
+    return (across, across, mass / 2 * radius * radius)
 
 
 def _drawn(interval: Interval, rng: Generator) -> float:
