@@ -149,5 +149,8 @@ def _loop(filters: int, localization: int, layers: int) -> Fly:
         A1,
     )
     with compiling() as kept:
-        loop: Fly = njit(signature, cache=kept, nogil=True)(fly)
-    return loop
+        loop = njit(signature, cache=kept, nogil=True)(fly)
+    # Without numba's look at the type of every argument, which costs as much as all else that a
+    # mission does in Python: parts_of has checked what parts provide.
+    entry: Fly = loop.get_compile_result(signature).entry_point
+    return entry

@@ -5,12 +5,13 @@ engine, a configuration or a file.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
+from evoros.errors import InputError
 from evoros.simulator.rules import AdvanceRule, ObserveRule, RuleSimulation, SenseRule
 from evoros.types import (
     CONTACT,
@@ -100,7 +101,15 @@ def parts_of(
     localization: Sequence[Link],
     layers: Sequence[Step],
 ) -> Parts:
-    """The parts of a mission; a live engine's methods take the place of rules."""
+    """The parts of a mission; a live engine's methods take the place of rules.
+
+    Raises:
+        InputError: parameters or memory of a part are not what rules work on.
+    """
+    for link in (*filters, *localization):
+        _check_arrays(link.rule, link.parameters, link.memory)
+    for step in layers:
+        _check_arrays(*step)
     chains = tuple(filters), tuple(localization), tuple(layers)
     if isinstance(simulation, RuleSimulation):
         return Parts(*simulation.rules, simulation.parameters, simulation.memory, *chains)
@@ -116,6 +125,18 @@ def parts_of(
 
     nothing = np.zeros(0)
     return Parts(observe, sense, advance, nothing, nothing, *chains)
+
+
+def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array) -> None:
+    """Compiled rules take these arrays without another look."""
+    for name, array in (("parameters", parameters), ("memory", memory)):
+        fits = isinstance(array, np.ndarray) and array.dtype == np.dtype(float) and array.ndim == 1
+        if not (fits and array.flags.c_contiguous and array.flags.writeable):
+            raise InputError(
+                f"{rule.__module__}.{rule.__qualname__}: its {name}, which start() returns, must "
+                f"be a contiguous and writeable array of one dimension of float64, not {array!r}; "
+                f"make it with np.array(..., dtype=float)"
+            )
 
 
 def publish(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:

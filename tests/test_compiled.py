@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
+from inspect import isbuiltin
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from evoros import compiled
 from evoros.compiled import FILTER, LAYER, Compiled, NotCompilable
 from evoros.compiled_flight import best, step_by_step
 from evoros.config import build, compose
+from evoros.errors import InputError
 from evoros.experiment import Experiment
 from evoros.flight import Parts
 from evoros.mission import Mission, run_mission
@@ -101,7 +103,7 @@ def test_bundled_parts_are_compiled_from_start_to_end() -> None:
         experiment = experiment_of(*overrides)
         run_mission(experiment.task, missions(experiment, 1)[0], watched(best, seen))
     loops = {loop for loop, _ in seen}
-    assert all(hasattr(loop, "nopython_signatures") for loop in loops)
+    assert all(isbuiltin(loop) for loop in loops)
 
 
 @dataclass(frozen=True)
@@ -164,8 +166,26 @@ def test_a_plain_python_rule_works_and_is_named(
         one = run_mission(compilable.task, mission, watched(best, seen))
         other = run_mission(interpreted.task, mission, watched(best, seen))
         assert same(one, other)
-        assert hasattr(seen[0][0], "nopython_signatures")
-        assert not hasattr(seen[1][0], "nopython_signatures")
+        assert isbuiltin(seen[0][0])
+        assert not isbuiltin(seen[1][0])
+
+
+@pytest.mark.parametrize(
+    "memory",
+    [np.zeros(6, dtype=np.int64), np.zeros((2, 3)), np.zeros(12)[::2], [0.0] * 6],
+    ids=["integers", "matrix", "view", "list"],
+)
+def test_other_arrays_than_rules_work_on_are_refused(memory: Any) -> None:
+    class Careless(Smooth):
+        def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
+            return np.zeros(0), memory
+
+    experiment = experiment_of()
+    sonar = experiment.design.sensors["sonar"]
+    filters = {**sonar.filters, "careless": Careless(smooth)}
+    sensors = {"sonar": replace(sonar, filters=filters)}  # type: ignore[type-var]
+    with pytest.raises(InputError, match=r"memory.*contiguous and writeable array of one dim"):
+        replace(experiment, design=replace(experiment.design, sensors=sensors))
 
 
 def test_why_a_rule_cannot_be_compiled_is_said() -> None:
