@@ -43,7 +43,7 @@ def _homes(axes: Axes, folder: Path) -> None:
         for j, treatment in enumerate(TREATMENTS):
             logs = ORIGINAL[treatment]["first"][world]["home"]
             here, late = (
-                float(read(folder, f"{name}_{treatment}").query("world == @world").home.mean())
+                read(folder, f"{name}_{treatment}").groupby("world").home.mean()[world]
                 for name in ("l1", "late")
             )
             places[4 * i + j] = treatment
