@@ -90,7 +90,7 @@ class Planar:
     """
 
     time_step: float = 0.02  # [s]
-    steering_lag_s: float = 0.025  # time constant with which the curvature follows the command
+    steering_lag_s: float = 0.05  # time constant of the steering servos
     drive_lag_s: float = 0.0  # time constant of the speed
 
     def __post_init__(self) -> None:
