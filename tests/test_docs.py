@@ -35,7 +35,7 @@ from evoros.types import Array
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS, CONF = ROOT / "docs", ROOT / "conf"
-DOCUMENTS = ("configuration", "run_folder", "architecture", "extending", "python")
+DOCUMENTS = ("configuration", "run_folder", "worlds", "architecture", "extending", "python")
 
 
 def text(name: str) -> str:
