@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from evoros.body import Body, Pose, Shape
+from evoros.compiled import ADVANCE, compiled
 from evoros.config import build, compose
 from evoros.experiment import Experiment
 from evoros.geometry import Footprint, footprints
@@ -20,7 +21,7 @@ from evoros.plane.scene import Outlines, outlines
 from evoros.plane.track import clearances, survey
 from evoros.robot import Robot
 from evoros.sensor.sonar import Sonar
-from evoros.simulator.planar import Planar
+from evoros.simulator.planar import Planar, advance
 from evoros.simulator.rules import RuleSimulation
 from evoros.types import CONTACT, SPEED, STATE_SIZE, YAW, YAW_RATE, Array, Mount, X, Y
 from evoros.world import World
@@ -200,6 +201,32 @@ def test_contact_is_that_of_the_outlines() -> None:
         simulation.memory[[X, Y, YAW]] = pose
         simulation.advance(np.zeros(2), 0.02)
         assert bool(state_of(simulation)[CONTACT]) == touches
+
+
+def test_a_robot_that_reaches_farther_than_it_sees_meets_obstacles() -> None:
+    """Without any sensor, and with an outline of more than a metre."""
+    bare = experiment().robot.equipped([], {})
+    robot = replace(bare, outline=4.0 * bare.outline)
+    post = Shape("box", (0.2, 0.2, 0.5)), Pose((4.0, 0.0, 0.25))
+    simulation = started(world_of(post), robot)
+    simulation.advance(np.array([0.3, 0.0]), 20.0)
+    state = state_of(simulation)
+    assert state[CONTACT] == 1.0
+    assert 3.9 - 0.3 * 0.02 <= state[X] + robot.outline[:, 0].max() <= 3.9
+
+
+@pytest.mark.parametrize("compiling", [True, False])
+@pytest.mark.parametrize("command", [(math.nan, 0.1), (0.3, math.nan)])
+def test_a_command_that_is_no_number_loses_the_state(
+    compiling: bool, command: tuple[float, float]
+) -> None:
+    """Which ends the mission as a failure, compiled or not; it is no error of Python's."""
+    post = Shape("box", (0.2, 0.2, 0.5)), Pose((4.0, 0.0, 0.25))
+    simulation = started(world_of(post), rover((0.2, 0.0, 0.166, 0.0, 12.5)))
+    drive = compiled(advance, ADVANCE) if compiling else advance
+    drive(simulation.parameters, simulation.memory, np.array(command), 0.1)
+    simulation.sense(np.zeros(1))
+    assert not np.isfinite(state_of(simulation)[[X, Y, YAW, SPEED]]).all()
 
 
 def areas_of(world: World, robot: Robot) -> tuple[Footprint, ...]:

@@ -77,9 +77,10 @@ def _span(at: float, far: float, cell: float, count: int) -> NDArray[np.intp]:
 
 @compilable
 def cell_at(grid: Array, x: float, y: float) -> int:
-    """The number of the cell around a point [m]; -1 outside of the grid."""
-    column = math.floor((x - grid[ORIGIN_X]) / grid[CELL])
-    row = math.floor((y - grid[ORIGIN_Y]) / grid[CELL])
-    if column < 0 or row < 0 or column >= grid[COLUMNS] or row >= grid[ROWS]:
+    """The number of the cell around a point [m]; -1 outside of the grid, and for NaN."""
+    along = (x - grid[ORIGIN_X]) / grid[CELL]
+    aside = (y - grid[ORIGIN_Y]) / grid[CELL]
+    # So asked, a point that is no number is outside: it must not become the number of a cell.
+    if not (0.0 <= along < grid[COLUMNS] and 0.0 <= aside < grid[ROWS]):
         return -1
-    return int(row * grid[COLUMNS] + column)
+    return int(aside) * int(grid[COLUMNS]) + int(along)

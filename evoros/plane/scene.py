@@ -63,7 +63,7 @@ def scene(world: World, height: float, touch: float, see: float) -> tuple[Array,
     ]
     seen = np.array(solid).reshape(-1, OBSTACLE_SIZE)
     discs = seen[:, [AT_X, AT_Y, BOUND]]
-    grid = Grid.around(discs, see)
+    grid = Grid.around(discs, max(touch, see))
     return (
         grid.flat(),
         *grid.lists(areas.rows[:, :3], touch),
