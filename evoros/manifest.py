@@ -16,8 +16,8 @@ from evoros.experiment import Experiment
 from evoros.folder import FORMAT_VERSION
 from evoros.log import LOGGER
 
-PACKAGES = ("evoros", "numpy", "pybullet", "hydra-core", "omegaconf", "xacro", "lxml")
-DECISIVE = ("evoros", "numpy", "pybullet")
+PACKAGES = ("evoros", "numpy", "numba", "pybullet", "hydra-core", "omegaconf", "xacro", "lxml")
+DECISIVE = ("evoros", "numpy", "numba", "pybullet")
 """Of these packages another version may fly a mission differently."""
 
 
