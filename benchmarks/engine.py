@@ -17,19 +17,21 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+import openloop
+from openloop import commands
 
 from evoros.config import build, compose
 from evoros.robot import Robot
 from evoros.simulator import pybullet_model, rigid
 from evoros.simulator.pybullet import PyBullet, import_pybullet
 from evoros.simulator.pybullet_simulation import PyBulletSimulation
-from evoros.types import SPEED, STATE_SIZE, Array, Simulator, X, Y
+from evoros.types import SPEED, Array, Simulator, X, Y
 from evoros.world import Body, Pose, Shape, World
 
 STEPS = (0.0025, 0.005, 0.01, 0.02, 0.025, 0.05)  # [s]
 ITERATIONS = (50, 20, 10, 4)
 WHEELS = ("sphere", "cylinder")
-SPEED_MPS, SECONDS, PERIOD = 0.29, 20.0, 0.1
+SPEED_MPS, SECONDS = 0.29, 20.0
 TOLERANCE = 2.0  # [%]
 MANOEUVRES: dict[str, Callable[[float], float]] = {
     "straight": lambda time: 0.0,
@@ -41,14 +43,9 @@ FIGURE = Path(__file__).parents[1] / "docs" / "img" / "engine.png"
 
 def drive(simulator: Simulator, robot: Robot, world: World, name: str) -> Array:
     """(n, 3): x, y [m] and speed [m/s] every 0.1 s, from the robot's being set down."""
-    state, rows = np.zeros(STATE_SIZE), []
-    with simulator.open(robot, world) as simulation:
-        for tick in range(round(SECONDS / PERIOD)):
-            steering = MANOEUVRES[name](tick * PERIOD)
-            simulation.advance(np.array([SPEED_MPS, steering]), PERIOD)
-            simulation.observe(state)
-            rows.append(state[[X, Y, SPEED]])
-    return np.array(rows)
+    wanted = commands(lambda time: (SPEED_MPS, MANOEUVRES[name](time)), SECONDS)
+    track = openloop.drive(simulator, robot, world, wanted, world.course.home[3])
+    return track[1:, [X, Y, SPEED]]
 
 
 def deviation(track: Array, reference: Array) -> float:

@@ -2,7 +2,8 @@
 
 Given manoeuvres and the commands of missions, against PyBullet at 2.5 ms and 50 iterations; turning
 circles against geometry; whether it matters which way the robot faces at first, as in physics it
-does not. Prints the tables of docs/fidelity.md and draws docs/img/manoeuvres.png:
+does not; what both read in the same places. Prints tables of docs/fidelity.md and draws
+docs/img/manoeuvres.png:
 
     python benchmarks/manoeuvres.py
 """
@@ -15,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from engine import radius
 from openloop import Manoeuvre, apart, commands, drive, open_ground, way
-from shadow import shadowed
+from shadow import Log, shadowed
 from tracks import figure
 
 from evoros.config import build, compose
@@ -49,6 +50,8 @@ ANGLES = (0.1, 0.2, 0.3, 0.5, LOCK)  # of steering [rad]
 LAGS = (0.0, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08)  # [s]
 PIECE = 100  # commands: 10 s
 PIECES = 5  # of each mission
+SETTLED = 30  # control steps, after which the robot has come down from where it is set
+VOTED = 2.0  # [m]: below, a reading has a vote
 AVERAGED = np.radians((11.0, 33.5, 56.0, 78.5))
 """Headings over whose tracks the reference is averaged: see ``slaloms``."""
 FIGURE = Path(__file__).parents[1] / "docs" / "img" / "manoeuvres.png"
@@ -115,24 +118,56 @@ def slaloms(experiment: Experiment) -> dict[str, Array]:
     return found
 
 
-def pieces(experiment: Experiment) -> list[Array]:
-    """Commands (PIECE, 2) from missions of random designs in PyBullet."""
+def flown(experiment: Experiment) -> list[tuple[str, Log]]:
+    """Missions of random designs in PyBullet, by world."""
     rng = generator("0", "random_designs")
+    designs = [experiment.space.decode(rng.random(experiment.space.size)) for _ in range(2)]
+    return [
+        (world, shadowed(experiment, design, world, f"0/evaluation/0/{world}/0"))
+        for design in designs
+        for world in experiment.world
+    ]
+
+
+def senses(missions: list[tuple[str, Log]]) -> None:
+    """What both read in the same places while the robot of PyBullet drives, pitches and rolls."""
+    print("\n## Readings along missions in PyBullet, planar less PyBullet\n")
+    print("| world | readings | sd of roll, pitch [deg] | all: 50, 90, 99 % [mm] |", end="")
+    print(" below 2 m: 50, 90, 99 % [mm] | mean | on different sides of 2 m |\n" + "|---" * 7 + "|")
+    for world in dict(missions):
+        logs = [log for name, log in missions if name == world]
+        real, plane = (
+            np.concatenate([np.array(rows)[SETTLED:] for rows in each])
+            for each in zip(*((log.readings, log.shadows) for log in logs), strict=True)
+        )
+        tilt = np.concatenate([np.array(log.attitudes)[SETTLED:, 1:] for log in logs])
+        apart_, near = 1e3 * (plane - real), np.minimum(real, plane) < VOTED
+        quantiles = [
+            ", ".join(f"{q:.2f}" for q in np.quantile(np.abs(each), (0.5, 0.9, 0.99)))
+            for each in (apart_, apart_[near])
+        ]
+        sides = int(((real < VOTED) != (plane < VOTED)).sum())
+        roll, pitch = np.degrees(tilt.std(axis=0))
+        print(
+            f"| {world} | {real.size} | {roll:.3f}, {pitch:.3f} | {quantiles[0]} | {quantiles[1]} "
+            f"| {apart_[near].mean():+.2f} | {sides} |"
+        )
+
+
+def pieces(missions: list[tuple[str, Log]]) -> list[Array]:
+    """Commands (PIECE, 2) from missions."""
     found: list[Array] = []
-    for _ in range(2):
-        design = experiment.space.decode(rng.random(experiment.space.size))
-        for world in experiment.world:
-            log = shadowed(experiment, design, world, f"0/evaluation/0/{world}/0")
-            given = np.array(log.commands)
-            starts = np.linspace(30, len(given) - PIECE, PIECES).astype(int)
-            found += [given[start : start + PIECE] for start in starts]
+    for _, log in missions:
+        given = np.array(log.commands)
+        starts = np.linspace(SETTLED, len(given) - PIECE, PIECES).astype(int)
+        found += [given[start : start + PIECE] for start in starts]
     return found
 
 
-def replayed(experiment: Experiment) -> None:
+def replayed(experiment: Experiment, missions: list[tuple[str, Log]]) -> None:
     """Commands of missions, from rest: which lag of the planar servos fits best?"""
     robot, world = experiment.robot, open_ground(experiment)
-    given = pieces(experiment)
+    given = pieces(missions)
     fine = [[drive(FINE, robot, world, each, h) for h in AVERAGED] for each in given]
     mean = [np.mean(tracks, axis=0) for tracks in fine]
     print(f"\n## After 10 s of the commands of missions ({len(given)} pieces)\n")
@@ -174,7 +209,9 @@ def main() -> None:
     tracks = side_by_side(experiment)
     circles(experiment)
     turns = slaloms(experiment)
-    replayed(experiment)
+    missions = flown(experiment)
+    senses(missions)
+    replayed(experiment, missions)
     figure(tracks, np.degrees(HEADINGS), turns, FIGURE)
 
 

@@ -58,15 +58,16 @@ def _distances(axes: Axes, tracks: Mapping[str, Mapping[str, Array]]) -> None:
     for name, colour in zip(PARTED, HUES, strict=True):
         reference, coarse, plane = tracks[name].values()
         time = PERIOD * np.arange(len(reference))
-        axes.plot(time, 1e3 * apart(plane, reference), color=colour, label=f"{name}: planar")
-        axes.plot(time, 1e3 * apart(coarse, reference), ":", color=colour, label="PyBullet, 25 ms")
+        axes.plot(time, 1e3 * apart(plane, reference), color=colour, label=name)
+        axes.plot(time, 1e3 * apart(coarse, reference), ":", color=colour)
+    axes.set_title("solid: planar; dotted: PyBullet, 25 ms", loc="left", fontsize=8)
     axes.set_yscale("symlog", linthresh=10)
     axes.set_yticks([0, 5, 10, 50, 100, 500], ["0", "5", "10", "50", "100", "500"])
-    axes.set_ylim(0, 700)
+    axes.set_ylim(0, 2000)
     axes.set_xlim(0, 20)
     axes.set_xlabel("time [s]")
-    axes.set_ylabel("distance from PyBullet, 2.5 ms [mm]")
-    axes.legend(fontsize=6, frameon=False, ncols=3, loc="upper left")
+    axes.set_ylabel("from PyBullet, 2.5 ms [mm]")
+    axes.legend(fontsize=7, frameon=False, loc="upper left")
 
 
 def _turns(axes: Axes, headings: Array, turns: Mapping[str, Array]) -> None:
@@ -78,5 +79,7 @@ def _turns(axes: Axes, headings: Array, turns: Mapping[str, Array]) -> None:
     axes.set_xlim(0, 180)
     axes.set_xticks(range(0, 181, 45))
     axes.set_xlabel("heading at the start [deg]")
-    axes.set_ylabel("turn in 2 s, lock to lock [deg]")
-    axes.legend(fontsize=6, frameon=False)
+    axes.set_ylabel("turn in 2 s [deg]")
+    axes.set_ylim(-1.3, 1.0)
+    axes.set_title("lock to lock, 1 s", loc="left", fontsize=8)
+    axes.legend(fontsize=7, frameon=False, loc="lower center")
