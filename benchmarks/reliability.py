@@ -34,15 +34,18 @@ def spearman(a: Array, b: Array) -> float:
 def reliability(measured: Array) -> float:
     """Of the mean of all k measurements: its rank correlation with another such mean.
 
-    The mean rank correlation r of the two halves over the ways of halving, stepped up to the full
-    length by the Spearman-Brown formula 2 r / (1 + r) (Spearman 1910, Brown 1910).
+    The mean rank correlation r of halves (of h measurements) over the ways of halving, stepped up
+    to all measurements: m r / (1 + (m - 1) r), m = k / h (Spearman 1910, Brown 1910).
     """
+    count = measured.shape[1]
     halves = [
         spearman(measured[:, one].mean(axis=1), measured[:, other].mean(axis=1))
-        for one, other in islice(_halvings(measured.shape[1]), SPLITS)
+        for one, other in islice(_halvings(count), SPLITS)
     ]
-    r = float(np.mean(halves)) if halves else math.nan
-    return 2.0 * r / (1.0 + r)
+    if not halves:
+        return math.nan
+    r, longer = float(np.mean(halves)), float(count / (count // 2))
+    return longer * r / (1.0 + (longer - 1.0) * r)
 
 
 def ceiling(a: Array, b: Array) -> float:
@@ -72,14 +75,14 @@ def interval(things: int, value: Callable[[Chosen], float]) -> tuple[float, floa
 
 
 def _halvings(count: int) -> Iterator[tuple[list[int], list[int]]]:
-    """Ways of taking two halves, each one once; a measurement may be left over."""
+    """Ways of taking two halves, each one once where they are few; of an odd count one is left."""
     half = count // 2
-    if half == 0:
-        return
     if count <= 6:
-        for one in combinations(range(2 * half), half):
-            if 0 in one:
-                yield list(one), [i for i in range(2 * half) if i not in one]
+        for one in combinations(range(count), half):
+            rest = [i for i in range(count) if i not in one]
+            yield from (
+                (list(one), list(other)) for other in combinations(rest, half) if one < other
+            )
         return
     rng = np.random.default_rng(0)
     while True:
