@@ -6,23 +6,27 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from inspect import isbuiltin
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from fakes import content
 from numpy.random import Generator
 
 from evoros import compiled
+from evoros.cli import evoros
 from evoros.compiled import FILTER, LAYER, Compiled, NotCompilable
 from evoros.compiled_flight import best, step_by_step
 from evoros.config import build, compose
 from evoros.errors import InputError
 from evoros.experiment import Experiment
-from evoros.flight import Parts
+from evoros.flight import Parts, parts_of
 from evoros.mission import Mission, run_mission
+from evoros.simulator.planar import Planar
+from evoros.simulator.rules import RuleSimulation
 from evoros.types import Array, Channels, FilterRule
 
 SHORT = ["simulator=planar", "course.time_limit_s=6"]
@@ -142,6 +146,15 @@ class Live:
         smooth(p, memory, rng, values, time)
 
 
+class Called:
+    """An object that is called: it has no name of its own, and no hash."""
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __call__(self, *args: Any) -> None:
+        smooth(*args)
+
+
 def with_filter(rule: FilterRule) -> Experiment:
     experiment = experiment_of()
     sonar = experiment.design.sensors["sonar"]
@@ -150,16 +163,25 @@ def with_filter(rule: FilterRule) -> Experiment:
     return replace(experiment, design=replace(experiment.design, sensors=sensors))
 
 
-@pytest.mark.parametrize("rule", [smooth_in_python, Live().smooth], ids=["python", "method"])
+@pytest.mark.parametrize(
+    ("rule", "name"),
+    [
+        (smooth_in_python, "test_compiled.smooth_in_python"),
+        (Live().smooth, "test_compiled.Live.smooth"),
+        (Called(), "test_compiled.Called"),
+        (partial(smooth), "functools.partial"),
+    ],
+    ids=["python", "method", "object", "partial"],
+)
 def test_a_plain_python_rule_works_and_is_named(
-    rule: FilterRule, caplog: pytest.LogCaptureFixture
+    rule: FilterRule, name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     """It gives the bits of the same rule compiled, and a line says that it is slower."""
     compilable = with_filter(smooth)
     assert "not compiled" not in caplog.text
     interpreted = with_filter(rule)
     (line,) = [r.getMessage() for r in caplog.records if "not compiled" in r.getMessage()]
-    assert rule.__qualname__ in line
+    assert line.startswith(f"{name} is not compiled: ")
     assert "slower" in line
     for mission in missions(compilable, 2):
         seen: list[Any] = []
@@ -188,12 +210,26 @@ def test_other_arrays_than_rules_work_on_are_refused(memory: Any) -> None:
         replace(experiment, design=replace(experiment.design, sensors=sensors))
 
 
+def test_so_are_those_of_a_simulation() -> None:
+    rules = Planar().rules
+    careless = RuleSimulation(rules, np.zeros(3), np.zeros(3, dtype=np.int64))
+    with pytest.raises(InputError, match=r"planar\.advance: its memory must be a contiguous"):
+        parts_of(careless, (), (), ())
+
+
 def test_why_a_rule_cannot_be_compiled_is_said() -> None:
     def inner(p: Array, m: Array, rng: Generator, values: Array, time: float) -> None:
         values[0] = offset
 
+    def local(p: Array, m: Array, rng: Generator, values: Array, time: float) -> None:
+        values[0] = 0.0
+
     offset = float(os.getpid())
-    for rule, reason in ((inner, "variables of the function"), (Live().smooth, "plain function")):
+    for rule, reason in (
+        (inner, "inside a function"),
+        (local, "inside a function"),  # another one at each call: it would be compiled each time
+        (Live().smooth, "plain function"),
+    ):
         with pytest.raises(NotCompilable, match=reason):
             compiled.compiled(rule, FILTER)
     with pytest.raises(NotCompilable):
@@ -241,10 +277,14 @@ def test_a_new_process_finds_everything_on_disk(tmp_path: Path) -> None:
 ANYWHERE = """
 import numpy as np
 from evoros import compiled
+from evoros.cli import evoros
 from evoros.filter.silence import Silence
 print(compiled._cache_folder())
 compiled.compiled(Silence().rule, compiled.FILTER)
 """
+
+
+ASKING = "from evoros import compiled; print(compiled._cache_folder())"
 
 
 @pytest.mark.parametrize("writable", [True, False])
@@ -267,3 +307,40 @@ def test_without_a_cache_at_home_another_place_is_found_or_none(
     )
     assert done.stdout.startswith(str(other) if writable else "None")
     assert ("compiled in every process" in done.stderr) is not writable
+
+
+@pytest.mark.parametrize("lower", [False, True])
+def test_code_that_others_could_have_written_is_not_run(tmp_path: Path, lower: bool) -> None:
+    """Neither from a folder of theirs, nor from one that they could put into ours."""
+    home, other = tmp_path / "home", tmp_path / "other"
+    environment = {**os.environ, "XDG_CACHE_HOME": str(home), "TMPDIR": str(other)}
+
+    def folder(umask: int) -> Path:
+        command = [sys.executable, "-c", f"import os; os.umask({umask}); {ASKING}"]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        return Path(done.stdout.strip())
+
+    other.mkdir()
+    ours = folder(0o002)
+    assert ours.parent == home / "evoros"
+    assert folder(0o022) == ours
+    (ours if lower else ours.parent).chmod(0o777)
+    assert folder(0o022).parent == other / f"evoros-{os.getuid()}"
+
+
+def test_a_run_is_the_same_on_any_number_of_workers(tmp_path: Path) -> None:
+    """In this process, in one worker and in three."""
+    overrides = [
+        "simulator=planar",
+        "failure=spatial",
+        "course.time_limit_s=60",
+        "optimizer.population_size=6",
+        "optimizer.generations=2",
+        "optimizer.validation_trials=1",
+    ]
+    runs = []
+    for executor in (["executor=serial"], ["executor.workers=1"], ["executor.workers=3"]):
+        folder = tmp_path / str(len(runs))
+        assert evoros([*overrides, *executor, f"hydra.run.dir={folder}"]) == 0
+        runs.append(content(folder))
+    assert runs[0] == runs[1] == runs[2]
