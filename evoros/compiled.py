@@ -94,11 +94,12 @@ def compiled(rule: Any, kind: Any) -> Compiled:
 
 def attempt(rule: Any, kind: Any) -> Compiled | NotCompilable:
     """As ``compiled``, but returns why not."""
-    # Not remembered: the methods and inner functions of a live engine are others at each mission.
+    # Not remembered: the methods and inner functions of a live engine are others at each mission,
+    # and each of them would be compiled anew and kept for ever.
     if not isfunction(rule):
         return NotCompilable("it is not a plain function")
-    if rule.__closure__:
-        return NotCompilable("it refers to variables of the function that defines it")
+    if rule.__closure__ or "<locals>" in rule.__qualname__:
+        return NotCompilable("it is defined inside a function, not at the top of a module")
     return _compile(rule, kind)
 
 
@@ -147,9 +148,18 @@ def _cache_folder() -> Path | None:
     for base in (Path(home) / "evoros", Path(tempfile.gettempdir()) / f"evoros-{os.getuid()}"):
         folder = base / digest.hexdigest()[:16]
         with suppress(OSError):
-            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            # Compiled code that somebody else has put there must not be run.
-            if os.access(folder, os.W_OK) and base.stat().st_uid == os.getuid():
+            base.parent.mkdir(parents=True, exist_ok=True)
+            for each in (base, folder):  # not by `parents`, which would let the umask decide
+                each.mkdir(exist_ok=True, mode=0o700)
+            if os.access(folder, os.W_OK) and _ours_alone(base) and _ours_alone(folder):
                 return folder
-    LOGGER.warning("no folder can be written (%s): rules are compiled in every process", home)
+    LOGGER.warning(
+        "no folder that nobody else can write to (%s): rules are compiled in every process", home
+    )
     return None
+
+
+def _ours_alone(folder: Path) -> bool:
+    """Compiled code that somebody else can put there must not be run."""
+    status = folder.stat()
+    return status.st_uid == os.getuid() and not status.st_mode & 0o022

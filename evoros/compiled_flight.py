@@ -25,7 +25,7 @@ from evoros.compiled import (
     attempt,
     compiling,
 )
-from evoros.flight import Arrays, Count, Link, Parts, Step, Timing, fly
+from evoros.flight import Arrays, Count, Link, Parts, Step, Timing, fly, name_of
 from evoros.types import Array
 
 Part = TypeVar("Part", Link, Step)
@@ -76,12 +76,13 @@ def interpreted(parts: Parts) -> list[str]:
     rules: list[tuple[Any, Any]] = [*zip(parts[:3], MOTION, strict=True)]
     rules += [(link.rule, FILTER) for link in (*parts.filters, *parts.localization)]
     rules += [(step.rule, LAYER) for step in parts.layers]
-    answers = {rule: attempt(rule, kind) for rule, kind in rules}
-    return [
-        f"{rule.__module__}.{rule.__qualname__} is not compiled: {reason}"
-        for rule, reason in answers.items()
+    answers = [(name_of(rule), attempt(rule, kind)) for rule, kind in rules]
+    reasons = {
+        f"{name} is not compiled: {reason}": None
+        for name, reason in answers
         if isinstance(reason, NotCompilable)
-    ]
+    }
+    return list(reasons)
 
 
 def _link(link: Link) -> Link:

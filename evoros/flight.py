@@ -112,6 +112,7 @@ def parts_of(
         _check_arrays(*step)
     chains = tuple(filters), tuple(localization), tuple(layers)
     if isinstance(simulation, RuleSimulation):
+        _check_arrays(simulation.rules.advance, simulation.parameters, simulation.memory)
         return Parts(*simulation.rules, simulation.parameters, simulation.memory, *chains)
 
     def observe(parameters: Array, memory: Array, state: Array) -> None:
@@ -133,10 +134,15 @@ def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array)
         fits = isinstance(array, np.ndarray) and array.dtype == np.dtype(float) and array.ndim == 1
         if not (fits and array.flags.c_contiguous and array.flags.writeable):
             raise InputError(
-                f"{rule.__module__}.{rule.__qualname__}: its {name}, which start() returns, must "
-                f"be a contiguous and writeable array of one dimension of float64, not {array!r}; "
-                f"make it with np.array(..., dtype=float)"
+                f"{name_of(rule)}: its {name} must be a contiguous and writeable array of one "
+                f"dimension of float64, not {array!r}; make it with np.array(..., dtype=float)"
             )
+
+
+def name_of(rule: Callable[..., object]) -> str:
+    """For messages: where the rule is defined; of an object that is called, its class."""
+    defined = rule if hasattr(rule, "__qualname__") else type(rule)
+    return f"{defined.__module__}.{defined.__qualname__}"
 
 
 def publish(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
