@@ -338,7 +338,7 @@ def test_a_run_is_the_same_on_any_number_of_workers(tmp_path: Path) -> None:
         "optimizer.generations=2",
         "optimizer.validation_trials=1",
     ]
-    runs = []
+    runs: list[dict[str, str]] = []
     for executor in (["executor=serial"], ["executor.workers=1"], ["executor.workers=3"]):
         folder = tmp_path / str(len(runs))
         assert evoros([*overrides, *executor, f"hydra.run.dir={folder}"]) == 0
