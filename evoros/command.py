@@ -149,11 +149,11 @@ def _begin_all(command: Command, jobs: "Jobs", sweep: "Sweep", signals: "_Signal
     begun = 0
     try:
         for job in jobs:
-            begun += 1
             if isinstance(job, EvorosError):
                 sweep.refuse(_say(command, str(job), _status(job)))
             else:
-                sweep.begin(job)
+                sweep.begin(job)  # waits, maybe for long, for another one to end
+            begun += 1
             if signals.last is not None:
                 break
         sweep.finish()

@@ -5,19 +5,20 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from pathlib import Path
+from pathlib import Path, PurePath
 from threading import Lock
 
 LOGGER = logging.getLogger("evoros")
 
 _JOB: ContextVar[str] = ContextVar("job", default="")
-"""Which one of several jobs speaks; empty where there is but one, and for what concerns all."""
+"""The folder of the one of several jobs that speaks; empty where there is but one, and for what
+concerns all. Two folders may have the same name, in others."""
 _LOCK = Lock()
 
 
 @contextmanager
 def on_behalf_of(job: str) -> Iterator[None]:
-    """What this thread says meanwhile concerns the named job alone."""
+    """What this thread says meanwhile concerns the job of this folder alone."""
     token = _JOB.set(job)
     try:
         yield
@@ -69,7 +70,7 @@ def for_terminal(handler: logging.Handler) -> logging.Handler:
 class _Named(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         said = super().format(record)
-        return f"{_JOB.get()}: {said}" if _JOB.get() else said
+        return f"{PurePath(_JOB.get()).name}: {said}" if _JOB.get() else said
 
 
 @contextmanager

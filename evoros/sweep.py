@@ -105,7 +105,7 @@ class Sweep:
         path = job.folder
         self._let_end(jobs_at_once(self._workers) - 1)
         try:
-            with on_behalf_of(path.name):
+            with on_behalf_of(str(path)):
                 work = self._prepare(job.config, path)
             self._share(work.executor)
             LOGGER.info("%s: begins", path)
@@ -154,7 +154,7 @@ class Sweep:
             self._pool = SharedPool(executor)
 
     def _run(self, path: Path, work: "Work") -> Ending:
-        with on_behalf_of(path.name), self._display.job() as display:
+        with on_behalf_of(str(path)), self._display.job() as display:
             try:
                 work.run(display, self._pool.open)
             except (KeyboardInterrupt, Exception) as error:

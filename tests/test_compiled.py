@@ -277,7 +277,6 @@ def test_a_new_process_finds_everything_on_disk(tmp_path: Path) -> None:
 ANYWHERE = """
 import numpy as np
 from evoros import compiled
-from evoros.cli import evoros
 from evoros.filter.silence import Silence
 print(compiled._cache_folder())
 compiled.compiled(Silence().rule, compiled.FILTER)

@@ -1,5 +1,6 @@
 """Sweeps: several runs at the same time, in one pool."""
 
+import io
 import logging
 import re
 import threading
@@ -9,15 +10,25 @@ from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from fakes import TINY, content, tiny
 
 from evoros.cli import DONE, INPUT, STOPPED, evoros
+from evoros.command import _begin_all
 from evoros.executor.processes import Processes
 from evoros.jobs import Job
-from evoros.log import LOGGER, logging_all, logging_to_file, on_behalf_of, remembering
+from evoros.log import (
+    LOGGER,
+    attached,
+    for_terminal,
+    logging_all,
+    logging_to_file,
+    on_behalf_of,
+    remembering,
+)
 from evoros.progress import SweepProgress
 from evoros.session import Display, Opener, own_pool
 from evoros.sweep import Ending, Sweep, jobs_at_once
@@ -232,6 +243,25 @@ def test_closing_interrupts_whoever_waits_and_whoever_asks_for_more() -> None:
     assert said == {"a": "KeyboardInterrupt", "b": "KeyboardInterrupt"}
 
 
+def test_a_job_that_was_waiting_for_its_turn_has_not_begun() -> None:
+    """Ctrl-C comes most likely then: the user is to repeat the command for the last one, too."""
+
+    class Waiting:
+        begun = 0
+
+        def begin(self, job: Job) -> None:
+            if self.begun == 2:
+                raise KeyboardInterrupt
+            self.begun += 1
+
+        def finish(self) -> None: ...
+        def close(self) -> None: ...
+
+    jobs: Any = [Job(None, Path(name)) for name in "abc"]  # type: ignore[arg-type]
+    signals: Any = SimpleNamespace(last=None)
+    assert _begin_all(evoros, jobs, Waiting(), signals) == 2  # type: ignore[arg-type]
+
+
 # ---- messages
 
 
@@ -258,6 +288,40 @@ def test_threads_speak_on_behalf_of_their_own_jobs(tmp_path: Path) -> None:
         lines = (tmp_path / name).read_text().splitlines()
         assert [line.split(" INFO ")[1] for line in lines] == [f"{name} {n}" for n in range(50)]
     assert before == (LOGGER.level, LOGGER.handlers)
+
+
+def test_jobs_in_folders_of_the_same_name_keep_their_logs_apart(tmp_path: Path) -> None:
+    """As with hydra.sweep.subdir='${failure}/${seed}'."""
+    together = threading.Barrier(2)
+    folders = [tmp_path / "one" / "0", tmp_path / "other" / "0"]
+
+    def work(path: Path) -> Fake:
+        def speak(pool: Pool) -> None:
+            path.mkdir(parents=True)
+            with logging_to_file(path / "log"):
+                together.wait(20)
+                LOGGER.warning("from %s", path.parent.name)
+                together.wait(20)
+
+        return Fake(cores, speak)
+
+    cores, shown = Cores(2), io.StringIO()
+    sweep = Sweep(
+        lambda config, path: work(path),
+        lambda path, error: Ending(1, repr(error)),
+        lambda path, ending: None,
+        SweepProgress(False, 2),
+    )
+    with attached(for_terminal(logging.StreamHandler(shown))):
+        for folder in folders:
+            sweep.begin(Job(None, folder))  # type: ignore[arg-type]
+        sweep.finish()
+        sweep.close()
+    assert sweep.statuses == [0, 0]
+    for folder in folders:
+        (line,) = (folder / "log").read_text().splitlines()
+        assert line.endswith(f"WARNING from {folder.parent.name}")
+    assert sorted(shown.getvalue().splitlines()) == ["0: from one", "0: from other"]
 
 
 def test_what_another_thread_says_goes_into_the_log_of_a_run_alone(tmp_path: Path) -> None:
