@@ -5,6 +5,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -213,13 +214,11 @@ def _add_genes(drafts: Mapping[Name, _Draft], path: Path, source: str | None) ->
 
 def _number(at: str, name: str, content: str) -> float:
     """A whole number stays one: some parts accept no other."""
-    try:
+    with suppress(ValueError, OverflowError):
         value = int(content) if re.fullmatch(r"[+-]?[0-9]+", content) else float(content)
-    except ValueError:
-        value = float("nan")
-    if not isfinite(value):
-        raise InputError(f"{at}: {name} must be a number, not {content!r}; correct the cell")
-    return value
+        if isfinite(value):
+            return value
+    raise InputError(f"{at}: {name} must be a number, not {content!r}; correct the cell")
 
 
 def _fitted(name: Name, draft: _Draft, task: Task) -> Given:

@@ -327,6 +327,7 @@ BAD = [
     (f"{HEADER},x_m\n0,0,0,0,0,0", "line 1: must not have the column 'x_m' again"),
     (f"{HEADER}\n0,0,a,0,0", "line 2: x_m must be a number, not 'a'"),
     (f"{HEADER}\n0,0,0.1,0,nan", "line 2: yaw_deg must be a number, not 'nan'"),
+    (f"{HEADER}\n0,0,0.1,0,1{'0' * 400}", "line 2: yaw_deg must be a number, not '1000"),
     (f"{HEADER}\n0,0,0.1,,0", "line 2: y_m must be a number, not ''"),
     (f"{HEADER}\n0,0,24,0,0", "line 2: sensor: x must be at most 0.05 m outside the outline"),
     (f"{HEADER}\n0,0,0.1,0,400", "line 2: yaw_deg: must be a number, or [low, high]"),
