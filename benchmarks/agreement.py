@@ -124,7 +124,7 @@ def completions(missions: pd.DataFrame) -> None:
     """The table of completed missions."""
     both = pairs(missions, PYBULLET, PLANAR)
     print("\n| world | missions | both | PyBullet only | planar only | neither | kappa |", end="")
-    print(" planar more often by [%] | progress |\n" + "|---" * 9 + "|")
+    print(" planar more often [percentage points] | progress |\n" + "|---" * 9 + "|")
     for world, there in [*both.groupby("world"), ("all", both)]:
         real, plane = there.completed_one.to_numpy(), there.completed_other.to_numpy()
         more, (low, high) = _excess(there)
