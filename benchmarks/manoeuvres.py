@@ -103,8 +103,8 @@ def slaloms(experiment: Experiment) -> dict[str, Array]:
     """
     world, wanted = open_ground(experiment), commands(MANOEUVRES[SLALOM], SECONDS)
     print(f"\n## {SLALOM}: turn [deg] in 2 s, over {len(HEADINGS)} headings at the start\n")
-    print("| | least | mean | greatest | the same to 0.001 deg 90 deg further |")
-    print("|---|---|---|---|---|")
+    print("| | least | mean | greatest | the same to 0.001 deg 90 deg further | ends apart [m] |")
+    print("|---|---|---|---|---|---|")
     more = PyBullet(time_step=0.0025, solver_iterations=400)
     found = {}
     for name, simulator in {**SIMULATORS, "PyBullet, 2.5 ms, 400 iterations": more}.items():
@@ -112,8 +112,10 @@ def slaloms(experiment: Experiment) -> dict[str, Array]:
         turns = np.degrees([(track[200, YAW] - track[20, YAW]) / 9.0 for track in tracks])
         half = len(turns) // 2
         same = bool((np.abs(turns[:half] - turns[half:]) < 1e-3).all())
+        ends = np.array([track[-1, [X, Y]] for track in tracks])
+        parted = np.sqrt(((ends[:, None] - ends) ** 2).sum(axis=-1)).max()
         cells = f"{turns.min():+.3f} | {turns.mean():+.3f} | {turns.max():+.3f}"
-        print(f"| {name} | {cells} | {'yes' if same else 'no'} |")
+        print(f"| {name} | {cells} | {'yes' if same else 'no'} | {parted:.2f} |")
         found[name] = turns
     return found
 
