@@ -164,15 +164,19 @@ def samples() -> list[Sample]:
 
 def evolved() -> list[Evolved]:
     """Seed by seed, so that what is there after a while compares."""
-    found = []
-    for seed in SEEDS:
-        for treatment in TREATMENTS:
-            place = (f"failure={treatment}", f"seed={seed}")
-            found += [
-                Evolved(f"{name}_{treatment}_{seed}", (*how, *place))
-                for name, how in (*NAVIGATION.items(), ("logged", as_logged(treatment)))
-            ]
-    return found
+    places = [(treatment, seed) for seed in SEEDS for treatment in TREATMENTS]
+    found = [
+        Evolved(f"{name}_{treatment}_{seed}", (*how, f"failure={treatment}", f"seed={seed}"))
+        for treatment, seed in places
+        for name, how in NAVIGATION.items()
+    ]
+    return found + [
+        Evolved(
+            f"logged_{treatment}_{seed}",
+            (*as_logged(treatment), f"failure={treatment}", f"seed={seed}"),
+        )
+        for treatment, seed in places
+    ]
 
 
 def as_logged(treatment: str) -> tuple[str, ...]:

@@ -111,12 +111,17 @@ def variants(folder: Path, names: Iterable[str]) -> str:
             "",
         ]
     ]
-    for name in ("l1_none", *names, "pybullet"):
-        missions = read(folder, name)
+    physics, all_designs = read(folder, "pybullet"), read(folder, "l1_none")
+    changed = {name: read(folder, name) for name in names}
+    last = max(missions.design.max() for missions in changed.values())
+    series = {"**as_run**": all_designs[all_designs.design <= last], **changed}
+    series["pybullet"] = physics
+    series["planar, the same 30 designs"] = all_designs[all_designs.design <= physics.design.max()]
+    for label, missions in series.items():
         whole, to_home = (designs(missions, score) for score in ("whole", "to_home"))
         rows.append(
             [
-                "**as_run**" if name == "l1_none" else name,
+                label,
                 *share(missions, "home"),
                 " / ".join(share(missions, "completed")),
                 f"{to_home.mean():.2f}",
