@@ -69,13 +69,18 @@ def lowest(shape: Shape, pose: Pose) -> float:
 
 
 def footprints(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footprint, ...]:
-    """One footprint for each solid shape whose lowest point is below a height [m]."""
+    """One footprint for each solid shape that begins below a height [m] and ends above ground."""
     placed = [(shape, body.pose @ shape.pose) for body in bodies for shape in body.shapes]
     return tuple(
         footprint(shape, pose)
         for shape, pose in placed
-        if shape.kind != "plane" and lowest(shape, pose) < below_m
+        if shape.kind != "plane" and lowest(shape, pose) < below_m and highest(shape, pose) > 0.0
     )
+
+
+def highest(shape: Shape, pose: Pose) -> float:
+    """Height [m] of the highest point: these shapes are symmetric about their centres."""
+    return 2.0 * pose.position[2] - lowest(shape, pose)
 
 
 def convex_hull(points: Array) -> Array:

@@ -13,7 +13,7 @@ from lxml import etree
 from evoros.body import Pose, Shape
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.errors import NUMBER, TEXT, InputError, check, is_number
-from evoros.geometry import convex_hull, footprint, lowest
+from evoros.geometry import convex_hull, footprint, highest
 from evoros.types import Array, Mount, Sensor
 from evoros.urdf import expansion
 from evoros.urdf.tree import Urdf, read_tree
@@ -162,7 +162,7 @@ def load_robot(
         base_urdf=etree.tostring(root, encoding="unicode", pretty_print=True),
         drive=fitted,
         outline=_outline(touching),
-        height_m=max(_top(shape, pose) for shape, pose in touching),
+        height_m=max(highest(shape, pose) for shape, pose in touching),
         mount_link=mount.link,
         mount_z_m=float(mount.z_m),
         mount_pitch_deg=float(mount.pitch_deg),
@@ -222,11 +222,6 @@ def _outline(shapes: Sequence[tuple[Shape, Pose]]) -> Array:
         reach = area.radius * disc if area.radius > 0 else np.zeros((1, 2))
         corners.append((area.vertices[:, None] + reach[None]).reshape(-1, 2))
     return convex_hull(np.concatenate(corners))
-
-
-def _top(shape: Shape, pose: Pose) -> float:
-    """Height [m] of the highest point: these shapes are symmetric about their centres."""
-    return 2.0 * pose.position[2] - lowest(shape, pose)
 
 
 def _sensor_xml(name: str, mount: Mount, sensor: Sensor) -> str:

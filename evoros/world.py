@@ -27,7 +27,7 @@ from evoros.errors import (
     one_of,
     sequence_of,
 )
-from evoros.geometry import contains, footprint, lowest
+from evoros.geometry import contains, footprint, highest, lowest
 from evoros.sdf.reader import read_sdf
 from evoros.sdf.writer import write_sdf
 from evoros.types import Array
@@ -202,7 +202,7 @@ def _check_course(world: World) -> None:
     for body in world.obstacles:
         for shape in body.shapes:
             pose = body.pose @ shape.pose
-            if lowest(shape, pose) > LOW_M:
+            if lowest(shape, pose) > LOW_M or highest(shape, pose) <= 0.0:
                 continue
             outline = footprint(shape, pose)
             for place, (x, y) in places.items():

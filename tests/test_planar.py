@@ -351,16 +351,16 @@ def test_a_sensor_inside_an_obstacle_does_not_see_it() -> None:
 def test_the_index_names_all_that_is_within_reach(
     discs: list[tuple[float, float, float]], reach: float, at: tuple[float, float]
 ) -> None:
-    table = np.array(discs).reshape(-1, 3)
-    grid = Grid.around(table, reach)
-    starts, entries = grid.lists(table, reach)
+    areas = [Footprint(np.array([[x, y]]), radius) for x, y, radius in discs]
+    grid = Grid.around(areas, reach)
+    starts, entries = grid.lists(areas, reach)
     cell = cell_at(grid.flat(), *at)
     named = set() if cell < 0 else set(entries[int(starts[cell]) : int(starts[cell + 1])].tolist())
     for name, (x, y, radius) in enumerate(discs):
         if math.hypot(x - at[0], y - at[1]) <= radius + reach - 1e-9:
             assert name in named
     if cell >= 0:  # and little more: what is within reach of the cell, not of the point
-        far = grid.cell * math.sqrt(2.0) + 1e-9
+        far = 2.0 * grid.cell * math.sqrt(0.5) + 1e-9
         for name in named:
             x, y, radius = discs[int(name)]
             assert math.hypot(x - at[0], y - at[1]) <= radius + reach + far
@@ -388,3 +388,20 @@ def test_without_obstacles_there_is_no_clearance() -> None:
     found = survey(np.zeros((3, 3)), 3, rover().outline, Outlines.of([]), np.zeros((0, 2)))
     assert found.clearance == math.inf
     assert found.distance == 0.0
+
+
+def test_foundations_below_the_ground_are_no_obstacle() -> None:
+    """Wholly below it; what stands out by a centimetre is one."""
+    for depth, touched in ((0.30, False), (0.29, True)):
+        slab = Shape("box", (0.2, 9.0, 0.3)), Pose((1.0, 0.0, 0.15 - depth))
+        simulation = started(world_of(slab))
+        simulation.advance(np.array([0.39, 0.0]), 5.0)
+        assert bool(state_of(simulation)[CONTACT]) is touched
+
+
+def test_a_long_wall_is_listed_only_where_it_is_near() -> None:
+    """Not all over the circle around it."""
+    wall = Footprint(np.array([[-50.0, 0.0], [50.0, 0.0], [50.0, 0.2], [-50.0, 0.2]]))
+    grid = Grid.around([wall], 5.0)
+    _, entries = grid.lists([wall], 5.0)
+    assert 100 * 10 < len(entries) < 112 * 13

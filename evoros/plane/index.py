@@ -1,12 +1,14 @@
 """A grid over the ground that names, for each cell, what is within reach of it."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evoros.compiled import compilable
+from evoros.geometry import Footprint, distances
 from evoros.types import Array
 
 CELL_M = 1.0
@@ -21,58 +23,53 @@ GRID_SIZE = 5
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Square cells around all discs, which reach at least ``reach`` [m] farther than these."""
+    """Square cells over the ground."""
 
     origin: Array  # (2,) [m]
     cell: float  # [m]
     shape: tuple[int, int]  # columns (x), rows (y)
 
     @classmethod
-    def around(cls, discs: Array, reach: float) -> "Grid":
-        """``discs`` (n, 3) are centres and radii [m]; one cell where there are none."""
-        if not len(discs):
+    def around(cls, areas: Sequence[Footprint], reach: float) -> "Grid":
+        """A grid that covers all that is within ``reach`` [m] of an area; else of one cell."""
+        if not areas:
             return cls(np.zeros(2), CELL_M, (1, 1))
-        low = (discs[:, :2] - discs[:, 2:]).min(axis=0) - reach
-        width, height = (discs[:, :2] + discs[:, 2:]).max(axis=0) + reach - low
+        low = np.min([area.vertices.min(axis=0) - area.radius for area in areas], axis=0) - reach
+        high = np.max([area.vertices.max(axis=0) + area.radius for area in areas], axis=0) + reach
+        width, height = (high - low).tolist()
         cell = max(CELL_M, math.sqrt(width * height / MOST_CELLS))
         return cls(low, cell, (math.ceil(width / cell), math.ceil(height / cell)))
 
-    def lists(self, discs: Array, reach: float) -> tuple[Array, Array]:
-        """The discs within ``reach`` [m] of each cell: starts (cells + 1,) and entries."""
-        columns, rows = self.shape
-        cells, names = [], []
-        for name, (x, y, radius) in enumerate(discs):
-            far = radius + reach
-            found = self._within(x - self.origin[0], y - self.origin[1], far)
-            cells.append(found)
-            names.append(np.full(len(found), name))
-        if not cells:
-            return np.zeros(columns * rows + 1), np.zeros(0)
-        cell, entries = np.concatenate(cells), np.concatenate(names)
-        order = np.argsort(cell, kind="stable")
-        counts = np.bincount(cell, minlength=columns * rows)
-        starts = np.concatenate(([0], np.cumsum(counts)))
-        return starts.astype(np.float64), entries[order].astype(np.float64)
+    def lists(self, areas: Sequence[Footprint], reach: float) -> tuple[Array, Array]:
+        """The areas within ``reach`` [m] of each cell: starts (cells + 1,) and entries."""
+        count = self.shape[0] * self.shape[1]
+        found = [self._near(area, reach) for area in areas]
+        if not found:
+            return np.zeros(count + 1), np.zeros(0)
+        cells = np.concatenate(found)
+        names = np.repeat(np.arange(len(found)), [len(each) for each in found])
+        entries = names[np.argsort(cells, kind="stable")]
+        starts = np.concatenate(([0], np.cumsum(np.bincount(cells, minlength=count))))
+        return starts.astype(np.float64), entries.astype(np.float64)
 
-    def _within(self, x: float, y: float, far: float) -> NDArray[np.intp]:
-        """The cells that some point within ``far`` [m] of (x, y) lies in."""
-        columns, rows = self.shape
-        i = _span(x, far, self.cell, columns)
-        j = _span(y, far, self.cell, rows)
-        dx = np.maximum(np.maximum(i * self.cell - x, x - (i + 1) * self.cell), 0.0)
-        dy = np.maximum(np.maximum(j * self.cell - y, y - (j + 1) * self.cell), 0.0)
-        near = dy[:, None] ** 2 + dx[None] ** 2 <= far * far
-        found: NDArray[np.intp] = (j[:, None] * columns + i[None])[near]
-        return found
+    def _near(self, area: Footprint, reach: float) -> NDArray[np.intp]:
+        """The cells with a point within ``reach`` [m] of an area, and few others."""
+        low = area.vertices.min(axis=0) - area.radius - reach - self.origin
+        high = area.vertices.max(axis=0) + area.radius + reach - self.origin
+        columns, rows = (
+            np.arange(max(0, int(start // self.cell)), min(count, int(end // self.cell) + 1))
+            for start, end, count in zip(low, high, self.shape, strict=True)
+        )
+        column, row = (each.ravel() for each in np.meshgrid(columns, rows))
+        middles = (np.stack([column, row], axis=1) + 0.5) * self.cell + self.origin
+        corner = self.cell * math.sqrt(0.5)  # from the middle of a cell
+        near = distances(area, middles) <= reach + corner
+        cells: NDArray[np.intp] = (row * self.shape[0] + column)[near]
+        return cells
 
     def flat(self) -> Array:
         """(GRID_SIZE,) for ``cell_at``."""
         return np.array([*self.origin, self.cell, *self.shape], dtype=np.float64)
-
-
-def _span(at: float, far: float, cell: float, count: int) -> NDArray[np.intp]:
-    """The numbers of the cells along one axis that are within ``far`` [m]."""
-    return np.arange(max(0, int((at - far) // cell)), min(count, int((at + far) // cell) + 1))
 
 
 @compilable

@@ -10,7 +10,7 @@ import numpy as np
 from evoros.body import Pose, Shape
 from evoros.geometry import Footprint, footprint, footprints
 from evoros.plane.index import Grid
-from evoros.plane.ray import AT_X, AT_Y, BOUND, BOX, CYLINDER, OBSTACLE_SIZE, SPHERE
+from evoros.plane.ray import BOX, CYLINDER, OBSTACLE_SIZE, SPHERE
 from evoros.types import Array
 from evoros.world import World
 
@@ -54,23 +54,23 @@ def scene(world: World, height: float, touch: float, see: float) -> tuple[Array,
     Returns the grid, starts and entries of what it can touch, then of what it can see; the rows
     and corners of ``outlines``; the rows of what rays can meet.
     """
-    areas = outlines(world, height)
-    solid = [
-        _row(shape, body.pose @ shape.pose)
+    shapes = [
+        (shape, body.pose @ shape.pose)
         for body in world.obstacles
         for shape in body.shapes
         if shape.kind != "plane"
     ]
-    seen = np.array(solid).reshape(-1, OBSTACLE_SIZE)
-    discs = seen[:, [AT_X, AT_Y, BOUND]]
-    grid = Grid.around(discs, max(touch, see))
+    areas = [footprint(*placed) for placed in shapes]
+    rows = [_row(*placed, area) for placed, area in zip(shapes, areas, strict=True)]
+    touched, found = footprints(world.obstacles, height), outlines(world, height)
+    grid = Grid.around(areas, max(touch, see))
     return (
         grid.flat(),
-        *grid.lists(areas.rows[:, :3], touch),
-        *grid.lists(discs, see),
-        areas.rows,
-        areas.corners,
-        seen,
+        *grid.lists(touched, touch),
+        *grid.lists(areas, see),
+        found.rows,
+        found.corners,
+        np.array(rows).reshape(-1, OBSTACLE_SIZE),
     )
 
 
@@ -81,7 +81,7 @@ def _disc(area: Footprint) -> tuple[float, float, float]:
     return x, y, float(reach) + area.radius
 
 
-def _row(shape: Shape, pose: Pose) -> list[float]:
+def _row(shape: Shape, pose: Pose, area: Footprint) -> list[float]:
     """The obstacle for ``plane.ray``."""
     kinds = {"box": BOX, "cylinder": CYLINDER, "sphere": SPHERE}
     extents = {
@@ -89,7 +89,7 @@ def _row(shape: Shape, pose: Pose) -> list[float]:
         "cylinder": lambda size: [size[0], size[1] / 2, 0.0],
         "sphere": lambda size: [size[0], 0.0, 0.0],
     }
-    x, y, circle = _disc(footprint(shape, pose))
+    x, y, circle = _disc(area)
     # A circle around the centre of the shape itself: that of the footprint lies a bit beside it.
     off = math.dist((x, y), pose.position[:2])
     return [

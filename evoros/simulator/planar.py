@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evoros.compiled import compilable
-from evoros.errors import NOT_NEGATIVE, POSITIVE, check
+from evoros.errors import NOT_NEGATIVE, Rule, check, is_number
 from evoros.plane.index import GRID_SIZE, cell_at
 from evoros.plane.layout import (
     AT,
@@ -76,6 +76,13 @@ from evoros.world import World
 
 TURN = 2.0 * math.pi
 
+LARGEST_STEP = 0.1  # [s]
+"""Contact is looked for after each step: a thin wall must not be stepped over."""
+STEP_S = Rule(
+    f"a number greater than 0 and at most {LARGEST_STEP}",
+    lambda v: is_number(v) and 0 < v <= LARGEST_STEP,
+)
+
 # The memory: the state, the steering angle [rad], and the outline where it would be next.
 WHEEL = STATE_SIZE
 PLACED = STATE_SIZE + 1
@@ -96,7 +103,7 @@ class Planar:
     def __post_init__(self) -> None:
         check(
             self,
-            time_step=POSITIVE,
+            time_step=STEP_S,
             steering_lag_s=NOT_NEGATIVE,
             drive_lag_s=NOT_NEGATIVE,
         )
