@@ -5,7 +5,7 @@ a time; evolves as they did; writes docs/original.md between its marks and docs/
 
     python benchmarks/as_run.py [folder] [workers]
 
-Half an hour on two idle cores. Whatever is finished lies in the folder (outputs/as_run); started
+About 40,000 missions. Whatever is finished lies in the folder (outputs/as_run); started
 again, it goes on from there. Delete the folder after a change that alters missions.
 """
 
