@@ -330,4 +330,6 @@ def test_the_rules_of_both_simulators_are_compiled_once_before_the_run(
     monkeypatch.setattr("evoros.experiment.interpreted", lambda parts: [])
     chosen = [f"simulator={run}", f"simulator@confirmation.simulator={confirming}"]
     build(compose(["confirmation=pybullet", *chosen]))
-    assert [tuple(parts[:3]) for parts in met] == [tuple(Planar().rules)] * compiled
+    longest = max((len(parts.filters) for parts in met), default=0)
+    whole = [tuple(parts[:3]) for parts in met if len(parts.filters) == longest]
+    assert whole == [tuple(Planar().rules)] * compiled
