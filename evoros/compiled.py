@@ -6,6 +6,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dis import get_instructions
 from functools import cache
 from inspect import isfunction
 from pathlib import Path
@@ -100,6 +101,9 @@ def attempt(rule: Any, kind: Any) -> Compiled | NotCompilable:
         return NotCompilable("it is not a plain function")
     if rule.__closure__ or "<locals>" in rule.__qualname__:
         return NotCompilable("it is defined inside a function, not at the top of a module")
+    # Errors do not pass from compiled code to its caller: the mission would go on without the rule.
+    if any(instruction.opname == "RAISE_VARARGS" for instruction in get_instructions(rule)):
+        return NotCompilable("it raises errors, which compiled code ignores")
     return _compile(rule, kind)
 
 

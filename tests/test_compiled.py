@@ -237,6 +237,21 @@ def test_why_a_rule_cannot_be_compiled_is_said() -> None:
     assert isinstance(compiled.compiled(smooth, FILTER), Compiled)
 
 
+def raising(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    if time > 3.0:
+        raise ValueError("my own trouble")
+
+
+def asserting(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    assert time <= 3.0
+
+
+@pytest.mark.parametrize("rule", [raising, asserting])
+def test_a_rule_that_raises_is_interpreted_so_that_its_error_is_not_lost(rule: Any) -> None:
+    with pytest.raises(NotCompilable, match="raises errors"):
+        compiled.compiled(rule, FILTER)
+
+
 WARM = """
 import sys, numpy as np
 from numba.core import event
