@@ -39,6 +39,9 @@ MOTION = (OBSERVE, SENSE, ADVANCE)
 CLEARANCES = types.void(A2, A2, A2, A2, A1)
 SURVEY = types.void(A2, A2, A2, A2, A2, I8, A1)
 
+# An error would be lost on its way through compiled code: a division by zero gives inf or NaN.
+HOW: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+
 _COMPILING = Lock()  # around settings of numba's that hold for the whole process
 
 
@@ -113,7 +116,7 @@ def _compile(rule: Any, kind: Any) -> Compiled | NotCompilable:
     ours = rule.__module__.partition(".")[0] == __package__
     try:
         with compiling() as kept:
-            return Compiled(njit(kind, cache=ours and kept, nogil=True)(rule), kind)
+            return Compiled(njit(kind, cache=ours and kept, **HOW)(rule), kind)
     except Exception as error:  # numba raises all kinds
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         telling = [line for line in lines if not line.startswith(("Failed in", "During:", "File"))]

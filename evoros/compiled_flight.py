@@ -16,6 +16,7 @@ from evoros.compiled import (
     A2,
     F8,
     FILTER,
+    HOW,
     I8,
     LAYER,
     MOTION,
@@ -150,7 +151,7 @@ def _loop(filters: int, localization: int, layers: int) -> Fly:
         A1,
     )
     with compiling() as kept:
-        loop = njit(signature, cache=kept, nogil=True)(fly)
+        loop = njit(signature, cache=kept, **HOW)(fly)
     # Without numba's look at the type of every argument, which costs as much as all else that a
     # mission does in Python: parts_of has checked what parts provide.
     entry: Fly = loop.get_compile_result(signature).entry_point

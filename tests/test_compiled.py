@@ -217,6 +217,22 @@ def test_so_are_those_of_a_simulation() -> None:
         parts_of(careless, (), (), ())
 
 
+def divide(p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    """Infinite, NaN, and then what was reached only if nothing was raised."""
+    values[0] = values[3] / (time - time)
+    values[1] = (time - time) / (time - time)
+    values[2] = values[3]
+
+
+def test_a_division_by_zero_is_not_lost_in_compiled_code() -> None:
+    values = np.array([0.0, 0.0, 0.0, 1.0])
+    rule = compiled.compiled(divide, FILTER)
+    rule(np.zeros(0), np.zeros(0), np.random.default_rng(0), values, 3.0)
+    assert values[0] == math.inf
+    assert math.isnan(values[1])
+    assert values[2] == 1.0
+
+
 def test_why_a_rule_cannot_be_compiled_is_said() -> None:
     def inner(p: Array, m: Array, rng: Generator, values: Array, time: float) -> None:
         values[0] = offset

@@ -252,8 +252,8 @@ def traced(world: World, pose: Sequence[float], robot: Robot) -> Array:
             for body in world.obstacles:
                 hit = _first_inside(body, start, ray, best)
                 best = min(best, hit)
-            if ray[2] < 0:
-                best = min(best, -start[2] / ray[2])
+            if start[2] + best * ray[2] < 0.0:
+                best = -start[2] / ray[2]
         readings.append(max(best, sensor.range_min_m))
     return np.array(readings)
 

@@ -109,8 +109,8 @@ def _sensors(robot: Robot) -> tuple[Array, Array]:
 
 def _ground(beam: Array, height: float, farthest: float) -> float:
     """The range [m] of the nearest ground: always the same, for the robot stays level."""
-    falling = beam[beam[:, 2] < 0.0, 2]
-    return min(farthest, float((-height / falling).min())) if len(falling) else farthest
+    steepest = float(beam[:, 2].min())
+    return height / -steepest if -steepest * farthest > height else farthest
 
 
 def _edges(beam: Array, yaw: float) -> tuple[float, float, float, float]:
