@@ -157,7 +157,7 @@ def draw(paces: list[Pace], curves: dict[str, list[Point]]) -> None:
     for axis, (name, points) in zip(axes, curves.items(), strict=False):
         numbers, costs = np.array(points).T
         axis.plot(numbers, costs, "o-", color="#0072B2", ms=3, lw=1)
-        axis.set(xlabel=name.capitalize(), ylim=(0, None))
+        axis.set(xlabel=name.capitalize(), ylim=(0, 1.15 * costs.max()))
         if name == "obstacles":
             axis.set_xscale("log")
     axes[0].set_ylabel("A control tick (µs)")
