@@ -1,5 +1,6 @@
-"""What all figures share: their width and fonts, and files that are the same for the same input."""
+"""What all figures share: widths, fonts, colours, and the same bytes for the same input."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -7,13 +8,44 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 COLUMN_IN = 3.5  # width of one column of a two-column page
+PAGE_IN = 7.0  # and of both
 STYLE: dict[Any, Any] = {
     "font.size": 8,
+    "axes.titlesize": 8,
+    "legend.fontsize": 7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
     "pdf.fonttype": 42,  # text stays text, as most publishers ask
     "svg.fonttype": "none",
     "svg.hashsalt": "evoros",  # else the names inside an SVG are random
 }
+KINDS = ("pdf", "svg", "png")
 _DATES = {"svg": "Date", "pdf": "CreationDate"}
+
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
+    "#000000",
+    "#e69f00",
+    "#56b4e9",
+    "#009e73",
+    "#f0e442",
+    "#0072b2",
+    "#d55e00",
+    "#cc79a7",
+)
+"""The colours of Okabe and Ito (2008), which the colour-blind can tell apart."""
+CATEGORIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
+"""In the order in which they are dealt: the first differ in grey, too."""
+
+
+def width(columns: int | None, default: int = 1) -> float:
+    """Width [in] of a figure over so many columns of a page."""
+    return COLUMN_IN if (columns or default) == 1 else PAGE_IN
+
+
+def treatment_colours(treatments: Sequence[str]) -> dict[str, str]:
+    """A colour for each treatment, the same in all figures of a study."""
+    names = dict.fromkeys(treatments)
+    return {name: CATEGORIES[i % len(CATEGORIES)] for i, name in enumerate(names)}
 
 
 def save(figure: Figure, file: Path | str | IO[bytes], kind: str = "svg") -> None:

@@ -24,6 +24,7 @@ from evoros.outcome import Outcome
 from evoros.resuming import rebuilt
 from evoros.scores import score_columns, scores
 from evoros.session import RUNNING, Display, Opener, Tally, own_pool, recording
+from evoros.setting import SETTING, setting_of
 from evoros.tables import OUTCOME_COLUMNS, outcome_cells, read_outcome, text
 from evoros.types import Executor, Pool
 
@@ -93,7 +94,8 @@ def new(config: DictConfig, folder: Path) -> Evaluation:
         content, files = configuration.to_text(rest), kept(given)
         values = configuration.to_values(rest)
         described = manifest(experiment, content, values, COMMAND, files)
-    first = {CONFIG: content, MANIFEST: json.dumps(described, indent=2) + "\n", **files}
+    about = {MANIFEST: json.dumps(described, indent=2) + "\n", SETTING: setting_of(experiment).text}
+    first = {CONFIG: content, **about, **files}
     draw_up(folder, {**first, MISSIONS: text([HEADER])})
     return Evaluation(experiment, given, folder, said)
 

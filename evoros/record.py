@@ -21,6 +21,7 @@ from evoros.folder import (
 )
 from evoros.mission import Mission, Place
 from evoros.outcome import Outcome
+from evoros.setting import SETTING, Setting
 from evoros.tables import MISSIONS_HEADER, mission_row, read_mission, text
 
 GENERATIONS, CHAMPION = "generations", "champion"
@@ -43,7 +44,9 @@ class RunFolder(Folder):
             raise
 
     @classmethod
-    def create(cls, path: Path, config: str, manifest: Mapping[str, Any]) -> "RunFolder":
+    def create(
+        cls, path: Path, config: str, manifest: Mapping[str, Any], setting: Setting
+    ) -> "RunFolder":
         """A new run in a folder that does not exist or is empty.
 
         Raises:
@@ -51,7 +54,8 @@ class RunFolder(Folder):
         """
         require_unused(path)
         described = json.dumps(manifest, indent=2) + "\n"
-        draw_up(path, {CONFIG: config, MANIFEST: described, MISSIONS: text([MISSIONS_HEADER])})
+        files = {CONFIG: config, MANIFEST: described, SETTING: setting.text}
+        draw_up(path, {**files, MISSIONS: text([MISSIONS_HEADER])})
         return cls(path)
 
     def record(self, flown: Sequence[tuple[Mission, Outcome]]) -> None:

@@ -1,7 +1,7 @@
 """Reading run folders: tables as pandas frames. Knows the files, not the loop that writes them."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +12,11 @@ import pandas as pd
 from evoros.errors import InputError
 
 FILES = {"config.yaml", "manifest.json", "status.json", "missions.csv"}
+MISSION_NUMBERS = ("generation", "design", "trial", "progress", "time_s")
+CANDIDATE_NUMBERS = ("generation", "id", "fitness", "validated_fitness")
+SENSOR_NUMBERS = ("design", "sensor", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
+RECORD_NUMBERS = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "mode", "visited", "contact")
+"""Columns that a table must have, with nothing but numbers and empty cells."""
 
 
 @dataclass(frozen=True)
@@ -33,29 +38,29 @@ class Run:
     @cached_property
     def missions(self) -> pd.DataFrame:
         """A row for each finished mission, sorted by generation, design, world and trial."""
-        frame = self._csv(self.path / "missions.csv")
+        frame = read_table(self.path / "missions.csv", MISSION_NUMBERS)
         return frame.sort_values(["generation", "design", "world", "trial"], ignore_index=True)
 
     @cached_property
     def generations(self) -> pd.DataFrame:
         """A row for each candidate of each finished generation; empty where none is finished."""
         files = sorted((self.path / "generations").glob("[0-9]*.csv"))
-        frames = [self._csv(file) for file in files]
+        frames = [read_table(file, CANDIDATE_NUMBERS) for file in files]
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
 
     @cached_property
     def champion(self) -> pd.DataFrame:
         """A row for each sensor of the champion; the run must be finished."""
-        return self._csv(self.path / "champion" / "design.csv")
+        return read_table(self.path / "champion" / "design.csv", SENSOR_NUMBERS)
 
     @cached_property
     def genes(self) -> pd.DataFrame:
         """A row for each other evolved value of the champion; the run must be finished."""
-        return self._csv(self.path / "champion" / "genes.csv")
+        return read_table(self.path / "champion" / "genes.csv", ("value",))
 
     def trajectory(self, world: str) -> pd.DataFrame:
         """The champion's first mission in the world; the run must be finished."""
-        return self._csv(self.path / "champion" / f"trajectory_{world}.csv")
+        return read_table(self.path / "champion" / f"trajectory_{world}.csv", RECORD_NUMBERS)
 
     def _json(self, name: str) -> dict[str, Any]:
         def read(path: Path) -> Any:
@@ -65,10 +70,6 @@ class Run:
         if not isinstance(content, dict):
             raise InputError(f"{self.path / name}: must be a JSON object; restore the file")
         return content
-
-    def _csv(self, path: Path) -> pd.DataFrame:
-        frame: pd.DataFrame = _read(path, pd.read_csv)
-        return frame
 
 
 def load_run(path: str | Path) -> Run:
@@ -85,6 +86,28 @@ def load_run(path: str | Path) -> Run:
             f"give the path that evoros printed as run folder"
         )
     return Run(folder)
+
+
+def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
+    """A CSV file with these columns of numbers, whose cells may be empty, and any others.
+
+    Raises:
+        InputError: it is not there, or it is damaged.
+    """
+    frame: pd.DataFrame = _read(path, pd.read_csv)
+    for name in numbers:
+        if name not in frame.columns:
+            raise InputError(
+                f"{path}: line 1: must have the column {name}, not only "
+                f"{', '.join(map(str, frame.columns))}; restore the file"
+            )
+        odd = frame[name].notna() & pd.to_numeric(frame[name], errors="coerce").isna()
+        if odd.any():
+            line, value = int(odd.to_numpy().argmax()) + 2, frame.loc[odd, name].iloc[0]
+            raise InputError(
+                f"{path}: line {line}: {name} must be a number, not {value!r}; restore the file"
+            )
+    return frame
 
 
 def _read(path: Path, reader: Callable[[Path], Any]) -> Any:

@@ -23,6 +23,7 @@ from evoros.mission import Mission
 from evoros.outcome import Outcome
 from evoros.record import RunFolder
 from evoros.resuming import rebuilt
+from evoros.setting import setting_of
 from evoros.types import Executor, Pool
 
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
@@ -200,7 +201,7 @@ def new(config: DictConfig, folder: Path) -> Session:
         experiment = configuration.build(config)
         content = configuration.to_text(config)
         described = manifest(experiment, content, configuration.to_values(config))
-    record = RunFolder.create(folder, content, described)
+    record = RunFolder.create(folder, content, described, setting_of(experiment))
     return Session(experiment, record, experiment.optimizer.generations, said)
 
 

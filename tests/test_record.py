@@ -13,6 +13,9 @@ from test_cli import wait_for_missions
 from evoros.cli import DONE, INPUT, evoros
 from evoros.errors import InputError
 from evoros.record import RunFolder
+from evoros.setting import Setting
+
+BARE = Setting("robot", (), {}, {}, {}, False, (), (), {})
 
 
 @pytest.fixture(scope="module")
@@ -311,12 +314,12 @@ def test_what_fails_while_the_folder_is_made_leaves_nothing(
         return replace(path, target)
 
     monkeypatch.setattr(Path, "replace", failing)
-    moved = 2 if exists else 3  # the manifest, the missions and a new folder are put in place
+    moved = 3 if exists else 4  # manifest, setting, missions and a new folder are put in place
     if at >= moved:
-        RunFolder.create(run, "", {}).__exit__()
+        RunFolder.create(run, "", {}, BARE).__exit__()
         return
     with pytest.raises(InputError, match="cannot be made"):
-        RunFolder.create(run, "", {})
+        RunFolder.create(run, "", {}, BARE)
     assert list(tmp_path.rglob("*")) == ([run] if exists else [])
 
 
@@ -344,8 +347,8 @@ def test_of_two_runs_that_are_made_in_one_folder_one_is_refused(
     from evoros import record
 
     monkeypatch.setattr(record, "require_unused", lambda path: None)
-    first = RunFolder.create(tmp_path, "first", {})
+    first = RunFolder.create(tmp_path, "first", {}, BARE)
     with pytest.raises(InputError):
-        RunFolder.create(tmp_path, "second", {})
+        RunFolder.create(tmp_path, "second", {}, BARE)
     assert (tmp_path / "config.yaml").read_text() == "first"
     first.__exit__()

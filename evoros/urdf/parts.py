@@ -8,6 +8,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.body import Pose, Shape
+from evoros.errors import InputError
 from evoros.types import Array
 from evoros.xmlfile import fault, name_of, needed, shown
 
@@ -139,6 +140,15 @@ def _read_limit(joint: Element, kind: str) -> tuple[float, float, float]:
 def read_shapes(link: Element) -> tuple[Shape, ...]:
     """The collision shapes of a link, posed in its frame."""
     return tuple(_read_shape(collision) for collision in link.findall("collision"))
+
+
+def read_looks(link: Element) -> tuple[Shape, ...]:
+    """What is seen of a link, posed in its frame: its collision shapes where that is a mesh."""
+    seen = link.findall("visual")
+    try:
+        return tuple(map(_read_shape, seen)) or read_shapes(link)
+    except InputError:  # no robot is refused for its looks
+        return read_shapes(link)
 
 
 def _read_shape(collision: Element) -> Shape:

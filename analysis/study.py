@@ -1,0 +1,212 @@
+"""A study: the runs and evaluations in some folders, as far as they are whole.
+
+Everything is read from plain files: nothing that a folder's configuration names is imported.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pandas as pd
+
+from evoros.errors import InputError
+from evoros.log import LOGGER
+from evoros.runs import Run, load_run, read_table
+from evoros.setting import Setting
+
+from .designs import champion_sensors, initial_sensors, number
+from .folders import folders_in, short_names
+from .treatments import labels
+from .values import read_values
+
+EVALUATED = "evoros-evaluate"
+"""The command that makes the folders of evaluations."""
+KEYS = ("run", "treatment", "seed")
+"""The first columns of every table of a study."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A run."""
+
+    name: str  # its folder, as short as it can be told from the others of the study
+    run: Run
+    setting: Setting
+    values: Mapping[str, Any]  # of the configuration, by dotted key
+    treatment: str = ""  # what it differs in from others of the study, its seed apart
+
+    @property
+    def path(self) -> Path:
+        """Its folder."""
+        return self.run.path
+
+    @property
+    def seed(self) -> int:
+        """Of the configuration."""
+        return int(self.values["seed"])
+
+    @property
+    def finished(self) -> bool:
+        """Whether it has a champion."""
+        return bool(self.run.status.get("state") == "finished")
+
+
+class Scored(Record):
+    """An evaluation of given designs; ``run`` has its manifest, status and missions."""
+
+    @cached_property
+    def designs(self) -> pd.DataFrame:
+        """A row for each design, with its fitness; the evaluation must be finished."""
+        return read_table(self.path / "designs.csv", ("fitness_mean", "fitness_sd", "trials"))
+
+    @cached_property
+    def given(self) -> pd.DataFrame:
+        """A row for each sensor of the designs; one for a design without any."""
+        return read_table(self.path / "designs_in.csv", ("x_m", "y_m", "z_m", "yaw_deg"))
+
+    @cached_property
+    def genes(self) -> pd.DataFrame:
+        """A row for each other value of the designs."""
+        return read_table(self.path / "genes_in.csv", ("value",))
+
+    @cached_property
+    def missions(self) -> pd.DataFrame:
+        """A row for each finished mission."""
+        return read_table(self.path / "missions.csv", ("trial", "progress", "time_s"))
+
+
+Found = TypeVar("Found", bound=Record)
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Runs and evaluations, in the order of their names."""
+
+    records: tuple[Record, ...]
+    evaluations: tuple[Scored, ...] = ()
+
+    def gather(self, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
+        """The tables of all runs below each other, with ``run``, ``treatment`` and ``seed`` first.
+
+        A run whose files cannot be read is left out, and that is said in one line.
+
+        Raises:
+            InputError: none is left.
+        """
+        frames = []
+        for record in self.records:
+            try:
+                frame = read(record)
+            except InputError as error:
+                LOGGER.warning("%s; left out", error)
+                continue
+            except (LookupError, ValueError, TypeError, AttributeError) as error:
+                said = " ".join(str(error).split())
+                LOGGER.warning("%s: its tables must be whole (%s); left out", record.path, said)
+                continue
+            others = [name for name in frame.columns if name not in KEYS]
+            marked = frame.assign(run=record.name, treatment=record.treatment, seed=record.seed)
+            frames.append(marked[[*KEYS, *others]])
+        if not any(len(frame) for frame in frames):
+            raise InputError("none of the folders has what this needs: give folders of whole runs")
+        return pd.concat([frame for frame in frames if len(frame)], ignore_index=True)
+
+    @cached_property
+    def generations(self) -> pd.DataFrame:
+        """A row for each candidate of each generation of each run."""
+        return self.gather(lambda record: record.run.generations)
+
+    @cached_property
+    def champions(self) -> pd.DataFrame:
+        """A row for each sensor of each finished run's champion; see ``designs``.
+
+        With ``fitness`` and ``validated_fitness``.
+        """
+        return self.gather(champion_sensors)
+
+    @cached_property
+    def initial(self) -> pd.DataFrame:
+        """A row for each sensor of the designs that the runs began with, made at random."""
+        return self.gather(initial_sensors)
+
+    @property
+    def treatments(self) -> tuple[str, ...]:
+        """Their labels, in the order of the runs."""
+        return tuple(dict.fromkeys(record.treatment for record in self.records))
+
+    def only(self, name: str) -> Record:
+        """The run of this name, or whose name alone ends so.
+
+        Raises:
+            InputError: there is none, or more than one.
+        """
+        exact = [record for record in self.records if record.name == name]
+        found = exact or [record for record in self.records if record.name.endswith(name)]
+        if len(found) != 1:
+            names = ", ".join(record.name for record in found or self.records)
+            raise InputError(f"--run: must be the name of one run, not {name!r}; one of {names}")
+        return found[0]
+
+    @cached_property
+    def best(self) -> Record:
+        """The finished run with the greatest fitness: validated, where all have it so.
+
+        Raises:
+            InputError: none is finished.
+        """
+        whole = [record for record in self.records if record.finished]
+        if not whole:
+            raise InputError("no run is finished, and this needs a champion; resume one of them")
+        for name in ("best_validated_fitness", "best_fitness"):
+            scores = [number(record.run.status.get(name)) for record in whole]
+            if not any(map(math.isnan, scores)):
+                return whole[max(range(len(whole)), key=scores.__getitem__)]
+        return whole[0]
+
+
+def load_study(paths: Sequence[Path]) -> Study:
+    """What is whole in these folders: of runs, of evaluations, or of sweeps of them.
+
+    What is not is said, in a line for each.
+
+    Raises:
+        InputError: a path leads nowhere, or nothing is whole.
+    """
+    found = list(dict.fromkeys(folder for path in paths for folder in folders_in(path)))
+    names = short_names(found)
+    records: list[Record] = []
+    evaluations: list[Scored] = []
+    for folder in found:
+        try:
+            record = _record(folder, names[folder])
+        except InputError as error:
+            LOGGER.warning("%s; left out", error)
+            continue
+        if isinstance(record, Scored):
+            evaluations.append(record)
+        else:
+            records.append(record)
+    if not records and not evaluations:
+        given = ", ".join(map(str, paths))
+        raise InputError(
+            f"{given}: must hold whole runs or evaluations, and there is none; see above"
+        )
+    return Study(_labelled(records), _labelled(evaluations))
+
+
+def _labelled(records: Sequence[Found]) -> tuple[Found, ...]:
+    names = labels([record.values for record in records])
+    return tuple(replace(r, treatment=name) for r, name in zip(records, names, strict=True))
+
+
+def _record(folder: Path, name: str) -> Record:
+    run = load_run(folder)
+    made = Scored if run.manifest.get("command") == EVALUATED else Record
+    values = read_values(folder / "config.yaml")
+    if not isinstance(values.get("seed"), int):
+        raise InputError(f"{folder / 'config.yaml'}: must have a whole number as seed; restore it")
+    _ = run.status
+    return made(name, run, Setting.read(folder), values)

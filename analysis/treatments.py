@@ -1,0 +1,80 @@
+"""What the runs of a study differ in, as labels for figures."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+IGNORED = ("seed", "executor", "figures")
+"""Keys, or first parts of keys, that make no treatment: replicates and where they were computed."""
+TARGET = "_target_"
+ALONE = "all runs"
+"""The label where there is one treatment."""
+LONGEST = 40
+"""Characters of a label."""
+
+
+def labels(each: Sequence[Mapping[str, Any]]) -> list[str]:
+    """For each of some configurations (values by dotted key) what tells its treatment from others.
+
+    A part that is of another class is named by its module (``random`` of
+    ``evoros.failure.random.RandomFailure``), a set of other worlds by their names, anything else as
+    ``key=value``.
+    """
+    bare = [{k: v for k, v in values.items() if k.split(".")[0] not in IGNORED} for values in each]
+    keys = list(dict.fromkeys(key for values in bare for key in values))
+    differing = [key for key in keys if any(_get(v, key) != _get(bare[0], key) for v in bare)]
+    conditions = [tuple(repr(_get(values, key)) for key in differing) for values in bare]
+    names: dict[tuple[str, ...], str] = {}
+    for condition, values in zip(conditions, bare, strict=True):
+        if condition not in names:
+            name = _label(values, differing) or ALONE
+            again = sum(known.partition(" #")[0] == name for known in names.values())
+            names[condition] = f"{name} #{again + 1}" if again else name
+    return [names[condition] for condition in conditions]
+
+
+def differing_keys(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    """The keys in which two configurations differ, replicates and executors apart."""
+    keys = dict.fromkeys([*one, *other])
+    return [
+        key
+        for key in keys
+        if key.split(".")[0] not in IGNORED and _get(one, key) != _get(other, key)
+    ]
+
+
+def part_name(target: Any) -> str:
+    """The short name of the class of a part: that of its module, as its YAML has it."""
+    parts = str(target).split(".")
+    return parts[-2] if len(parts) > 1 else parts[-1]
+
+
+def _get(values: Mapping[str, Any], key: str) -> Any:
+    return values.get(key, "absent")
+
+
+def _label(values: Mapping[str, Any], differing: Sequence[str]) -> str:
+    """A piece for each class, set of worlds or value that differs."""
+    classes = [key.removesuffix(TARGET) for key in differing if key.endswith(TARGET)]
+    parts = [part for part in classes if part.count(".") == 1]
+    pieces = [part_name(values[part + TARGET]) for part in parts if part + TARGET in values]
+    if any(key.startswith("world.") for key in differing):
+        worlds = dict.fromkeys(key.split(".")[1] for key in values if key.startswith("world."))
+        pieces.append("+".join(worlds))
+    covered = (*parts, "world.")
+    rest = [key for key in differing if key in values and not key.startswith(covered)]
+    pieces += [f"{key.rpartition('.')[2]}={_short(values[key])}" for key in rest]
+    return _cut(pieces)
+
+
+def _cut(pieces: Sequence[str]) -> str:
+    kept: list[str] = []
+    for piece in pieces:
+        if kept and len(", ".join((*kept, piece))) > LONGEST:
+            return ", ".join((*kept, "..."))
+        kept.append(piece)
+    return ", ".join(kept)
+
+
+def _short(value: Any) -> str:
+    text = str(value).lower() if isinstance(value, bool) else str(value)
+    return text if len(text) <= LONGEST // 2 else text[: LONGEST // 2 - 3] + "..."
