@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Patch, Polygon
 
 from evoros.geometry import footprint
 from evoros.types import Array
-from evoros.world import World
+from evoros.world import Course, World
 
 from .style import COLUMN_IN, STYLE  # relative: installed, this is evoros.analysis
 
@@ -33,10 +33,10 @@ def worlds(
         figure = Figure(figsize=(width, 1.1 * width / len(each)), layout="constrained")
         panels = figure.subplots(1, len(each), squeeze=False, sharex=True, sharey=True)[0]
         for axes, (name, world) in zip(panels, each.items(), strict=True):
-            solids = _solids(axes, world)
+            solids = draw_obstacles(axes, world)
             for track in (tracks or {}).get(name, ()):
                 axes.plot(*track.T, color=TRACK, lw=0.7, alpha=0.8)
-            _course(axes, world)
+            draw_course(axes, world.course)
             axes.set_title(name, fontsize=8)
             axes.set_xlabel("x [m]")
             axes.set_aspect("equal")
@@ -46,7 +46,10 @@ def worlds(
     return figure
 
 
-def _solids(axes: Axes, world: World) -> PatchCollection:
+def draw_obstacles(
+    axes: Axes, world: World, cmap: str = "cividis_r", heights: Normalize = HEIGHTS_M
+) -> PatchCollection:
+    """All that stands in a world, coloured by its height [m]."""
     patches: list[Patch] = []
     tops: list[float] = []
     for body in world.obstacles:
@@ -58,15 +61,15 @@ def _solids(axes: Axes, world: World) -> PatchCollection:
             else:
                 patches.append(Polygon(area.vertices))
             tops.append(2 * pose.position[2])  # of what stands on the ground
-    solids = PatchCollection(patches, cmap="cividis_r", norm=HEIGHTS_M, ec="black", lw=0.3)
+    solids = PatchCollection(patches, cmap=cmap, norm=heights, ec="black", lw=0.3)
     solids.set_array(np.array(tops))
     axes.add_collection(solids)
     axes.autoscale()
     return solids
 
 
-def _course(axes: Axes, world: World) -> None:
-    course = world.course
+def draw_course(axes: Axes, course: Course) -> None:
+    """The route, the circles in which a corner counts as visited, and home, a star."""
     route = np.array([course.home[:2], *course.waypoints, course.home[:2]])
     axes.plot(*route.T, color="0.5", lw=0.7, ls=":")
     for x, y in course.waypoints:

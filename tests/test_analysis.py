@@ -44,7 +44,7 @@ def saved(table: pd.DataFrame, kind: str) -> bytes:
 
 
 def test_each_line_is_that_of_the_table_computed_by_hand() -> None:
-    expected = {"best, recorded": BEST, "mean": MEAN, "best, validated": VALIDATED}
+    expected = {"best, recorded": BEST, "mean of pool": MEAN, "best, validated": VALIDATED}
     assert lines(fitness(TABLE)) == {
         name: list(enumerate(values)) for name, values in expected.items()
     }
@@ -62,7 +62,7 @@ def test_the_order_of_the_rows_changes_no_line() -> None:
 
 def test_without_validation_there_is_no_line_of_it() -> None:
     drawn = lines(fitness(TABLE.assign(validated_fitness=NAN)))
-    assert set(drawn) == {"best, recorded", "mean"}
+    assert set(drawn) == {"best, recorded", "mean of pool"}
 
 
 def test_generations_are_whole_and_named_in_the_axes() -> None:
