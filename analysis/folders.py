@@ -1,37 +1,25 @@
 """Finds the folders of runs and evaluations, and gives them short names."""
 
-import os
-import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from evoros.errors import InputError
+from evoros.finding import folders_below
 from evoros.log import LOGGER
-
-MARKS = ("config.yaml", "manifest.json", "missions.csv")
-"""A folder with one of these is, or should be, that of a run or an evaluation."""
 
 
 def folders_in(path: Path) -> Iterator[Path]:
-    """The folders of runs and evaluations in ``path``, or itself; nothing is looked for in them."""
+    """The folders of runs and evaluations in ``path``, or itself; that there is none is said.
+
+    Raises:
+        InputError: there is no such folder.
+    """
     if not path.is_dir():
         raise InputError(f"{path}: must be a folder of runs, and there is none; correct the path")
-    begun = False
-    for top, below, files in os.walk(path):
-        below[:] = sorted((name for name in below if not name.startswith(".")), key=_natural)
-        if any(name in files for name in MARKS):
-            begun = True
-            below.clear()
-            yield Path(top)
-    if not begun:
+    found = list(folders_below(path))
+    if not found:
         LOGGER.warning("%s: must hold runs, and holds none; left out", path)
-
-
-def _natural(name: str) -> list[tuple[int, str]]:
-    """For sorting: ``seed-10`` comes after ``seed-9``."""
-    return [
-        (int(part or -1), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)
-    ]
+    yield from found
 
 
 def short_names(folders: Iterable[Path]) -> dict[Path, str]:

@@ -125,8 +125,8 @@ def _sources(config: DictConfig) -> list[str]:
     sources = list(value) if isinstance(value, ListConfig) else [value]
     if not sources or not all(TEXT.holds(each) for each in sources):
         raise InputError(
-            f"designs: must be a CSV file, the folder of a finished run, or a list of these, not "
-            f"{'null' if value is None else value}; add designs=FILE.csv"
+            f"designs: must be a CSV file, the folder of a finished run or of a sweep, or a list "
+            f"of these, not {'null' if value is None else value}; add designs=FILE.csv"
         )
     return sources
 

@@ -4,7 +4,7 @@
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import isfinite
@@ -12,6 +12,7 @@ from pathlib import Path
 
 from evoros.csvfile import read_rows
 from evoros.errors import InputError
+from evoros.finding import folders_below
 from evoros.folder import STATUS, made_by, read_json, resume_command
 from evoros.genes import ends
 from evoros.log import LOGGER
@@ -51,21 +52,53 @@ class _Draft:
 def read_given(sources: Sequence[str], task: Task) -> list[Given]:
     """The designs of all sources, in order; each fits the robot and the parts of ``task``.
 
-    A source is a CSV file, or the folder of a finished run, which stands for its champion.
+    A source is a CSV file, the folder of a finished run, which stands for its champion, or that of
+    a sweep, which stands for the champions of all its finished runs.
 
     Raises:
         InputError: a source cannot be read, or a design is refused.
     """
-    drafts: dict[Name, _Draft] = {}
+    given: list[Given] = []
     known: set[Path] = set()
     for source in sources:
-        path = Path(source).expanduser()
-        if path.resolve() in known:
-            raise InputError(f"designs: must name each source once, not {source!r} again; drop one")
-        known.add(path.resolve())
-        read = _of_folder if path.is_dir() else _of_file
-        drafts |= read(" ".join(source.split()), path, task)
-    return [_fitted(name, draft, task) for name, draft in drafts.items()]
+        for each, one in _designs_by_place(source, task):
+            if each.resolve() in known:
+                raise InputError(f"designs: must name each source once, not {each} again; drop one")
+            known.add(each.resolve())
+            given += one
+    return given
+
+
+def _designs_by_place(source: str, task: Task) -> Iterator[tuple[Path, list[Given]]]:
+    """The designs of each file or run that a source stands for."""
+    path = Path(source).expanduser()
+    if not path.is_dir():
+        yield path, _all_fitted(_of_file(_one_line(source), path, task), task)
+        return
+    below = list(folders_below(path))
+    if below in ([], [path]):
+        yield path, _all_fitted(_of_run(_one_line(source), path, task), task)
+        return
+    runs = [folder for folder in below if made_by(folder) == "evoros"]
+    finished = 0
+    for folder in runs:
+        name = _one_line(str(Path(source, folder.relative_to(path))))
+        try:
+            champion = _all_fitted(_of_run(name, folder, task), task)
+        except InputError as error:
+            LOGGER.warning("%s; left out", error)
+            continue
+        finished += 1
+        yield folder, champion
+    if not finished:
+        raise InputError(
+            f"designs={path}: must hold a finished run whose champion can be scored, and none of "
+            f"its {len(runs)} is one; finish one, or give another folder"
+        )
+
+
+def _one_line(name: str) -> str:
+    return " ".join(name.split())
 
 
 def read_kept(folder: Path, task: Task) -> list[Given]:
@@ -76,7 +109,7 @@ def read_kept(folder: Path, task: Task) -> list[Given]:
     """
     drafts = _designs(folder / DESIGN_FILE, None, task)
     _add_genes(drafts, folder / GENE_FILE, None)
-    return [_fitted(name, draft, task) for name, draft in drafts.items()]
+    return _all_fitted(drafts, task)
 
 
 def kept(given: Sequence[Given]) -> dict[str, str]:
@@ -110,13 +143,13 @@ def _of_file(source: str, path: Path, task: Task) -> dict[Name, _Draft]:
     return drafts
 
 
-def _of_folder(source: str, path: Path, task: Task) -> dict[Name, _Draft]:
+def _of_run(source: str, path: Path, task: Task) -> dict[Name, _Draft]:
     """The champion of a run, with its other genes."""
     if made_by(path) != "evoros" or not (path / STATUS).is_file():
         what = "an evaluation's" if (path / DESIGN_FILE).is_file() else "no run's"
         raise InputError(
-            f"designs={path}: must be a CSV file or the folder of a finished run, and the folder "
-            f"is {what}; give the folder that evoros printed as run folder"
+            f"designs={path}: must be a CSV file or the folder of a finished run or a sweep, and "
+            f"the folder is {what}; give the folder that evoros printed as run folder"
         )
     state = read_json(path / STATUS).get("state")
     designs, genes = (path / CHAMPION / name for name in ("design.csv", "genes.csv"))
@@ -219,6 +252,10 @@ def _number(at: str, name: str, content: str) -> float:
         if isfinite(value):
             return value
     raise InputError(f"{at}: {name} must be a number, not {content!r}; correct the cell")
+
+
+def _all_fitted(drafts: Mapping[Name, _Draft], task: Task) -> list[Given]:
+    return [_fitted(name, draft, task) for name, draft in drafts.items()]
 
 
 def _fitted(name: Name, draft: _Draft, task: Task) -> Given:

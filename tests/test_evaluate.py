@@ -172,6 +172,57 @@ def test_designs_of_several_sources_stay_apart(file: Path, run: Path, tmp_path: 
     assert list(rows["fitness_mean"][:2]) == list(rows["fitness_mean"][2:4])
 
 
+@pytest.fixture
+def sweep(run: Path, tmp_path: Path) -> Path:
+    """Two finished runs, and what a sweep leaves where it was stopped, killed or damaged."""
+    folder = tmp_path / "sweep"
+    for name in ("a-10", "a-9", "deep/a-1", "stopped", "killed", "damaged"):
+        shutil.copytree(run, folder / name)
+    status = json.loads((run / "status.json").read_text()) | {"state": "stopped"}
+    (folder / "stopped" / "status.json").write_text(json.dumps(status))
+    (folder / "killed" / "manifest.json").unlink()
+    (folder / "killed" / "status.json").unlink()
+    (folder / "damaged" / "champion" / "design.csv").write_text(f"{HEADER}\n0,0,a,0,0\n")
+    return folder
+
+
+def test_a_folder_of_runs_stands_for_the_champions_of_the_finished_ones(
+    sweep: Path, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(whole, sweep / "scores")  # an evaluation is no run
+    assert scored(tmp_path / "scores", f"{sweep}/", "trials=2") == DONE
+    rows = table(tmp_path / "scores")
+    assert list(rows["source"]) == [f"{sweep}/{name}" for name in ("a-9", "a-10", "deep/a-1")]
+    said = [line for line in capsys.readouterr().err.splitlines() if "left out" in line]
+    assert len(said) == 3
+    for name, why in (("damaged", "x_m"), ("killed", "no run's"), ("stopped", "is stopped")):
+        assert [why in line for line in said if f"sweep/{name}" in line] == [True]
+    assert "left out" in (tmp_path / "scores" / "evoros.log").read_text()
+    alone = tmp_path / "alone"
+    assert scored(alone, sweep / "a-9", "trials=2") == DONE
+    other = [each.drop(columns="source").iloc[0] for each in (rows, table(alone))]
+    assert other[0].equals(other[1])
+
+
+def test_a_folder_without_a_finished_run_is_one_clear_line(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("a-9", "a-10", "deep"):
+        shutil.rmtree(sweep / name)
+    assert scored(tmp_path / "scores", sweep) == INPUT
+    *warnings, error = capsys.readouterr().err.splitlines()
+    assert len(warnings) == 3
+    assert "must hold a finished run whose champion can be scored, and none of its 3 is" in error
+    assert not (tmp_path / "scores").exists()
+
+
+def test_a_run_of_a_sweep_is_not_scored_twice(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert scored(tmp_path / "scores", f"[{sweep / 'a-9'},{sweep}]") == INPUT
+    assert "must name each source once, not" in capsys.readouterr().err
+
+
 def test_a_sweep_is_one_evaluation_for_each_combination(file: Path, tmp_path: Path) -> None:
     more = [f"designs={file}", f"hydra.sweep.dir={tmp_path / 'sweep'}", "failure=spatial,random"]
     assert evaluate(["-m", *TINY, "executor=serial", *more]) == DONE
