@@ -99,13 +99,19 @@ def _there(path: Path) -> Path:
     return path
 
 
+def failures(mission: "pd.Series[str]") -> list[tuple[int, float, str]]:
+    """Sensor, from 0, time [s] and effect of each failure in a row of ``missions.csv``."""
+    names = ("failed_sensors", "failed_at_s", "failed_by")
+    each = zip(*(_cells(mission[name]) for name in names), strict=True)
+    return [(int(float(sensor)), float(at), effect) for sensor, at, effect in each]
+
+
 def _failed(mission: "pd.Series[str]", times: np.ndarray) -> dict[int, list[tuple[str, str]]]:
     """Sensors and effects by the row of the first record at or after the failure."""
     found: dict[int, list[tuple[str, str]]] = {}
-    names = ("failed_sensors", "failed_at_s", "failed_by")
-    for sensor, at, effect in zip(*(_cells(mission[name]) for name in names), strict=True):
-        row = min(int(np.searchsorted(times, float(at))), len(times) - 1)
-        found.setdefault(row, []).append((str(int(float(sensor))), effect))
+    for sensor, at, effect in failures(mission):
+        row = min(int(np.searchsorted(times, at)), len(times) - 1)
+        found.setdefault(row, []).append((str(sensor), effect))
     return found
 
 
