@@ -12,26 +12,12 @@ from evoros.command import DONE, INPUT, INTERRUPTED
 from evoros.errors import EvorosError, InputError
 from evoros.log import LOGGER, logging_to_terminal
 
+from . import SUBCOMMANDS
 from .product import Product
 from .study import Study, load_study
 from .style import KINDS, save
 
 NAME = "evoros-analyze"
-SUBCOMMANDS = (
-    "overlay",
-    "panel",
-    "fitness",
-    "failure",
-    "regions",
-    "mission",
-    "compare",
-    "transfer",
-    "strategies",
-    "claims",
-    "report",
-    "replay",
-)
-"""Each is a module of this package, with what ``Subcommand`` says."""
 ABOUT = """evoros-analyze turns the folders of runs and evaluations, or sweeps of them, into figures
 and the numbers behind them.
 

@@ -32,7 +32,7 @@ from evoros.rng import generator
 from evoros.runs import load_run
 from evoros.session import FINISHED
 
-BASE = ("experiment=as_run", "simulator=planar", "executor=serial")
+BASE = ("experiment=as_run", "simulator=planar", "executor=serial", "figures=[]")
 NAVIGATION = {"l1": (), "serpentine": ("controller=rover",)}
 TREATMENTS = ("none", "random", "spatial")
 DESIGNS, VARIANT_DESIGNS, PHYSICS_DESIGNS, AGAIN_DESIGNS = 500, 120, 30, 60

@@ -100,7 +100,7 @@ def pace(simulator: str, workers: int, designs: int, trials: int, folder: Path) 
 def replicate(folder: Path) -> tuple[float, float, int]:
     """A whole replicate by ``evoros``: wall [s], a generation [s], missions."""
     run = folder / "replicate"
-    whole = command("evoros", "simulator=planar", f"hydra.run.dir={run}")
+    whole = command("evoros", "simulator=planar", "figures=[]", f"hydra.run.dir={run}")
     status = json.loads((run / "status.json").read_text())
     return whole, status["session_wall_s"] / status["generations"], status["missions"]
 
@@ -108,6 +108,7 @@ def replicate(folder: Path) -> tuple[float, float, int]:
 def start(folder: Path) -> tuple[float, float]:
     """The shortest run, with nothing compiled yet, and again: wall [s]."""
     short = ("simulator=planar", "optimizer.population_size=2", "optimizer.generations=1")
+    short += ("figures=[]",)
     cold, warm = (
         command("evoros", *short, f"hydra.run.dir={folder / name}", cache=folder / "cache")
         for name in ("cold", "warm")
@@ -139,8 +140,8 @@ def report(
     ]
     lines += [
         "",
-        f"A whole replicate (`evoros simulator=planar`, {whole[2]} missions): {whole[0]:.1f} s, "
-        f"{whole[1]:.2f} s a generation.",
+        f"A whole replicate (`evoros simulator=planar figures=[]`, {whole[2]} missions): "
+        f"{whole[0]:.1f} s, {whole[1]:.2f} s a generation.",
         "",
         f"The shortest run there is: {starts[0]:.1f} s with nothing compiled yet, "
         f"{starts[1]:.1f} s after that.",

@@ -29,7 +29,7 @@ FEWEST = 10  # generations, at the first comparison
 MISSIONS = 1250  # of the selection, at most, at the second comparison
 FRESH = 40  # trials of the final score
 EQUAL = ("generations", "missions")
-BASE = ["world=dense", "simulator=planar"]
+BASE = ["world=dense", "simulator=planar", "figures=[]"]
 FIGURE = Path(__file__).parents[1] / "docs" / "img" / "winners_curse.png"
 KEYS = ["trials", "seed", "equal", "chosen"]
 LINES = {  # label: column, chosen by, colour (Okabe-Ito), marker

@@ -1,6 +1,6 @@
 """All that a run is, as one description: the parts, checked against each other."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -12,6 +12,7 @@ from evoros.confirmation import Confirmation
 from evoros.design import DesignSpace, SensorDesign
 from evoros.errors import COUNT, NAME, WHOLE, InputError, check, instance_of, one_of
 from evoros.evaluation import CONFIRMATION, POLICIES, STOP, VALIDATION, WORST, Plan
+from evoros.figures import DRAWABLE
 from evoros.fitness import Fitness
 from evoros.flight import Parts, Step, parts_of
 from evoros.genes import check_genes
@@ -49,6 +50,7 @@ class Experiment:
     draws: str = "generation"  # who meets the same random draws: generation, individual or run
     lost_missions: str = STOP  # a mission that crashes or hangs: stop the run, or worst
     confirmation: Confirmation | None = None  # of each generation's best, in another simulator
+    figures: Sequence[str] = ()  # that a finished run draws of itself: evoros-analyze's subcommands
     course: Course | None = None  # to whose values those of the worlds' courses may refer
 
     def __post_init__(self) -> None:
@@ -64,6 +66,7 @@ class Experiment:
             confirmation=instance_of(
                 Confirmation | None, "a confirmation (evoros.confirmation.Confirmation)"
             ),
+            figures=DRAWABLE,
             course=instance_of(Course | None, "a course (evoros.world.Course)"),
         )
         parts = {"robot": self.robot, "controller": self.controller, "design": self.design}

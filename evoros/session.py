@@ -16,6 +16,7 @@ from evoros.errors import InputError
 from evoros.evaluation import describe
 from evoros.evolution import Evolution, Generation, Observer
 from evoros.experiment import Experiment
+from evoros.figures import discard_figures, draw_figures
 from evoros.folder import LOG, require_unused
 from evoros.log import LOGGER, logging_to_file, remembering
 from evoros.manifest import manifest
@@ -114,6 +115,7 @@ class Recorder:
     generations: int
     tally: Tally
     last: Generation | None = None
+    over: bool = False  # finished: nothing that follows, such as a figure, changes that
 
     def begin(self, generation: int, missions: int, known: int) -> None:
         """Missions are wanted."""
@@ -136,6 +138,9 @@ class Recorder:
     def write(self, state: str, reason: str = "") -> None:
         """The status of the run; wall-clock figures are of this session alone."""
         last = self.last
+        if self.over:
+            return
+        self.over = state == FINISHED
         self.folder.write_status(
             {
                 "state": state,
@@ -173,7 +178,9 @@ class Session:
         Raises:
             RunStopped: a mission was lost; the run can be resumed.
         """
-        record, generations = self.record, self.generations
+        record, generations, figures = self.record, self.generations, self.experiment.figures
+        if record.read_status().get("generations_done") != generations:
+            discard_figures(record.path, figures)
         recorder = Recorder(record, display, generations, Tally(time.monotonic()))
         with record, recording(record.path, self.said, recorder.write):
             LOGGER.info(
@@ -187,7 +194,10 @@ class Session:
             display.start(generations)
             evolution = Evolution(self.experiment, record, recorder, generations)
             with opener(self.executor) as pool:
-                return evolution.run(pool)
+                last = evolution.run(pool)
+                recorder.write(FINISHED)  # now, for figures are drawn of finished runs
+                draw_figures(record.path, figures, pool)
+        return last
 
 
 def new(config: DictConfig, folder: Path) -> Session:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from evoros.figures import FIGURES
 from evoros.folder import STATUS
 
 
@@ -20,6 +21,8 @@ def summary(folder: Path) -> str:
         f"champion          {folder / 'champion'}",
         f"run folder        {folder}",
     ]
+    if (folder / FIGURES).is_dir():
+        lines.insert(-1, f"figures           {folder / FIGURES}")
     if status["mean_loss"] is not None:
         lines.insert(1, _loss(status))
     return "\n".join(lines)

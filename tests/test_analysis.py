@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis.fitness import fitness
+from evoros.analysis.fitness import bests, fitness, quartiles
 from evoros.analysis.style import save
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
@@ -81,3 +81,67 @@ def test_the_same_table_gives_the_same_bytes(kind: str) -> None:
     first = saved(TABLE, kind)
     assert saved(TABLE.copy(), kind) == first
     assert saved(TABLE.assign(fitness=TABLE["fitness"] + 1), kind) != first
+
+
+def replicate(run: str, treatment: str, best: list[float], validated: list[float]) -> pd.DataFrame:
+    """A run with two candidates in each generation: the best, and one with a fitness of 1."""
+    count = len(best)
+    return pd.DataFrame(
+        {
+            "run": run,
+            "treatment": treatment,
+            "generation": [*range(count), *range(count)],
+            "fitness": [*best, *(1.0 for _ in best)],
+            "validated_fitness": [*validated, *(NAN for _ in best)],
+        }
+    )
+
+
+STUDY = pd.concat(
+    [
+        replicate("a", "calm", [2.0, 3.0], [2.0, NAN]),
+        replicate("b", "calm", [4.0, 5.0], [4.0, 1.0]),
+        replicate("c", "calm", [6.0], [6.0]),  # unfinished
+        replicate("d", "calm", [20.0, 9.0], [0.0, 2.0]),
+        replicate("e", "storm", [8.0, 8.0], [NAN, NAN]),
+    ]
+)
+
+
+def test_quartiles_over_the_replicates_are_those_computed_by_hand() -> None:
+    """Of 2, 4, 6, 20: 3.5, 5, 9.5 by linear interpolation; with those runs that are there."""
+    table = quartiles(STUDY).set_index(["treatment", "generation"])
+    calm, later = table.loc[("calm", 0)], table.loc[("calm", 1)]
+    assert calm[["recorded_q1", "recorded_median", "recorded_q3"]].tolist() == [3.5, 5.0, 9.5]
+    assert calm[["validated_q1", "validated_median", "validated_q3"]].tolist() == [1.5, 3.0, 4.5]
+    assert calm["mean_median"] == 3.0  # of (2 + 1) / 2, 2.5, 3.5, 10.5
+    assert later[["recorded_q1", "recorded_median", "recorded_q3"]].tolist() == [4.0, 5.0, 7.0]
+    assert later[["validated_q1", "validated_median", "validated_q3"]].tolist() == [1.25, 1.5, 1.75]
+    counts = table[["replicates", "validated_replicates"]].to_numpy().tolist()
+    assert counts == [[4, 4], [3, 2], [1, 0], [1, 0]]
+
+
+def test_several_runs_are_a_panel_a_treatment_with_the_lines_of_the_table() -> None:
+    table = quartiles(STUDY)
+    panels = [axes for axes in fitness(STUDY, 7.0).axes if axes.get_title()]
+    assert [axes.get_title() for axes in panels] == ["calm (n = 4)", "storm (n = 1)"]
+    drawn = {str(line.get_label()): line.get_ydata() for line in panels[0].get_lines()}
+    calm = table[table["treatment"] == "calm"]
+    for label, name in (("best, recorded", "recorded"), ("best, validated", "validated")):
+        assert np.asarray(drawn[label]).tolist() == calm[f"{name}_median"].tolist()
+    bands = [np.asarray(band.get_paths()[0].vertices) for band in panels[0].collections]
+    spans = [(corners[:, 1].min(), corners[:, 1].max()) for corners in bands]
+    assert spans == [(3.5, 9.5), (1.25, 4.5)]
+    labels = {str(line.get_label()) for line in panels[1].get_lines()}
+    assert labels == {"best, recorded", "mean of pool"}  # nothing there was validated
+
+
+def test_the_best_of_a_run_with_a_confirmation_is_a_confirmed_one() -> None:
+    table = TABLE.assign(loss=[NAN, NAN, 0.5, 0.0, NAN, 1.0])
+    assert bests(table)["fitness"].tolist() == [2.5, 4.0, 5.5]
+    assert bests(TABLE)["fitness"].tolist() == BEST
+
+
+def test_of_equals_the_first_is_the_best_as_in_the_run() -> None:
+    table = TABLE.assign(fitness=1.0, id=range(6))
+    assert bests(table)["id"].tolist() == [0, 3, 5]

@@ -367,6 +367,7 @@ def test_a_run_is_the_same_on_any_number_of_workers(tmp_path: Path) -> None:
         "optimizer.population_size=6",
         "optimizer.generations=2",
         "optimizer.validation_trials=1",
+        "figures=[]",
     ]
     runs: list[dict[str, str]] = []
     for executor in (["executor=serial"], ["executor.workers=1"], ["executor.workers=3"]):

@@ -174,7 +174,12 @@ def test_the_commands_compose_and_build(
 
 # The part replaces one of these; the fitness, optimizer and executor do not touch a mission.
 FLIGHT = ("robot", "sensor", "filter", "failure", "controller", "simulator")
-SMALL = ["optimizer.population_size=2", "optimizer.generations=2", "optimizer.validation_trials=1"]
+SMALL = [
+    "optimizer.population_size=2",
+    "optimizer.generations=2",
+    "optimizer.validation_trials=1",
+    "figures=[]",
+]
 
 
 LIMIT = "world.yard.course.time_limit_s=5"
@@ -450,7 +455,7 @@ def test_the_examples_in_python_run(
         # The link and the worlds of the document stay: only what costs time is replaced.
         worlds = [f"world.{name}.course.time_limit_s=0.1" for name in ("boxes", "maze", "blocks")]
         small = [] if "experiment=quickstart" not in overrides else SMALL
-        rest = ["simulator=kinematic", "executor=serial", *worlds, *small]
+        rest = ["simulator=kinematic", "executor=serial", "figures=[]", *worlds, *small]
         return compose([*overrides, *rest], "mine")
 
     monkeypatch.setattr(evoros.api, "_composed", quicker)

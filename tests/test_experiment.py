@@ -33,7 +33,7 @@ def test_the_same_bytes_in_pybullet_too(tmp_path: Path) -> None:
     short += ["optimizer.validation_trials=1", "seed=3", "course.time_limit_s=5"]
     short += ["course.home_x_m=1.066", "course.home_y_m=-1.6", "course.home_yaw_rad=-1.57"]
     short += ["course.waypoints=[[1.066,-4.5]]", "course.end_on_collision=false"]
-    short += ["controller/avoidance=blind"]
+    short += ["controller/avoidance=blind", "figures=[]"]
     runs = {name: tmp_path / name for name in ("serial", "2", "3")}
     assert evoros([*short, "executor=serial", f"hydra.run.dir={runs['serial']}"]) == DONE
     for workers in (2, 3):
