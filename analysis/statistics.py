@@ -113,6 +113,25 @@ def share_interval(count: int, of: int) -> Interval:
     return Interval(count / of, float(ends.low), float(ends.high))
 
 
+def fisher(count: int, of: int, other_count: int, of_others: int) -> float:
+    """The two-sided p of Fisher's exact test of two shares; NaN: one is of nothing."""
+    if not of or not of_others:
+        return np.nan
+    table = [[count, of - count], [other_count, of_others - other_count]]
+    return float(stats.fisher_exact(table).pvalue)
+
+
+def ratio_interval(parts: Sequence[float] | Array, wholes: Sequence[float] | Array) -> Interval:
+    """The sum of ``parts`` over the sum of ``wholes``, a value of each from every replicate.
+
+    Whole replicates are resampled: what belongs to one is not taken as independent.
+    """
+    of = np.asarray([parts, wholes], float)
+    if of.shape[1] == 1:
+        return Interval(float(_ratio(of)), np.nan, np.nan)
+    return _bootstrap(_ratio, *of)
+
+
 def least_p(m: int, n: int) -> float:
     """The least p that the exact two-sided Mann-Whitney test of m and n values can give."""
     return min(1.0, 2 / comb(m + n, n))
@@ -144,6 +163,12 @@ def _bootstrap(statistic: Callable[[Array], Array], *samples: Sequence[float] | 
         return Interval(value, np.nan, np.nan)
     low, high = np.quantile(known, [LEVEL / 2, 1 - LEVEL / 2])
     return Interval(value, float(low), float(high))
+
+
+def _ratio(drawn: Array) -> Array:
+    """Of (2, ..., n) the ratio of the sums, (...); NaN where the second is 0."""
+    part, whole = drawn.sum(axis=-1)
+    return np.asarray(part / np.where(whole == 0, np.nan, whole))
 
 
 def _rank_correlation(pairs: Array) -> Array:

@@ -1,0 +1,68 @@
+"""Coverage by direction: how many sensors of a design look each way."""
+
+import numpy as np
+import pandas as pd
+
+from evoros.types import Array
+
+STEP_DEG = 5
+HEADINGS_DEG = np.arange(-180.0, 180.0, STEP_DEG)
+"""In the robot's frame: 0 is ahead, left is positive; -180 is also 180."""
+AHEAD_DEG = 30.0
+"""What is seen within it of straight ahead counts as ahead."""
+DESIGN = ["run", "treatment", "seed", "design"]
+"""The columns of a table of sensors that name a design."""
+
+
+def profiles(sensors: pd.DataFrame) -> pd.DataFrame:
+    """A row a design, a column a heading [deg]: the sensors whose horizontal cone contains it.
+
+    A cone is closed: with 30 deg around 0 it contains -15 and 15. ``sensors`` has the columns of
+    ``designs.py``; the index of what is returned, sorted, has those of ``DESIGN``. A row without a
+    place stands for a design without sensors.
+    """
+    away = HEADINGS_DEG - sensors.yaw_deg.to_numpy(float)[:, None]
+    away = np.abs((away + 180.0) % 360.0 - 180.0)
+    seen = away <= sensors.fov_deg.to_numpy(float)[:, None] / 2 + 1e-9
+    frame = pd.DataFrame(seen.astype(float), columns=HEADINGS_DEG)
+    return frame.groupby([sensors[name].to_numpy() for name in DESIGN]).sum().rename_axis(DESIGN)
+
+
+def ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Series[float]":
+    """For each design the share of its sensors' openings that lies within ``within_deg`` of ahead.
+
+    The parts of all openings that lie there, over all openings: exact, not counted at headings.
+    NaN: it has no sensors.
+    """
+    yaw, half = sensors.yaw_deg.to_numpy(float), sensors.fov_deg.to_numpy(float) / 2
+    overlap = np.zeros(len(sensors))
+    for turn in (-360.0, 0.0, 360.0):
+        low = np.maximum(yaw - half, turn - within_deg)
+        high = np.minimum(yaw + half, turn + within_deg)
+        overlap += np.maximum(high - low, 0.0)
+    keys = [sensors[name].to_numpy() for name in DESIGN]
+    frame = pd.DataFrame({"overlap": overlap, "whole": 2 * half}).groupby(keys).sum()
+    whole = frame.whole.where(frame.whole > 0)
+    return (frame.overlap / whole).rename_axis(DESIGN).rename("ahead")
+
+
+def folded(profile: pd.DataFrame) -> Array:
+    """(n, 37) the mean of both sides at 0, 5 ... 180 deg off ahead: a design and its mirror image
+    have the same."""
+    values = profile.to_numpy(float)
+    mirrored = np.roll(values[:, ::-1], 1, axis=1)  # -180 stays, 5 comes to -5
+    both = (values + mirrored) / 2
+    zero = len(HEADINGS_DEG) // 2
+    return np.hstack([both[:, zero:], both[:, :1]])
+
+
+def shares(profile: pd.DataFrame) -> Array:
+    """(n, 73) each profile over its sum, so that designs with more sensors compare.
+
+    The last column is 1 for a design that sees nothing. Half the sum of the absolute differences of
+    two rows is a distance: 0 for the same directions, 1 for none in common.
+    """
+    values = profile.to_numpy(float)
+    whole = values.sum(axis=1, keepdims=True)
+    blind = whole == 0
+    return np.hstack([values / np.where(blind, 1.0, whole), blind.astype(float)])
