@@ -87,6 +87,8 @@ class Study:
 
     records: tuple[Record, ...]
     evaluations: tuple[Scored, ...] = ()
+    left_out: tuple[str, ...] = ()
+    """A line for each folder that is not whole."""
 
     def gather(self, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
         """The tables of all runs below each other, with ``run``, ``treatment`` and ``seed`` first.
@@ -179,11 +181,13 @@ def load_study(paths: Sequence[Path]) -> Study:
     names = short_names(found)
     records: list[Record] = []
     evaluations: list[Scored] = []
+    left_out: list[str] = []
     for folder in found:
         try:
             record = _record(folder, names[folder])
         except InputError as error:
             LOGGER.warning("%s; left out", error)
+            left_out.append(str(error))
             continue
         if isinstance(record, Scored):
             evaluations.append(record)
@@ -194,7 +198,7 @@ def load_study(paths: Sequence[Path]) -> Study:
         raise InputError(
             f"{given}: must hold whole runs or evaluations, and there is none; see above"
         )
-    return Study(_labelled(records), _labelled(evaluations))
+    return Study(_labelled(records), _labelled(evaluations), tuple(left_out))
 
 
 def _labelled(records: Sequence[Found]) -> tuple[Found, ...]:
