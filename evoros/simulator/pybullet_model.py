@@ -146,7 +146,7 @@ class Engine:
         bullet, client = self.bullet, self.client
         number: int = bullet.createMultiBody(
             body.mass or 0.0,
-            self._shapes(body.shapes),
+            create_shape(bullet, client, body.shapes),
             -1,
             body.pose.position,
             body.pose.quaternion,
@@ -171,38 +171,6 @@ class Engine:
             bullet.changeDynamics(number, -1, activationState=asleep, physicsClientId=client)
         return number
 
-    def _shapes(self, shapes: Sequence[Shape]) -> int:
-        """One collision shape, compound where the body has several."""
-        arguments = [self._shape(shape) for shape in shapes]
-        if len(arguments) == 1 and shapes[0].kind == "plane":
-            return int(
-                self.bullet.createCollisionShape(
-                    self.bullet.GEOM_PLANE,
-                    planeNormal=shapes[0].size,
-                    physicsClientId=self.client,
-                )
-            )
-        columns = {key: [shape[key] for shape in arguments] for key in arguments[0]}
-        return int(self.bullet.createCollisionShapeArray(**columns, physicsClientId=self.client))
-
-    def _shape(self, shape: Shape) -> dict[str, Any]:
-        bullet, size = self.bullet, shape.size
-        kinds = {
-            "box": bullet.GEOM_BOX,
-            "cylinder": bullet.GEOM_CYLINDER,
-            "sphere": bullet.GEOM_SPHERE,
-            "plane": bullet.GEOM_PLANE,
-        }
-        return {
-            "shapeTypes": kinds[shape.kind],
-            "halfExtents": [edge / 2 for edge in size] if shape.kind == "box" else [0, 0, 0],
-            "radii": size[0] if shape.kind in ("sphere", "cylinder") else 0.0,
-            "lengths": size[1] if shape.kind == "cylinder" else 0.0,
-            "planeNormals": size if shape.kind == "plane" else [0, 0, 1],
-            "collisionFramePositions": shape.pose.position,
-            "collisionFrameOrientations": shape.pose.quaternion,
-        }
-
     def _load(
         self,
         robot: Robot,
@@ -214,7 +182,10 @@ class Engine:
         bullet, client, course, drive = self.bullet, self.client, world.course, robot.drive
         position, yaw = course.home[:3], course.home[3]
         facing = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
-        body = self._load_urdf(merged(robot.urdf, drive.caster_links), position, facing)
+        # Not URDF_MERGE_FIXED_LINKS: it would lose the origin of the chassis' inertia.
+        flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_IGNORE_VISUAL_SHAPES
+        urdf = merged(robot.urdf, drive.caster_links)
+        body = load_urdf(bullet, client, urdf, (position, facing), flags)
         infos = [
             bullet.getJointInfo(body, joint, physicsClientId=client)
             for joint in range(bullet.getNumJoints(body, physicsClientId=client))
@@ -255,17 +226,42 @@ class Engine:
             to_base=bullet.invertTransform(*local),
         )
 
-    def _load_urdf(
-        self, urdf: str, position: tuple[float, ...], quaternion: tuple[float, ...]
-    ) -> int:
-        """PyBullet reads URDF from a file only."""
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "robot.urdf"
-            path.write_text(urdf)
-            # Not URDF_MERGE_FIXED_LINKS: it would lose the origin of the chassis' inertia.
-            flags = self.bullet.URDF_USE_INERTIA_FROM_FILE | self.bullet.URDF_IGNORE_VISUAL_SHAPES
-            return int(
-                self.bullet.loadURDF(
-                    str(path), position, quaternion, flags=flags, physicsClientId=self.client
-                )
+
+def create_shape(bullet: Any, client: int, shapes: Sequence[Shape]) -> int:
+    """The number of one collision shape, compound where a body has several."""
+    arguments = [_shape(bullet, shape) for shape in shapes]
+    if len(arguments) == 1 and shapes[0].kind == "plane":
+        return int(
+            bullet.createCollisionShape(
+                bullet.GEOM_PLANE, planeNormal=shapes[0].size, physicsClientId=client
             )
+        )
+    columns = {key: [shape[key] for shape in arguments] for key in arguments[0]}
+    return int(bullet.createCollisionShapeArray(**columns, physicsClientId=client))
+
+
+def _shape(bullet: Any, shape: Shape) -> dict[str, Any]:
+    size = shape.size
+    kinds = {
+        "box": bullet.GEOM_BOX,
+        "cylinder": bullet.GEOM_CYLINDER,
+        "sphere": bullet.GEOM_SPHERE,
+        "plane": bullet.GEOM_PLANE,
+    }
+    return {
+        "shapeTypes": kinds[shape.kind],
+        "halfExtents": [edge / 2 for edge in size] if shape.kind == "box" else [0, 0, 0],
+        "radii": size[0] if shape.kind in ("sphere", "cylinder") else 0.0,
+        "lengths": size[1] if shape.kind == "cylinder" else 0.0,
+        "planeNormals": size if shape.kind == "plane" else [0, 0, 1],
+        "collisionFramePositions": shape.pose.position,
+        "collisionFrameOrientations": shape.pose.quaternion,
+    }
+
+
+def load_urdf(bullet: Any, client: int, urdf: str, place: Frame, flags: int) -> int:
+    """The number of the robot; PyBullet reads URDF from a file only."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(urdf)
+        return int(bullet.loadURDF(str(path), *place, flags=flags, physicsClientId=client))

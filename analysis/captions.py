@@ -1,0 +1,71 @@
+"""What a replay says in its pictures: where the mission stands, and what its colours mean."""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import NamedTuple
+
+from PIL import Image, ImageColor, ImageDraw, ImageFont
+
+from .style import BLUE, VERMILLION
+
+Colour = tuple[int, int, int]
+
+
+def _rgb(name: str) -> Colour:
+    red, green, blue = ImageColor.getrgb(name)[:3]
+    return red, green, blue
+
+
+CLEAR, NEAR, FAILED = _rgb(BLUE), _rgb(VERMILLION), (70, 70, 70)
+_INK, _PAPER, _STRIP = (30, 30, 30), (255, 255, 255), 0.8
+
+
+class Caption(NamedTuple):
+    """Of one picture."""
+
+    left: Sequence[str]  # what the top says, from the left
+    right: str
+    states: Sequence[Colour]  # of the sensors
+    key: Sequence[tuple[Colour, str]]  # what the colours mean
+
+
+def write(picture: Image.Image, caption: Caption) -> None:
+    """Two strips with text, at the top and at the bottom."""
+    width, height = picture.size
+    em = max(9, height // 32)
+    font, pad, strip = _font(em), em // 2, 2 * em
+    for top in (0, height - strip):
+        part = picture.crop((0, top, width, top + strip))
+        picture.paste(Image.blend(part, Image.new("RGB", part.size, _PAPER), _STRIP), (0, top))
+    draw = ImageDraw.Draw(picture)
+    for place, said in enumerate(caption.left):
+        draw.text((pad + place * 11 * em, strip / 2), said, _INK, font, anchor="lm")
+    draw.text((width - pad, strip / 2), caption.right, _INK, font, anchor="rm")
+    middle = height - strip / 2
+    x = _chips(draw, caption.states, em, pad, middle)
+    x += 2 * em
+    for colour, meaning in caption.key:
+        draw.rectangle((x, middle - 0.35 * em, x + 0.9 * em, middle + 0.35 * em), colour)
+        draw.text((x + 1.3 * em, middle), meaning, _INK, font, anchor="lm")
+        x += 2.8 * em + draw.textlength(meaning, font)
+
+
+def _chips(
+    draw: ImageDraw.ImageDraw, states: Sequence[Colour], em: int, x: float, middle: float
+) -> float:
+    """A square a sensor with its number; returns where they end."""
+    font = _font(em)
+    draw.text((x, middle), "sensors", _INK, font, anchor="lm")
+    x += draw.textlength("sensors", font) + 0.6 * em
+    for number, colour in enumerate(states):
+        draw.rounded_rectangle(
+            (x, middle - 0.72 * em, x + 1.44 * em, middle + 0.72 * em), 3, colour
+        )
+        draw.text((x + 0.72 * em, middle), str(number), _PAPER, font, anchor="mm")
+        x += 1.7 * em
+    return x
+
+
+@cache
+def _font(em: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(em)
