@@ -60,12 +60,18 @@ def sensors(mounts: pd.DataFrame, setting: Setting) -> pd.DataFrame:
 
 def champion_sensors(record: "Record") -> pd.DataFrame:
     """Of a run's champion, with ``fitness`` and ``validated_fitness``."""
-    frame = sensors(record.run.champion, record.setting)
-    status = record.run.status
-    return frame.assign(
-        fitness=number(status.get("best_fitness")),
-        validated_fitness=number(status.get("best_validated_fitness")),
-    )
+    return sensors(record.run.champion, record.setting).assign(**_fitness(record))
+
+
+def _fitness(record: "Record") -> dict[str, float]:
+    columns = ("fitness", "validated_fitness")
+    return {name: number(record.run.status.get(f"best_{name}")) for name in columns}
+
+
+def champion_or_none(record: "Record") -> pd.DataFrame:
+    """The same; a row without values, fitness apart, for a champion that has no sensors."""
+    frame = champion_sensors(record)
+    return frame if len(frame) else frame.reindex([0]).assign(**_fitness(record))
 
 
 def initial_sensors(record: "Record") -> pd.DataFrame:
