@@ -128,7 +128,7 @@ def strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = PAGE_I
 
 
 _KEY = [
-    Line2D([], [], color="black", lw=1.4, label="champions, mean and 95 % interval"),
+    Line2D([], [], color="black", lw=1.4, label="champions, mean and 95% interval"),
     Line2D([], [], color="0.75", lw=0.5, label="each champion"),
     Line2D([], [], color=RANDOM, lw=1.2, ls=(0, (3, 1.5)), label="random designs"),
 ]
