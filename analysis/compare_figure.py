@@ -12,11 +12,11 @@ from matplotlib.ticker import MaxNLocator
 
 from evoros.types import Array
 
+from .columns import SMALL_PT, height_in, write
 from .statistics import LEVEL, least_replicates, median_interval
 from .style import COLUMN_IN, STYLE, treatment_colours
 
 MEASURES = ("recorded", "validated")
-SMALL_PT = 6.5
 MOST_TESTS = 30
 """That are written below the picture; where there are more, only the table has them."""
 LONGEST = 10
@@ -25,7 +25,7 @@ WRAPPED = 20
 """Characters of a line of a label."""
 BOX, DOTS = (-0.22, 0.24), (0.18, 0.3)
 """Where boxes and dots lie in the row of a treatment: from its middle, and how wide."""
-LINE_IN, ROW_IN, TESTS_IN = 0.13, 0.36, 3.5
+ROW_IN = 0.36
 GOLDEN = 0.6180339887498949
 HEADS = {
     "treatments": (0.0, "left"),
@@ -52,7 +52,7 @@ def compare(runs: pd.DataFrame, table: pd.DataFrame, width: float = COLUMN_IN) -
     row_in = max(ROW_IN, *(0.11 * (label.count("\n") + 1.5) for label in labels))
     above = row_in * len(letters) + 0.45
     few = any(map(_too_few, written.values()))
-    below = max((LINE_IN * (len(rows) + 2 + few) for rows in written.values()), default=0.0)
+    below = max((height_in(len(rows), few) for rows in written.values()), default=0.0)
     across = len(measures) if width > 1.5 * COLUMN_IN else 1
     down = len(measures) // across
     with mpl.rc_context(STYLE):
@@ -132,26 +132,18 @@ def _beside(axes: Axes, y: float, values: Array) -> None:
 
 
 def _write(
-    figure: SubFigure, tests: pd.DataFrame, letters: Mapping[str, str], size: tuple[float, float]
+    figure: SubFigure, tests: pd.DataFrame, letters: Mapping[str, str], size_in: tuple[float, float]
 ) -> None:
-    """A line a test, at the same places at any width."""
-    width, height = size
-
-    def put(x: float, line: float, text: str, side: str = "left", weight: str = "normal") -> None:
-        at = (0.06 + (TESTS_IN - 0.12) * x) / width, 1 - (line + 0.5) * LINE_IN / height
-        figure.text(*at, text, ha=side, va="center", fontsize=SMALL_PT, weight=weight)
-
-    for head, (x, side) in HEADS.items():
-        put(x, 0, head, side, "bold")
-    for line, row in enumerate(tests.to_dict("records"), 1):
+    """A line a test."""
+    rows = []
+    for row in tests.to_dict("records"):
         mark = "*" if row["least_p_holm"] >= LEVEL else ""
         pair = f"{letters[row['a']]} vs {letters[row['b']]}{mark}"
         numbers = (_number(row["p"]), _number(row["p_holm"]), f"{row['a12']:.2f}")
-        for (x, side), cell in zip(HEADS.values(), (pair, *numbers, row["magnitude"]), strict=True):
-            put(x, line, cell, side)
-    if _too_few(tests):
-        needed = least_replicates(len(tests))
-        put(0, len(tests) + 1, f"*too few replicates for a conclusion: each needs {needed} or more")
+        rows.append((pair, *numbers, str(row["magnitude"])))
+    needed = least_replicates(len(tests))
+    note = f"*too few replicates for a conclusion: each needs {needed} or more"
+    write(figure, HEADS, rows, size_in, note if _too_few(tests) else "")
 
 
 def _too_few(tests: pd.DataFrame) -> bool:

@@ -8,7 +8,6 @@ import pandas as pd
 
 from evoros.errors import InputError
 from evoros.folder import resume_command
-from evoros.log import LOGGER
 
 from .designs import number
 from .matching import champion_content, champion_genes, conditions, scored_designs
@@ -43,7 +42,7 @@ def evaluated(study: "Study") -> list[Table]:
         try:
             tables.append((one, scored_designs(one)))
         except InputError as error:
-            LOGGER.warning("%s; left out", error)
+            study.leave_out(str(error))
     return tables
 
 
