@@ -52,4 +52,17 @@ def save(figure: Figure, file: Path | str | IO[bytes], kind: str = "svg") -> Non
     """Write a figure as ``svg``, ``pdf`` or ``png``: the same bytes for the same figure."""
     dated = {_DATES[kind]: None} if kind in _DATES else {}
     with mpl.rc_context(STYLE):
+        _settle(figure)
         figure.savefig(file, format=kind, metadata=dated, dpi=300)
+
+
+def _settle(figure: Figure) -> None:
+    """Lay the figure out, for good.
+
+    The last digits of what matplotlib's solver finds differ from time to time; they are cut off.
+    """
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        x, y, wide, high = axes.get_position(original=True).bounds
+        axes.set_position((round(x, 6), round(y, 6), round(wide, 6), round(high, 6)))

@@ -145,3 +145,14 @@ def test_the_best_of_a_run_with_a_confirmation_is_a_confirmed_one() -> None:
 def test_of_equals_the_first_is_the_best_as_in_the_run() -> None:
     table = TABLE.assign(fitness=1.0, id=range(6))
     assert bests(table)["id"].tolist() == [0, 3, 5]
+
+
+def test_the_layout_of_what_is_saved_has_no_digits_left_to_chance() -> None:
+    figure = fitness(TABLE)
+    save(figure, io.BytesIO())
+    bounds = np.array([axes.get_position(original=True).bounds for axes in figure.axes])
+    assert bounds.tolist() == np.round(bounds, 6).tolist()
+    again, once_more = io.BytesIO(), io.BytesIO()
+    save(figure, again)
+    save(figure, once_more)
+    assert again.getvalue() == once_more.getvalue()
