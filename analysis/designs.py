@@ -71,14 +71,23 @@ def _fitness(record: "Record") -> dict[str, float]:
 def champion_or_none(record: "Record") -> pd.DataFrame:
     """The same; a row without values, fitness apart, for a champion that has no sensors."""
     frame = champion_sensors(record)
-    return frame if len(frame) else frame.reindex([0]).assign(**_fitness(record))
+    if len(frame):
+        return frame
+    missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # stay whole beside others
+    return frame.reindex([0]).assign(**_fitness(record)).astype(missing)
+
+
+def generations(record: "Record") -> pd.DataFrame:
+    """A row for each candidate of each generation; there must be one."""
+    table = record.run.generations
+    if table.empty:
+        raise InputError(f"{record.path}: must have a generation, and has none; resume the run")
+    return table
 
 
 def initial_sensors(record: "Record") -> pd.DataFrame:
     """Of the designs of generation 0 that were made at random."""
-    table = record.run.generations
-    if table.empty:
-        raise InputError(f"{record.path}: must have a generation, and has none; resume the run")
+    table = generations(record)
     first = table[(table.generation == 0) & (table.operator == "initial")].drop_duplicates("id")
     return sensors(candidate_mounts(first, record), record.setting)
 

@@ -5,7 +5,7 @@ Everything is read from plain files: nothing that a folder's configuration names
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,7 +17,7 @@ from evoros.log import LOGGER
 from evoros.runs import Run, load_run, read_table
 from evoros.setting import Setting
 
-from .designs import champion_sensors, initial_sensors, number
+from .designs import champion_sensors, generations, initial_sensors, number
 from .folders import folders_in, short_names
 from .treatments import labels
 from .values import read_values
@@ -75,7 +75,7 @@ class Scored(Record):
     @cached_property
     def missions(self) -> pd.DataFrame:
         """A row for each finished mission."""
-        return read_table(self.path / "missions.csv", ("trial", "progress", "time_s"))
+        return read_table(self.path / "missions.csv", ("trial", "progress", "time_s"), growing=True)
 
 
 Found = TypeVar("Found", bound=Record)
@@ -89,6 +89,7 @@ class Study:
     evaluations: tuple[Scored, ...] = ()
     left_out: tuple[str, ...] = ()
     """A line for each folder that is not whole."""
+    _said: set[str] = field(default_factory=set, repr=False)
 
     def gather(self, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
         """The tables of all runs below each other, with ``run``, ``treatment`` and ``seed`` first.
@@ -103,11 +104,11 @@ class Study:
             try:
                 frame = read(record)
             except InputError as error:
-                LOGGER.warning("%s; left out", error)
+                self.leave_out(str(error))
                 continue
             except (LookupError, ValueError, TypeError, AttributeError) as error:
                 said = " ".join(str(error).split())
-                LOGGER.warning("%s: its tables must be whole (%s); left out", record.path, said)
+                self.leave_out(f"{record.path}: its tables must be whole ({said})")
                 continue
             others = [name for name in frame.columns if name not in KEYS]
             marked = frame.assign(run=record.name, treatment=record.treatment, seed=record.seed)
@@ -116,10 +117,16 @@ class Study:
             raise InputError("none of the folders has what this needs: give folders of whole runs")
         return pd.concat([frame for frame in frames if len(frame)], ignore_index=True)
 
+    def leave_out(self, why: str) -> None:
+        """Say what is left out of a figure, once."""
+        if why not in self._said:
+            LOGGER.warning("%s; left out", why)
+        self._said.add(why)
+
     @cached_property
     def generations(self) -> pd.DataFrame:
         """A row for each candidate of each generation of each run."""
-        return self.gather(lambda record: record.run.generations)
+        return self.gather(generations)
 
     @cached_property
     def champions(self) -> pd.DataFrame:

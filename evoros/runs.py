@@ -1,5 +1,6 @@
 """Reading run folders: tables as pandas frames. Knows the files, not the loop that writes them."""
 
+import io
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -38,7 +39,7 @@ class Run:
     @cached_property
     def missions(self) -> pd.DataFrame:
         """A row for each finished mission, sorted by generation, design, world and trial."""
-        frame = read_table(self.path / "missions.csv", MISSION_NUMBERS)
+        frame = read_table(self.path / "missions.csv", MISSION_NUMBERS, growing=True)
         return frame.sort_values(["generation", "design", "world", "trial"], ignore_index=True)
 
     @cached_property
@@ -88,25 +89,36 @@ def load_run(path: str | Path) -> Run:
     return Run(folder)
 
 
-def read_table(path: Path, numbers: Sequence[str]) -> pd.DataFrame:
+def read_table(path: Path, numbers: Sequence[str], growing: bool = False) -> pd.DataFrame:
     """A CSV file with these columns of numbers, whose cells may be empty, and any others.
+
+    Of a ``growing`` file a last row without its end counts as not yet written.
 
     Raises:
         InputError: it is not there, or it is damaged.
     """
-    frame: pd.DataFrame = _read(path, pd.read_csv)
+
+    def read(file: Path) -> pd.DataFrame:
+        whole, end, rest = file.read_text().rpartition("\n")
+        if rest and not growing:
+            raise ValueError("its last line is cut short")
+        return pd.read_csv(io.StringIO(whole + end))
+
+    frame: pd.DataFrame = _read(path, read)
     for name in numbers:
         if name not in frame.columns:
             raise InputError(
                 f"{path}: line 1: must have the column {name}, not only "
                 f"{', '.join(map(str, frame.columns))}; restore the file"
             )
-        odd = frame[name].notna() & pd.to_numeric(frame[name], errors="coerce").isna()
+        values = pd.to_numeric(frame[name], errors="coerce")
+        odd = frame[name].notna() & values.isna()
         if odd.any():
             line, value = int(odd.to_numpy().argmax()) + 2, frame.loc[odd, name].iloc[0]
             raise InputError(
                 f"{path}: line {line}: {name} must be a number, not {value!r}; restore the file"
             )
+        frame[name] = values
     return frame
 
 
@@ -114,8 +126,10 @@ def _read(path: Path, reader: Callable[[Path], Any]) -> Any:
     try:
         return reader(path)
     except FileNotFoundError as error:
+        made = next((each for each in path.parents if (each / "manifest.json").is_file()), path)
+        command = Run(made).manifest.get("command", "evoros") if made != path else "evoros"
         raise InputError(
-            f"{path}: not there, the run is not finished; type: evoros resume={path.parent}"
+            f"{path}: not there, for it is not finished; type: {command} resume={made}"
         ) from error
     except (ValueError, OSError) as error:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
