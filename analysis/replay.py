@@ -104,7 +104,16 @@ def _film(options: argparse.Namespace, title: str) -> Film:
             )
         size = int(match[1]), int(match[2])
     fps = fps if options.fps is None else options.fps
+    if options.format == "gif" and not _whole(100 / fps if fps > 0 else 0.0):
+        raise InputError(
+            f"--fps: of a GIF must divide 100, for its clock ticks in hundredths of a second, "
+            f"not {fps:g}; for example 10, 20 or 25"
+        )
     return Film(options.camera, size, fps, options.speed, options.start, options.end, title)
+
+
+def _whole(number: float) -> bool:
+    return number >= 1 and abs(number - round(number)) < 1e-9
 
 
 def _champions(record: Record, world: str, film: Film) -> Iterator[Pixels]:
