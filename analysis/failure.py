@@ -15,6 +15,7 @@ from matplotlib.patches import Circle
 from evoros.errors import InputError
 from evoros.setting import Ring, Setting
 
+from .designs import champion_or_none
 from .product import Product
 from .rover import AXES, Window, aspect, draw_robot, frame
 from .sheet import Sheet
@@ -44,7 +45,12 @@ def product(study: Study, options: argparse.Namespace) -> Product:
         raise InputError("failure: no run has spatial failure; give one with failure=spatial")
     among = Study(tuple(hit))
     chosen = among.only(options.run) if options.run else among.best
-    sensors = Study((chosen,)).champions
+    sensors = Study((chosen,)).gather(champion_or_none)
+    if sensors.x_m.isna().all():
+        raise InputError(
+            f"{chosen.path}: must have a champion with sensors, and has one without; "
+            f"choose another with --run"
+        )
     table = damage(sensors, chosen.setting.rings)
     figure = failure(table, chosen.setting, width_of(options.columns, 2))
     return Product(table, figure, [_said(chosen, hit, bool(options.run))])

@@ -230,8 +230,9 @@ def _draw_counts(axes: Axes, cover: pd.DataFrame, view: Window, shades: Shades) 
 
 def _title(treatment: str, number: int, cut_m: float, views: int, view: int) -> str:
     count = f"{number} champion" + "s" * (number > 1)
-    cones = f"at full length, {cut_m:g} m" if view == views - 1 else f"cut at {cut_m:g} m"
-    return f"{treatment} ({count})\ncones {cones}" if view == 0 else f"cones {cones}"
+    how = "at full length," if view == views - 1 else "cut at"
+    cones = f"cones {how} {cut_m:g} m" if cut_m else "no sensors"
+    return f"{treatment} ({count})\n{cones}" if view == 0 else cones
 
 
 def _legends(figure: Figure, page: Sheet, shades: Shades, markers: Mapping[str, str]) -> None:

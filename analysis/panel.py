@@ -3,6 +3,7 @@
 import argparse
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import matplotlib as mpl
 import pandas as pd
@@ -100,7 +101,7 @@ def panel(
 
 def _colour_handles(placed: pd.DataFrame) -> list[Patch]:
     """For each rank its colour, said of the first and last."""
-    ranks = sorted(placed["rank"].astype(int).unique())
+    ranks = sorted(placed["rank"].astype(int).unique())[: len(CATEGORIES)]
     said = {len(ranks) - 1: "faces most aside", 0: "faces most ahead"}
     return [
         Patch(fc=CATEGORIES[rank % len(CATEGORIES)], alpha=0.6, label=said.get(rank, "..."))
@@ -170,4 +171,12 @@ def sheet(numbers: Sequence[int], ratio: float, width: float) -> Sheet:
         rows = [math.ceil(number / even) for number in numbers]
         heads = [TITLE_IN + several * (row == 0) for count in rows for row in range(count)]
         pages.append(Sheet(width, even, [ratio] * len(heads), heads, bottom=FOOT_IN))
-    return next((page for page in pages if page.height <= PAGE_HIGH_IN), pages[-1])
+    return next((page for page in pages if page.height <= PAGE_HIGH_IN), _shrunk(pages[-1]))
+
+
+def _shrunk(page: Sheet) -> Sheet:
+    """The same panels farther apart and smaller, for one page if they need not be too small."""
+    room = PAGE_HIGH_IN - sum(page.heads) - page.bottom
+    panel = min(max(room / sum(page.ratios), LEAST_IN), page.panel)
+    spare = page.columns * (page.panel - panel)
+    return replace(page, gap=page.gap + spare / max(page.columns - 1, 1))
