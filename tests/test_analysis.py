@@ -151,7 +151,7 @@ def test_the_layout_of_what_is_saved_has_no_digits_left_to_chance() -> None:
     figure = fitness(TABLE)
     save(figure, io.BytesIO())
     bounds = np.array([axes.get_position(original=True).bounds for axes in figure.axes])
-    assert bounds.tolist() == np.round(bounds, 6).tolist()
+    np.testing.assert_allclose(bounds, np.round(bounds, 6), rtol=0, atol=1e-12)
     again, once_more = io.BytesIO(), io.BytesIO()
     save(figure, again)
     save(figure, once_more)

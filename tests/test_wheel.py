@@ -64,7 +64,7 @@ def test_the_wheel_holds_everything_under_our_own_name(installed: Path, tmp_path
         [installed / "python", "-c", "import evoros; print(list(evoros.__path__)[0])"], tmp_path
     )
     package = Path(site.strip())
-    for folder in ("conf", "robots", "worlds"):
+    for folder in ("conf", "robots", "worlds", "analysis/page"):
         bundled = {path.relative_to(ROOT / folder) for path in (ROOT / folder).rglob("*.*")}
         travelled = {path.relative_to(package / folder) for path in (package / folder).rglob("*.*")}
         assert bundled == travelled, folder

@@ -1,0 +1,185 @@
+// What is seen from above: metres, x to the right, y up.
+
+/** Maps metres to the pixels of a canvas: `across` metres fit into its shorter side. */
+function viewOf(canvas, x, y, across) {
+  const scale = Math.min(canvas.width, canvas.height) / across;
+  return {
+    scale,
+    at: (px, py) => [canvas.width / 2 + (px - x) * scale, canvas.height / 2 - (py - y) * scale],
+  };
+}
+
+function tracePolygon(context, view, vertices) {
+  vertices.forEach(([x, y], i) => {
+    const [px, py] = view.at(x, y);
+    if (i) context.lineTo(px, py);
+    else context.moveTo(px, py);
+  });
+  context.closePath();
+}
+
+/** Fills all points within `radius` of a convex polygon, which may be a single point. */
+function fillShape(context, view, shape, fill, edge, line) {
+  const grow = shape.radius * view.scale;
+  context.lineJoin = context.lineCap = "round";
+  context.beginPath();
+  tracePolygon(context, view, shape.vertices);
+  if (shape.vertices.length === 1) {
+    const [px, py] = view.at(...shape.vertices[0]);
+    context.beginPath();
+    context.arc(px, py, grow, 0, 2 * Math.PI);
+  } else if (grow > 0) {
+    context.lineWidth = 2 * (grow + line);
+    context.strokeStyle = edge;
+    context.stroke();
+    context.lineWidth = 2 * grow;
+    context.strokeStyle = fill;
+    context.stroke();
+  }
+  context.fillStyle = fill;
+  context.fill();
+  if (grow > 0 && shape.vertices.length > 1) return;
+  context.lineWidth = line;
+  context.strokeStyle = edge;
+  context.stroke();
+}
+
+/** Grid lines each `step` metres. */
+function drawGrid(context, canvas, view, step, colour) {
+  const [x0, y0] = view.at(0, 0);
+  const gap = step * view.scale;
+  context.strokeStyle = colour;
+  context.lineWidth = 1;
+  context.beginPath();
+  for (let x = x0 % gap; x < canvas.width; x += gap) {
+    context.moveTo(Math.round(x) + 0.5, 0);
+    context.lineTo(Math.round(x) + 0.5, canvas.height);
+  }
+  for (let y = y0 % gap; y < canvas.height; y += gap) {
+    context.moveTo(0, Math.round(y) + 0.5);
+    context.lineTo(canvas.width, Math.round(y) + 0.5);
+  }
+  context.stroke();
+}
+
+/** A bar of so many metres, labelled, in the lower left corner. */
+function drawScale(context, canvas, view, metres, look, ratio) {
+  const x = 12 * ratio, y = canvas.height - 12 * ratio, long = metres * view.scale;
+  const text = `${metres} m`;
+  context.font = `${12 * ratio}px system-ui, sans-serif`;
+  context.fillStyle = look.paper;
+  context.fillRect(x - 5 * ratio, y - 20 * ratio,
+    Math.max(long, context.measureText(text).width) + 10 * ratio, 25 * ratio);
+  context.fillStyle = look.ink;
+  context.fillRect(x, y, long, 2 * ratio);
+  context.fillText(text, x, y - 5 * ratio);
+}
+
+/** The corners with the circles in which they count, in the order of the configuration. */
+function drawCourse(context, view, course, reached, look, ratio) {
+  context.font = `${11 * ratio}px system-ui, sans-serif`;
+  context.textAlign = "center";
+  course.waypoints.forEach(([x, y], i) => {
+    const [px, py] = view.at(x, y);
+    context.beginPath();
+    context.arc(px, py, course.acceptance_m * view.scale, 0, 2 * Math.PI);
+    context.lineWidth = ratio;
+    context.strokeStyle = look.ink;
+    context.setLineDash([4 * ratio, 3 * ratio]);
+    context.stroke();
+    context.setLineDash([]);
+    const done = reached.includes(i);
+    context.fillStyle = look.ink;
+    context.fillText(done ? `${i + 1} ✓` : `${i + 1}`, px, py + 4 * ratio);
+  });
+  const [px, py] = view.at(...course.home);
+  context.font = `${16 * ratio}px system-ui, sans-serif`;
+  context.fillText("★", px, py + 6 * ratio);
+  context.textAlign = "start";
+}
+
+/** Points `from` to `to` of a path, as one line for each stretch of one colour. */
+function drawPath(context, view, mission, from, to, colourOf, line) {
+  context.lineWidth = line;
+  context.lineJoin = context.lineCap = "round";
+  let i = from;
+  while (i < to) {
+    const colour = colourOf(i);
+    context.beginPath();
+    context.moveTo(...view.at(mission.x[i], mission.y[i]));
+    do {
+      i += 1;
+      context.lineTo(...view.at(mission.x[i], mission.y[i]));
+    } while (i < to && colourOf(i) === colour);
+    context.strokeStyle = colour;
+    context.stroke();
+  }
+}
+
+function drawCross(context, px, py, size, colour, line) {
+  context.beginPath();
+  context.moveTo(px - size, py - size);
+  context.lineTo(px + size, py + size);
+  context.moveTo(px + size, py - size);
+  context.lineTo(px - size, py + size);
+  context.strokeStyle = colour;
+  context.lineWidth = line;
+  context.stroke();
+}
+
+/** From the robot's frame to the world's. */
+function placed(pose, x, y) {
+  const cos = Math.cos(pose.yaw), sin = Math.sin(pose.yaw);
+  return [pose.x + cos * x - sin * y, pose.y + sin * x + cos * y];
+}
+
+function drawRobot(context, view, pose, parts, look, line) {
+  for (const part of parts) {
+    const vertices = part.vertices.map(([x, y]) => placed(pose, x, y));
+    const fill = part.wheel ? look.wheel : look.body;
+    fillShape(context, view, { vertices, radius: part.radius }, fill, look.ink, line);
+  }
+}
+
+/** A sensor's cone up to its reading; what is pitched reaches less far on the plane. */
+function drawCone(context, view, pose, sensor, state, look, ratio) {
+  const [px, py] = view.at(...placed(pose, sensor.x, sensor.y));
+  const middle = pose.yaw + sensor.yaw, half = sensor.fov / 2;
+  const colour = state.failed ? look.silent : look.pairs[sensor.pair % look.pairs.length];
+  const silent = state.reading === null;
+  const nothing = silent || state.reading > 0.98 * sensor.range;
+  const range = (silent ? 0.2 * sensor.range : state.reading) * sensor.level * view.scale;
+  context.beginPath();
+  context.moveTo(px, py);
+  context.arc(px, py, range, -middle - half, -middle + half);
+  context.closePath();
+  context.globalAlpha = nothing ? 0.1 : 0.28;
+  context.fillStyle = colour;
+  context.fill();
+  context.globalAlpha = 1;
+  context.strokeStyle = colour;
+  if (silent) context.setLineDash([4 * ratio, 4 * ratio]);
+  else context.beginPath();
+  context.arc(px, py, range, -middle - half, -middle + half);
+  context.lineWidth = (nothing ? 1 : 2.5) * ratio;
+  context.stroke();
+  context.setLineDash([]);
+}
+
+/** Where a sensor is. */
+function drawSensor(context, view, pose, sensor, state, look, ratio) {
+  context.beginPath();
+  context.arc(...view.at(...placed(pose, sensor.x, sensor.y)), 4 * ratio, 0, 2 * Math.PI);
+  context.fillStyle = state.failed ? look.silent : look.pairs[sensor.pair % look.pairs.length];
+  context.fill();
+  context.lineWidth = ratio;
+  context.strokeStyle = look.paper;
+  context.stroke();
+}
+
+/** Where one has failed. */
+function drawFailure(context, view, pose, sensor, look, ratio) {
+  const [px, py] = view.at(...placed(pose, sensor.x, sensor.y));
+  drawCross(context, px, py, 7 * ratio, look.paper, 5 * ratio);
+  drawCross(context, px, py, 7 * ratio, look.ink, 2.5 * ratio);
+}

@@ -1,0 +1,223 @@
+// The player: which mission, what time, and what of it is shown.
+
+function startPlayer(root) {
+  const find = (name) => root.querySelector(`[data-part="${name}"]`);
+  const parts = Object.fromEntries(
+    ["run", "world", "speed", "course", "close", "readings", "timeline", "play", "scrub", "clock",
+      "said", "ended", "key", "nearer", "farther"].map((name) => [name, find(name)]));
+  const books = document.querySelectorAll("script[data-label]");
+  const now = { run: null, mission: null, time: 0, last: 0, across: 3, playing: false };
+  let look = null, ground = null, before = null;
+
+  function looks() {
+    const style = getComputedStyle(root);
+    const colour = (name) => style.getPropertyValue(`--${name}`).trim();
+    const names = ["paper", "ink", "soft", "grid", "obstacle", "edge", "body", "wheel", "silent",
+      "hit", "ahead"];
+    look = Object.fromEntries(names.map((name) => [name, colour(name)]));
+    look.modes = [0, 1, 2, 3, 4].map((i) => colour(`mode${i}`));
+    look.pairs = [0, 1, 2, 3, 4, 5, 6].map((i) => colour(`pair${i}`));
+  }
+
+  function ratio() {
+    return Math.max(1, Math.min(3, window.devicePixelRatio || 1));
+  }
+
+  function fit() {
+    if (!parts.course.clientWidth) return; // not on the screen
+    parts.readings.style.height = `${Math.max(3, now.run.sensors.length) * 32}px`;
+    for (const name of ["course", "close", "readings", "timeline"]) {
+      const canvas = parts[name];
+      canvas.width = Math.round(canvas.clientWidth * ratio());
+      canvas.height = Math.round(canvas.clientHeight * ratio());
+    }
+    looks();
+    drawGround();
+    draw();
+  }
+
+  function courseView() {
+    const [x0, y0, x1, y1] = now.mission.extent;
+    const { width, height } = parts.course;
+    const scale = Math.min(width / (x1 - x0), height / (y1 - y0));
+    return viewOf(parts.course, (x0 + x1) / 2, (y0 + y1) / 2, Math.min(width, height) / scale);
+  }
+
+  /** What does not move is drawn once. */
+  function drawGround() {
+    ground = document.createElement("canvas");
+    ground.width = parts.course.width;
+    ground.height = parts.course.height;
+    const context = ground.getContext("2d"), view = courseView();
+    drawGrid(context, ground, view, 1, look.grid);
+    for (const shape of now.mission.obstacles) {
+      fillShape(context, view, shape, look.obstacle, look.edge, ratio());
+    }
+    drawPath(context, view, now.mission, 0, now.mission.x.length - 1, () => look.ahead, ratio());
+    drawScale(context, ground, view, 2, look, ratio());
+  }
+
+  function drawAll(canvas, view, pose, close) {
+    const context = canvas.getContext("2d"), mission = now.mission;
+    const colourOf = (i) => look.modes[mission.mode[i] % look.modes.length];
+    const reached = mission.reached.filter(([at]) => at <= now.time).map(([, corner]) => corner);
+    drawCourse(context, view, mission.course, reached, look, ratio());
+    drawPath(context, view, mission, 0, now.last, colourOf, (close ? 3 : 2) * ratio());
+    const states = now.run.sensors.map((_, i) => stateOf(now, i));
+    now.run.sensors.forEach((sensor, i) =>
+      drawCone(context, view, pose, sensor, states[i], look, ratio()));
+    drawRobot(context, view, pose, now.run.parts, look, ratio());
+    if (close) {
+      now.run.sensors.forEach((sensor, i) =>
+        drawSensor(context, view, pose, sensor, states[i], look, ratio()));
+      now.run.sensors.filter((_, i) => states[i].failed).forEach((sensor) =>
+        drawFailure(context, view, pose, sensor, look, ratio()));
+    }
+    for (const { at_s, x, y } of mission.collisions) {
+      if (at_s > now.time) continue;
+      const [px, py] = view.at(x, y);
+      drawCross(context, px, py, 9 * ratio(), look.paper, 6 * ratio());
+      drawCross(context, px, py, 9 * ratio(), look.hit, 3 * ratio());
+    }
+  }
+
+  function draw() {
+    const mission = now.mission;
+    now.last = recordAt(mission.time, now.time);
+    const pose = poseAt(mission, now.last, now.time);
+    const plan = parts.course.getContext("2d");
+    plan.clearRect(0, 0, parts.course.width, parts.course.height);
+    plan.drawImage(ground, 0, 0);
+    drawAll(parts.course, courseView(), pose, false);
+    const near = parts.close.getContext("2d");
+    const view = viewOf(parts.close, pose.x, pose.y, now.across);
+    near.clearRect(0, 0, parts.close.width, parts.close.height);
+    drawGrid(near, parts.close, view, 0.5, look.grid);
+    for (const shape of mission.obstacles) {
+      fillShape(near, view, shape, look.obstacle, look.edge, ratio());
+    }
+    drawAll(parts.close, view, pose, true);
+    drawScale(near, parts.close, view, 0.5, look, ratio());
+    drawReadings(parts.readings, now, look, ratio());
+    drawTimeline(parts.timeline, now, look, ratio());
+    tell(pose);
+  }
+
+  /** The same in words, and for whoever asks the page. */
+  function tell(pose) {
+    const mission = now.mission, end = mission.time[mission.time.length - 1];
+    const mode = now.run.modes[mission.mode[now.last]] || "none";
+    const failed = mission.failed.filter((each) => each.at_s <= now.time);
+    const visited = mission.reached.filter(([at]) => at <= now.time).length;
+    const touching = mission.contact[now.last] === 1;
+    parts.scrub.value = now.time;
+    parts.scrub.setAttribute("aria-valuetext", `${now.time.toFixed(1)} seconds`);
+    parts.clock.textContent = `${now.time.toFixed(1)} / ${end.toFixed(1)} s`;
+    const words = [mode, `waypoint ${visited} of ${mission.goals}`];
+    if (touching) words.push("touches an obstacle");
+    for (const each of failed) {
+      words.push(`sensor ${each.sensor} failed at ${each.at_s.toFixed(1)} s (${each.by})`);
+    }
+    parts.said.textContent = words.join(" · ");
+    Object.assign(root.dataset, {
+      run: now.run.run, world: mission.world, playing: now.playing, mode, visited, touching,
+      time: now.time.toFixed(3), x: pose.x.toFixed(4), y: pose.y.toFixed(4),
+      yaw: pose.yaw.toFixed(4), failed: failed.map((each) => each.sensor).join(" "),
+      readings: now.run.sensors.map((_, i) => stateOf(now, i).reading)
+        .map((each) => (each === null ? "" : each.toFixed(3))).join(" "),
+    });
+  }
+
+  function seek(time) {
+    const end = now.mission.time[now.mission.time.length - 1];
+    now.time = Math.max(0, Math.min(end, time));
+    draw();
+    if (now.time >= end && now.playing) play(false);
+  }
+
+  function step(stamp) {
+    if (!now.playing) return;
+    const passed = before === null ? 0 : Math.min(0.1, (stamp - before) / 1000);
+    before = stamp;
+    seek(now.time + passed * Number(parts.speed.value));
+    requestAnimationFrame(step);
+  }
+
+  function play(on) {
+    const end = now.mission.time[now.mission.time.length - 1];
+    if (on && now.time >= end) now.time = 0;
+    const begins = on && !now.playing;
+    now.playing = on;
+    before = null;
+    parts.play.textContent = on ? "❚❚ Pause" : "▶ Play";
+    draw();
+    if (begins) requestAnimationFrame(step);
+  }
+
+  function chooseWorld() {
+    now.mission = decoded(now.run.missions[Number(parts.world.value)]);
+    now.time = 0;
+    now.playing = false;
+    parts.scrub.max = now.mission.time[now.mission.time.length - 1];
+    parts.ended.textContent = now.mission.summary;
+    fit();
+    play(false);
+  }
+
+  function chooseRun() {
+    now.run = JSON.parse(books[Number(parts.run.value)].textContent);
+    const kept = parts.world.selectedOptions[0]?.textContent;
+    parts.world.replaceChildren(...now.run.missions.map((mission, i) =>
+      new Option(mission.world, i, false, mission.world === kept)));
+    parts.key.replaceChildren(...now.run.modes.slice(1).map((mode, i) => {
+      const swatch = document.createElement("i");
+      swatch.style.background = `var(--mode${(i + 1) % 5})`;
+      const entry = document.createElement("span");
+      entry.append(swatch, mode);
+      return entry;
+    }));
+    chooseWorld();
+  }
+
+  function key(event) {
+    if (event.target instanceof HTMLSelectElement || event.ctrlKey || event.metaKey) return;
+    const leap = event.shiftKey ? 10 : 1;
+    const end = now.mission.time[now.mission.time.length - 1];
+    const actions = {
+      " ": () => play(!now.playing),
+      ArrowLeft: () => seek(now.time - leap),
+      ArrowRight: () => seek(now.time + leap),
+      Home: () => seek(0),
+      End: () => seek(end),
+      "+": () => zoom(0.8),
+      "-": () => zoom(1.25),
+    };
+    if (!actions[event.key]) return;
+    event.preventDefault();
+    actions[event.key]();
+  }
+
+  function zoom(factor) {
+    now.across = Math.max(1, Math.min(12, now.across * factor));
+    draw();
+  }
+
+  books.forEach((book, i) => parts.run.add(new Option(book.dataset.label, i)));
+  parts.run.addEventListener("change", chooseRun);
+  parts.world.addEventListener("change", chooseWorld);
+  parts.play.addEventListener("click", () => play(!now.playing));
+  parts.scrub.addEventListener("input", () => seek(Number(parts.scrub.value)));
+  parts.nearer.addEventListener("click", () => zoom(0.8));
+  parts.farther.addEventListener("click", () => zoom(1.25));
+  root.addEventListener("keydown", key);
+  // A button answers to the space bar when it is let go: once is enough.
+  root.addEventListener("keyup", (event) => event.key === " " && event.preventDefault());
+  for (const query of ["(prefers-color-scheme: dark)", "print"]) {
+    matchMedia(query).addEventListener("change", fit);
+  }
+  addEventListener("resize", fit);
+  chooseRun();
+  root.dataset.ready = true;
+}
+
+document.querySelectorAll("[data-player]").forEach(startPlayer);

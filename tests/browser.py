@@ -1,0 +1,69 @@
+"""A real browser for the tests: Chromium, without a window and without a network."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from selenium.webdriver import Chrome, ChromeOptions, ChromeService
+
+INSTALL = "apt-get install -y chromium chromium-driver (as the README's test command does)"
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",  # tests may run as root, in a container
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--window-size=1200,1400",
+)
+
+
+@contextmanager
+def chromium(profile: Path) -> Iterator[Chrome]:
+    """An open browser that keeps what it logs and asks for; ``profile`` is an empty folder."""
+    program, driver = _found("chromium"), _found("chromedriver")
+    options = ChromeOptions()
+    options.binary_location = program
+    for flag in (*FLAGS, f"--user-data-dir={profile}"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    # The driver's path is given, so that selenium looks for none in the network.
+    browser = Chrome(options, ChromeService(driver))
+    try:
+        yield browser
+    finally:
+        browser.quit()
+
+
+def _found(program: str) -> str:
+    path = shutil.which(program)
+    assert path is not None, f"{program} is needed to open the report; install it: {INSTALL}"
+    return path
+
+
+def complaints(browser: Chrome) -> list[str]:
+    """What the page has logged as wrong since this was last asked."""
+    return [
+        str(entry["message"])
+        for entry in _log(browser, "browser")
+        if entry["level"] in ("SEVERE", "WARNING")
+    ]
+
+
+def requests(browser: Chrome) -> list[str]:
+    """The addresses that the page now open, itself included, has asked for; not what it holds."""
+    events = (json.loads(entry["message"])["message"] for entry in _log(browser, "performance"))
+    asked = (e["params"] for e in events if e["method"] == "Network.requestWillBeSent")
+    own = [each["request"]["url"] for each in asked if each["documentURL"] == browser.current_url]
+    return [url for url in own if not url.startswith("data:")]
+
+
+def _log(browser: Chrome, name: str) -> list[dict[str, Any]]:
+    entries: list[dict[str, Any]] = browser.get_log(name)  # type: ignore[no-untyped-call]
+    return entries
