@@ -31,6 +31,15 @@ def test_composing_twice_is_composing_once() -> None:
     assert compose().seed == 0
 
 
+def test_an_experiment_changes_keys_of_the_top_level_and_the_command_line_has_the_last_word() -> (
+    None
+):
+    config = compose(["experiment=tiny"], OWN)
+    assert config.figures == [] != compose().figures
+    assert compose(["experiment=tiny", "figures=[fitness]"], OWN).figures == ["fitness"]
+    assert compose(["experiment=dense"]).trials == 2
+
+
 def test_a_folder_of_the_users_adds_groups_and_modules() -> None:
     assert build(compose(["experiment=tiny"], OWN)).simulator.time_step == 0.05
     with pytest.raises(InputError, match="there is none"):
