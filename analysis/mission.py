@@ -92,12 +92,12 @@ def mission(
             axes.tick_params(labelbottom=True)
         for row in grid:
             row[0].set_ylabel("y [m]")
-        _legend(figure, free, _handles(tracks, modes))
         wide, high = (
             abs(end - begin) for begin, end in (panels[0].get_xlim(), panels[0].get_ylim())
         )
         panel = (width - 0.5) / columns * high / wide + _WORDS_IN
-        figure.set_size_inches(width, rows * panel + (0.0 if free else 0.3))
+        figure.set_size_inches(width, rows * panel + (0.0 if free else 0.4))
+        _legend(figure, free, _handles(tracks, modes))
     return figure
 
 
@@ -212,7 +212,7 @@ def _legend(figure: Figure, free: Sequence[Axes], handles: Sequence[Line2D]) -> 
     figure.legend(
         handles=handles,
         loc="outside lower center",
-        ncols=6,
+        ncols=6 if figure.get_figwidth() > 5 else 3,
         frameon=False,
         handlelength=1.6,
         columnspacing=1.2,
