@@ -60,22 +60,24 @@ def motion(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
     )
 
 
-def check_poses(trajectory: pd.DataFrame) -> None:
-    """Raises ``InputError`` for a trajectory that leads nowhere."""
-    missing = [name for name in (*POSE, "mode", "visited") if name not in trajectory]
-    if missing or trajectory.empty:
-        found = f"{', '.join(missing)} missing" if missing else "no row"
-        raise InputError(f"the trajectory must have columns and rows, and has {found}; restore it")
+def check_poses(trajectory: pd.DataFrame, source: str = "trajectory") -> None:
+    """Raises ``InputError`` for a trajectory that leads nowhere; ``source`` names it."""
+    for name in (*POSE, "mode", "visited"):
+        if name not in trajectory:
+            raise InputError(f"{source}: must have the column {name}, and has not; restore it")
+    if trajectory.empty:
+        raise InputError(
+            f"{source}: must have rows, and has none, for the mission was not flown; show another"
+        )
     numbers = trajectory[[*POSE]].to_numpy(float)
     for row in np.flatnonzero(~np.isfinite(numbers).all(axis=1)):
         raise InputError(
-            f"the trajectory must have a place and a time in each row, not {numbers[row].tolist()} "
-            f"in row {row + 1}; restore it"
+            f"{source}: must have a time and a place in each row, not {numbers[row].tolist()} in "
+            f"row {row + 1}; restore it"
         )
     for row in np.flatnonzero(np.diff(numbers[:, 0]) < 0):
         raise InputError(
-            f"the trajectory's time_s must not decrease, as it does behind row {row + 1}; "
-            f"restore it"
+            f"{source}: time_s must not decrease, as it does behind row {row + 1}; restore it"
         )
 
 

@@ -16,9 +16,10 @@ import pytest
 from evoros.analysis.camera import Camera, Pixels, above, chase
 from evoros.analysis.captions import CLEAR, FAILED, NEAR
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.film import Film
 from evoros.analysis.footage import CUT_M, goals, obstacles
 from evoros.analysis.motion import motion
-from evoros.analysis.replay import Film, replay
+from evoros.analysis.replay import replay
 from evoros.analysis.video import gif, mp4
 from fakes import tiny
 from PIL import Image
@@ -393,7 +394,7 @@ DAMAGES: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], str]] = {
         lambda frame: frame.assign(time_s=frame.time_s.iloc[::-1].to_numpy()),
         "row 1",
     ),
-    "empty": (lambda frame: frame.iloc[:0], "no row"),
+    "empty": (lambda frame: frame.iloc[:0], "not flown"),
     "an unknown mode": (lambda frame: frame.assign(mode=9), "mode"),
 }
 
