@@ -2,22 +2,18 @@
 
 import argparse
 from collections.abc import Hashable, Mapping
-from itertools import count
-from math import factorial
 from typing import Any
 
 import pandas as pd
 
 from .product import Product
-from .statistics import LEVEL, mean_interval, spearman
+from .statistics import mean_interval, spearman
 from .study import Study
 from .style import width as width_of
-from .transfer_figure import ends, transfer
+from .transfer_figure import LEAST, ends, transfer
 from .twice import scored_twice
 
 HELP = "the same designs under two simulators, failures, worlds ...: rank correlation and loss"
-LEAST = next(n for n in count(2) if 2 / factorial(n) < LEVEL)
-"""Designs whose order can be no accident: of n! orders two agree or disagree wholly."""
 NUMBERS = ("n", "spearman", "spearman_low", "spearman_high", "loss", "loss_low", "loss_high")
 
 

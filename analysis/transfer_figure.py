@@ -1,7 +1,8 @@
 """The picture of a transfer: each design a dot, between the two scores that it got."""
 
-import math
 from collections.abc import Hashable, Mapping
+from itertools import count
+from math import ceil, factorial
 from typing import Any
 
 import matplotlib as mpl
@@ -12,6 +13,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 
 from .columns import height_in, write
+from .statistics import LEVEL
 from .style import COLUMN_IN, STYLE, treatment_colours
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -21,6 +23,9 @@ HEADS = {
     "rank correlation": (0.36, "left"),
     "mean loss": (0.7, "left"),
 }
+LEAST = next(n for n in count(2) if 2 / factorial(n) < LEVEL)
+"""Designs whose order can be no accident: of n! orders two agree or disagree wholly."""
+NOTE = f"*too few designs for a conclusion: {LEAST} or more are needed"
 LONGEST = 16
 """Characters of a group in the summary."""
 
@@ -34,10 +39,11 @@ def transfer(table: pd.DataFrame, found: pd.DataFrame, width: float = COLUMN_IN)
     """
     panels = list(table.groupby(["x", "y"], sort=False))
     across = min(len(panels), 2) if width > 1.5 * COLUMN_IN else 1
-    down = math.ceil(len(panels) / across)
+    down = ceil(len(panels) / across)
     groups = list(dict.fromkeys(found["group"].astype(str)))
     most = int(found.groupby(["x", "y"]).size().max())
-    above, below = 0.9 * COLUMN_IN, height_in(most)
+    few = bool((found["n"] < LEAST).any())
+    above, below = 0.9 * COLUMN_IN, height_in(most, few)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(width, (above + below) * down), layout="constrained")
         parts = figure.subfigures(down, across, squeeze=False).ravel()
@@ -47,9 +53,8 @@ def transfer(table: pd.DataFrame, found: pd.DataFrame, width: float = COLUMN_IN)
             if any(groups):
                 _legend(top)
             those = found[(found["x"] == x) & (found["y"] == y)]
-            write(
-                bottom, HEADS, list(map(_line, those.to_dict("records"))), (width / across, below)
-            )
+            lines = list(map(_line, those.to_dict("records")))
+            write(bottom, HEADS, lines, (width / across, below), NOTE if few else "")
     return figure
 
 
@@ -63,7 +68,8 @@ def ends(row: Mapping[Hashable, Any], name: str) -> str:
 def _line(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
     name = str(row["group"])
     short = (name or "all") if len(name) <= LONGEST else name[: LONGEST - 3] + "..."
-    return short, str(row["n"]), ends(row, "spearman"), ends(row, "loss")
+    mark = "*" if row["n"] < LEAST else ""
+    return f"{short}{mark}", str(row["n"]), ends(row, "spearman"), ends(row, "loss")
 
 
 def _panel(axes: Axes, own: pd.DataFrame, groups: list[str]) -> None:
