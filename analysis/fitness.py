@@ -96,7 +96,7 @@ def quartiles(generations: pd.DataFrame) -> pd.DataFrame:
     for line in LINES:
         for name, share in (("q1", 0.25), ("median", 0.5), ("q3", 0.75)):
             table[f"{line}_{name}"] = each[line].quantile(share)
-    return table.reset_index()
+    return table.loc[list(dict.fromkeys(generations["treatment"]))].reset_index()
 
 
 def _one(generations: pd.DataFrame, width: float) -> Figure:

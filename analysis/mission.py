@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from evoros.errors import InputError
+from evoros.log import LOGGER
 from evoros.types import Array
 from evoros.world import World
 
@@ -21,7 +22,7 @@ from .product import Product
 from .study import Record, Study
 from .style import BLUE, GREEN, PAGE_IN, PURPLE, STYLE, VERMILLION, YELLOW
 from .style import width as width_of
-from .tracks import NONE, champions_worlds, track
+from .tracks import NONE, champions_world, track
 from .worlds import draw_course, draw_obstacles
 
 HELP = "the champion's missions from above: path by mode, collisions, where sensors failed"
@@ -57,15 +58,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def product(study: Study, options: argparse.Namespace) -> Product:
     """Of the run that was asked for, else of the best."""
-    record = study.only(options.run) if options.run else study.best
-    setting = record.setting
-    names = _chosen(options.world, list(setting.courses))
-    worlds = champions_worlds(record.run, setting)
-    table = pd.concat([track(record.run, setting, name) for name in names], ignore_index=True)
-    chosen = {name: worlds[name] for name in names}
-    width = width_of(options.columns, 1 if len(names) == 1 else 2)
+    for record in [study.only(options.run)] if options.run else _ranked(study):
+        tracks, worlds = _whole(record, options.world)
+        if worlds:
+            break
+    else:
+        raise InputError("none of the runs has a whole mission; resume one, or give others")
+    table = pd.concat(tracks, ignore_index=True)
+    width = width_of(options.columns, 1 if len(worlds) == 1 else 2)
     said = [_said(record, len(study.records))] if len(study.records) > 1 else []
-    return Product(table, mission(table, chosen, setting.modes, width), said)
+    return Product(table, mission(table, worlds, record.setting.modes, width), said)
 
 
 def mission(
@@ -110,6 +112,37 @@ def stretches(path: pd.DataFrame) -> Iterator[tuple[str, Array]]:
     begins = [i for i in range(len(modes)) if i == 0 or modes[i] != modes[i - 1]]
     for begin, end in zip(begins, [*begins[1:], len(modes)], strict=True):
         yield str(modes[begin]), places[begin : end + 1]
+
+
+def _ranked(study: Study) -> Iterator[Record]:
+    """The finished runs, from the best."""
+    left = list(study.records)
+    while True:
+        best = Study(tuple(left)).best
+        yield best
+        left.remove(best)
+        if not any(record.finished for record in left):
+            return
+
+
+def _whole(
+    record: Record, wanted: Sequence[str] | None
+) -> tuple[list[pd.DataFrame], dict[str, World]]:
+    """The tracks and worlds that can be read; what cannot is said and left out."""
+    tracks, worlds = [], {}
+    for name in _chosen(wanted, list(record.setting.courses)):
+        try:
+            path = track(record.run, record.setting, name)
+            worlds[name] = champions_world(record.run, record.setting, name)
+        except InputError as error:
+            LOGGER.warning("%s; %s is left out", error, name)
+            continue
+        except (LookupError, ValueError, TypeError, AttributeError) as error:
+            said = " ".join(str(error).split())
+            LOGGER.warning("%s: must be whole (%s); %s is left out", record.path, said, name)
+            continue
+        tracks.append(path)
+    return tracks, worlds
 
 
 def _chosen(wanted: Sequence[str] | None, known: Sequence[str]) -> list[str]:
@@ -215,5 +248,5 @@ def _legend(figure: Figure, free: Sequence[Axes], handles: Sequence[Line2D]) -> 
         ncols=6 if figure.get_figwidth() > 5 else 3,
         frameon=False,
         handlelength=1.6,
-        columnspacing=1.2,
+        columnspacing=1.0,
     )

@@ -1,7 +1,6 @@
 """The champion's first mission in each world, as a table: where, in which mode, what failed."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -86,17 +85,19 @@ def champions_worlds(run: Run, setting: Setting) -> Mapping[str, World]:
     Raises:
         InputError: a file is missing or damaged.
     """
-    folder = (run.path / "champion").resolve()
-    return {
-        name: load_world(str(_there(folder / f"world_{name}.sdf")), course)
-        for name, course in setting.courses.items()
-    }
+    return {name: champions_world(run, setting, name) for name in setting.courses}
 
 
-def _there(path: Path) -> Path:
+def champions_world(run: Run, setting: Setting, name: str) -> World:
+    """One of them.
+
+    Raises:
+        InputError: its file is missing or damaged.
+    """
+    path = run.path / "champion" / f"world_{name}.sdf"
     if not path.is_file():
         raise InputError(f"{path}: must be there, and is missing; resume the run, or restore it")
-    return path
+    return load_world(str(path.resolve()), setting.courses[name])
 
 
 def failures(mission: "pd.Series[str]") -> list[tuple[int, float, str]]:

@@ -31,9 +31,7 @@ def test_composing_twice_is_composing_once() -> None:
     assert compose().seed == 0
 
 
-def test_an_experiment_changes_keys_of_the_top_level_and_the_command_line_has_the_last_word() -> (
-    None
-):
+def test_an_experiment_changes_any_key_and_the_command_line_has_the_last_word() -> None:
     config = compose(["experiment=tiny"], OWN)
     assert config.figures == [] != compose().figures
     assert compose(["experiment=tiny", "figures=[fitness]"], OWN).figures == ["fitness"]

@@ -1,12 +1,14 @@
 """The picture of a mission shows the rows of its table, where and when they were."""
 
+import argparse
+import shutil
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis.mission import mission, stretches
+from evoros.analysis.mission import mission, product, stretches
 from evoros.analysis.study import load_study
 from evoros.analysis.tracks import champions_mission, champions_worlds, track
 from fakes import tiny
@@ -179,3 +181,23 @@ def test_the_best_run_is_drawn_by_itself_and_any_other_by_its_name(run: Run) -> 
     study = load_study([run.path])
     assert study.best.path == run.path
     assert study.only("run").path == run.path
+
+
+def test_a_damaged_world_is_left_out_and_a_damaged_run_makes_room_for_the_next(
+    run: Run, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for name in ("one", "two"):
+        shutil.copytree(run.path, tmp_path / name)
+    options = argparse.Namespace(run=None, world=None, columns=None)
+    (tmp_path / "one" / "champion" / "world_near.sdf").write_text("<sdf")
+    made = product(load_study([tmp_path]), options)
+    assert made.table is not None
+    assert set(made.table["world"]) == {"far"}
+    (tmp_path / "one" / "champion" / "trajectory_far.csv").unlink()
+    made = product(load_study([tmp_path]), options)
+    assert made.said[0].startswith("two: one of 2 runs, fitness ")
+    assert len(made.figure.axes if made.figure else []) == 2
+    assert [message.count("is left out") for message in caplog.messages] == [1, 1, 1]
+    (tmp_path / "two" / "generations" / "00002.csv").write_text("generation,id\n")
+    with pytest.raises(InputError, match="none of the runs has a whole mission"):
+        product(load_study([tmp_path]), options)
