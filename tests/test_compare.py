@@ -301,9 +301,10 @@ def texts(figure: Figure) -> list[Text]:
     beyond = {
         id(label)
         for axes in figure.axes
-        for tick in axes.xaxis.get_major_ticks()
+        for axis in (axes.xaxis, axes.yaxis)
+        for tick in axis.get_major_ticks()
         for label in (tick.label1, tick.label2)
-        if not min(axes.get_xlim()) <= tick.get_loc() <= max(axes.get_xlim())
+        if not min(axis.get_view_interval()) <= tick.get_loc() <= max(axis.get_view_interval())
     }
     every = (text for text in figure.findobj(Text) if isinstance(text, Text))
     return [text for text in every if text.get_text() and id(text) not in beyond]
