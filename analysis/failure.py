@@ -25,6 +25,7 @@ from .style import width as width_of
 
 HELP = "what spatial failure breaks around each sensor of one champion (Fig. 10)"
 PANEL_IN = 1.4  # the least width of a panel
+FLAT = 0.65  # least height of a panel over its width
 LABEL_IN, LINE_IN, TICK_IN = 0.42, 0.11, 0.06  # a sensor's label: across, up, and to its sensor
 
 
@@ -127,7 +128,8 @@ def _window(table: pd.DataFrame, reach: float, panel_in: float) -> Window:
     x_low, x_high = table.x_m.min() - reach - 0.01, table.x_m.max() + reach + 0.01
     aside = float(table.y_m.abs().max())
     y = max(aside + reach + 0.01, aside / (1 - 2 * (LABEL_IN + TICK_IN) / panel_in))
-    return float(x_low), float(x_high), -y, y
+    grow = max(0.0, 2 * y * FLAT - (x_high - x_low)) / 2
+    return float(x_low) - grow, float(x_high) + grow, -y, y
 
 
 def _shade(probability: float) -> str:

@@ -2,7 +2,8 @@
 
 Half a metre of a cone shows how cones and places lie on a robot of half a metre, its whole range of
 4.5 m which directions are covered: both are drawn. Overlapping translucent cones would tell no
-number, so the shade of a place is a count: of how many champions at least one sensor covers it.
+number, so the shade of a place is a count: of the champions of which a sensor covers it. Of single
+champions the sensors are counted, which shows where cones of one robot overlap.
 """
 
 import argparse
@@ -21,15 +22,14 @@ from matplotlib.ticker import MaxNLocator
 
 from evoros.errors import InputError
 from evoros.setting import Setting
-from evoros.types import Array
 
 from .designs import champion_or_none
 from .product import Product
+from .raster import cells, coverage, raster
 from .rover import (
     AXES,
     Window,
     aspect,
-    covered,
     draw_robot,
     draw_sensors,
     frame,
@@ -45,12 +45,10 @@ from .style import width as width_of
 
 HELP = "sensors and cones of the champions on one robot, darker where they coincide (Fig. 8)"
 Shades = tuple[ListedColormap, BoundaryNorm]
-CELLS = 150  # along a cone: about 0.2 mm each in print
 PER_ROW_IN = 1.7  # a panel narrower than this tells nothing
 BAR_IN = 0.75  # room for the colour bar
 HEADS_IN = (0.38, 0.6)  # room above the first view and above the others
-SPAN = ["treatment", "cut_m", "cell_m", "x_m", "y_low_m", "y_high_m", "champions"]
-SEEN = "champions whose cones cover a place"
+SEEN = "whose cones cover a place"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -97,52 +95,6 @@ def cuts(
     return (near, far) if near < far else (far,)
 
 
-def coverage(
-    sensors: pd.DataFrame, settings: Mapping[str, Setting], cuts_m: Sequence[float]
-) -> pd.DataFrame:
-    """How many champions cover each place around the robot: a row for each span of equal number.
-
-    ``sensors`` has the columns of ``designs.py``, ``settings`` the setting of each treatment.
-    Columns: ``treatment``; ``cut_m``, where cones are cut; ``cell_m``, the width of the strip along
-    y that the span is part of; ``x_m``, its middle, and from ``y_low_m`` to ``y_high_m``, in the
-    robot's frame; ``champions``, those with a sensor whose cone has the centres of the span's
-    square cells in it, at least one.
-    """
-    placed = sensors.dropna(subset="x_m")
-    spans = [
-        _spans(placed[placed.treatment == treatment], setting, cut).assign(treatment=treatment)
-        for treatment, setting in settings.items()
-        for cut in cuts_m
-    ]
-    return pd.concat(spans, ignore_index=True)[SPAN] if spans else pd.DataFrame(columns=SPAN)
-
-
-def _spans(sensors: pd.DataFrame, setting: Setting, cut: float) -> pd.DataFrame:
-    cell = cut / CELLS
-    x, y = _cells(window([setting], sensors, cut), cell)
-    along, across = np.meshgrid(x, y, indexing="ij")
-    count = np.zeros((len(x), len(y)), dtype=np.int64)
-    for _, design in sensors.groupby("run"):
-        count += covered(design, along, across, cell, cut).astype(np.int64)
-    edges = np.pad(count, ((0, 0), (1, 1)))
-    row, first = np.nonzero(edges[:, 1:] != edges[:, :-1])  # where another number begins
-    last = np.where(np.diff(row, append=-1), 0, np.roll(first, -1))
-    span = last > first
-    row, first, last = row[span], first[span], last[span]
-    table = {"cut_m": cut, "cell_m": cell, "x_m": x[row], "champions": count[row, first]}
-    low, high = (y[0] + (end - 0.5) * cell for end in (first, last))
-    found = pd.DataFrame(table | {"y_low_m": low.round(9), "y_high_m": high.round(9)})
-    return found[found.champions > 0]
-
-
-def _cells(view: Window, cell: float) -> tuple[Array, Array]:
-    """The centres of the cells that fill a window, along x and along y; 0 is a border."""
-    x_low, x_high, y_low, y_high = (edge / cell for edge in view)
-    x = np.arange(math.floor(x_low), math.ceil(x_high), dtype=np.float64)
-    y = np.arange(math.floor(y_low), math.ceil(y_high), dtype=np.float64)
-    return ((x + 0.5) * cell).round(9), ((y + 0.5) * cell).round(9)
-
-
 def overlay(
     cover: pd.DataFrame,
     sensors: pd.DataFrame,
@@ -158,9 +110,10 @@ def overlay(
     cuts_m = sorted(cover.cut_m.unique()) or [0.0]
     views = [window(settings.values(), placed, cut) for cut in cuts_m]
     numbers = sensors.groupby("treatment").run.nunique()
-    shades = _shades(int(numbers.max()))
+    most = max([*numbers, *cover.iloc[:, -1]])
+    shades, markers = _shades(int(most)), markers_of(placed)
     with mpl.rc_context(STYLE):
-        page, abreast = _sheet(len(settings), views, width)
+        page, abreast = _sheet(len(settings), views, width, len(markers) > 1)
         figure = page.figure()
         for (i, treatment), (view, cut) in product_of(enumerate(settings), enumerate(cuts_m)):
             row, column = divmod(i, page.columns)
@@ -170,57 +123,64 @@ def overlay(
             axes.set_ylabel("" if place[1] else AXES[1])
             own = placed[placed.treatment == treatment]
             shown = cover[(cover.treatment == treatment) & (cover.cut_m == cut)]
-            draw_robot(axes, settings[treatment])
-            _draw_counts(axes, shown, views[view], shades)
-            draw_robot(axes, settings[treatment], fill=False, zorder=3)
+            _draw_counts(axes, settings[treatment], shown, views[view], shades)
             if view == 0:
                 grey = ["black"] * len(own)
-                draw_sensors(axes, own, grey, markers_of(placed), 2.5, alpha=0.35)
+                draw_sensors(axes, own, grey, markers, 2.5, alpha=0.35)
             number = int(numbers[treatment])
             title = _title(treatment, number, cut, len(views), view)
             axes.set_title(title, loc="left", fontsize=7)
             frame(axes, views[view])
-        _legends(figure, page, shades, markers_of(placed))
+        _legends(figure, page, shades, cover.columns[-1], markers)
     return figure
 
 
 def _shades(most: int) -> Shades:
-    """A shade for each number of champions, from 1; monotone in grey, too."""
+    """A shade for each number from 1 to ``most``; monotone in grey, too."""
     light_to_dark = mpl.colormaps["YlGnBu"](np.linspace(0.15, 1.0, 256))
     cmap = ListedColormap(light_to_dark)
     return cmap, BoundaryNorm(np.arange(0.5, most + 1), cmap.N)
 
 
-def _sheet(treatments: int, views: Sequence[Window], width: float) -> tuple[Sheet, bool]:
-    """Views below each other, treatments abreast; of one treatment on a wide page views abreast."""
+def _sheet(
+    treatments: int, views: Sequence[Window], width: float, types: bool
+) -> tuple[Sheet, bool]:
+    """Views below each other, treatments abreast; of one treatment on a wide page views abreast.
+
+    ``types`` is whether a legend must tell types of sensors apart.
+    """
+    bottom = 0.6 if types else 0.4
     ratios = [aspect(view) for view in views]
     if treatments == 1 and width > 2 * PER_ROW_IN + COLUMN_IN / 2:
-        return Sheet(width, len(views), [max(ratios)], HEADS_IN[:1], right=BAR_IN, gap=0.55), True
+        one = HEADS_IN[:1]
+        return Sheet(
+            width, len(views), [max(ratios)], one, right=BAR_IN, bottom=bottom, gap=0.55
+        ), True
     columns = max(1, min(treatments, int((width - BAR_IN) / PER_ROW_IN)))
     blocks = math.ceil(treatments / columns)
     columns = math.ceil(treatments / blocks)  # as even as can be
     heads = [HEADS_IN[min(view, 1)] for view in range(len(views))]
     below = [heads[0] + 0.35, *heads[1:]]
     heads = heads + below * (blocks - 1)
-    return Sheet(width, columns, ratios * blocks, heads, right=BAR_IN, gap=0.3), False
+    return Sheet(
+        width, columns, ratios * blocks, heads, right=BAR_IN, bottom=bottom, gap=0.3
+    ), False
 
 
-def _draw_counts(axes: Axes, cover: pd.DataFrame, view: Window, shades: Shades) -> None:
+def _draw_counts(
+    axes: Axes, setting: Setting, cover: pd.DataFrame, view: Window, shades: Shades
+) -> None:
+    """The counts between the robot and its edges."""
+    draw_robot(axes, setting)
+    draw_robot(axes, setting, fill=False, zorder=3)
     if cover.empty:
         return
-    cell = float(cover.cell_m.iloc[0])
-    x, y = _cells(view, cell)
-    count = np.zeros((len(x), len(y)), dtype=np.int64)
-    rows = np.rint((cover.x_m - x[0]) / cell).astype(int)
-    low, high = (
-        np.rint((cover[end] - y[0]) / cell + 0.5).astype(int) for end in ("y_low_m", "y_high_m")
-    )
-    for row, first, last, champions in zip(rows, low, high, cover.champions, strict=True):
-        count[row, first:last] = champions
+    half = float(cover.cell_m.iloc[0]) / 2
+    x, y = cells(view, 2 * half)
     axes.imshow(
-        np.ma.masked_equal(count, 0),
+        raster(cover, x, y),
         origin="lower",
-        extent=(y[0] - cell / 2, y[-1] + cell / 2, x[0] - cell / 2, x[-1] + cell / 2),
+        extent=(y[0] - half, y[-1] + half, x[0] - half, x[-1] + half),
         cmap=shades[0],
         norm=shades[1],
         interpolation="nearest",
@@ -235,13 +195,15 @@ def _title(treatment: str, number: int, cut_m: float, views: int, view: int) -> 
     return f"{treatment} ({count})\n{cones}" if view == 0 else cones
 
 
-def _legends(figure: Figure, page: Sheet, shades: Shades, markers: Mapping[str, str]) -> None:
+def _legends(
+    figure: Figure, page: Sheet, shades: Shades, unit: str, markers: Mapping[str, str]
+) -> None:
     tall = min(0.8 * (page.height - page.bottom), 3.0)
     corner = page.width - page.right + 0.15, (page.height - tall) / 2
     bar = figure.colorbar(
         ScalarMappable(shades[1], shades[0]), cax=page.box(figure, corner, (0.1, tall))
     )
-    bar.set_label(SEEN if tall > 2 else SEEN.replace(" whose", "\nwhose"))
+    bar.set_label(f"{unit}{chr(10) if tall < 2 else chr(32)}{SEEN}")
     bar.ax.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     bar.ax.tick_params(labelsize=7, length=2)
     bar.ax.minorticks_off()

@@ -36,7 +36,7 @@ HELP = "a panel a replicate with its champion's sensors and cones (Figs. 7 and 1
 CUT = 0.6  # of the robot's length: longer cones leave no room to the robot
 PANEL_IN, LEAST_IN = 1.25, 0.8  # width of a panel, and where the page would be too short for it
 PAGE_HIGH_IN = 9.2
-SIDE_IN, FOOT_IN, HEADING_IN, TITLE_IN = 0.5, 0.95, 0.2, 0.2
+SIDE_IN, FOOT_IN, HEADING_IN, TITLE_IN, LINE_IN = 0.5, 0.5, 0.2, 0.2, 0.17
 TITLES = "seed: recorded fitness (validated)"
 
 
@@ -79,7 +79,11 @@ def panel(
     view = window(shown, placed, cut)
     markers = markers_of(placed)
     with mpl.rc_context(STYLE):
-        figure, panels = _panels(sensors, treatments, aspect(view), width)
+        handles = [*_colour_handles(placed), *type_handles(markers)]
+        across = 3 if width < PAGE_IN else 6
+        note = _note(placed, cut, width)
+        foot = FOOT_IN + LINE_IN * (math.ceil(len(handles) / across) + 1 + note.count("\n"))
+        figure, panels = _panels(sensors, treatments, aspect(view), width, foot)
         for run, axes in panels.items():
             own = placed[placed.run == run]
             colours = [CATEGORIES[int(rank) % len(CATEGORIES)] for rank in own["rank"]]
@@ -90,10 +94,10 @@ def panel(
             axes.set_title(_title(sensors[sensors.run == run].iloc[0]), fontsize=6.5, pad=2)
             frame(axes, view)
         figure.legend(
-            handles=[*_colour_handles(placed), *type_handles(markers)],
-            title=_note(placed, cut, width),
+            handles=handles,
+            title=note,
             loc="lower center",
-            ncols=3 if width < PAGE_IN else 6,
+            ncols=across,
             frameon=False,
         )
     return figure
@@ -122,11 +126,11 @@ def _note(placed: pd.DataFrame, cut: float, width: float) -> str:
 
 
 def _panels(
-    sensors: pd.DataFrame, treatments: Sequence[str], ratio: float, width: float
+    sensors: pd.DataFrame, treatments: Sequence[str], ratio: float, width: float, foot: float
 ) -> tuple[Figure, dict[str, Axes]]:
     """Axes by run, each treatment beginning in a new row."""
     runs = [list(dict.fromkeys(sensors[sensors.treatment == t].run)) for t in treatments]
-    page = sheet([len(each) for each in runs], ratio, width)
+    page = sheet([len(each) for each in runs], ratio, width, foot)
     figure = page.figure()
     panels: dict[str, Axes] = {}
     places: dict[tuple[int, int], Axes] = {}
@@ -159,10 +163,11 @@ def _head(axes: Axes, treatment: str) -> None:
     )
 
 
-def sheet(numbers: Sequence[int], ratio: float, width: float) -> Sheet:
+def sheet(numbers: Sequence[int], ratio: float, width: float, foot: float) -> Sheet:
     """Where the panels are: of a good size, or smaller where they then fit on one page.
 
-    ``numbers`` are the panels of each treatment, ``ratio`` is a panel's height over its width.
+    ``numbers`` are the panels of each treatment, ``ratio`` is a panel's height over its width,
+    ``foot`` the room for the legend [in].
     """
     most, several, pages = max(numbers), HEADING_IN * (len(numbers) > 1), []
     for least in (PANEL_IN, LEAST_IN):
@@ -170,7 +175,7 @@ def sheet(numbers: Sequence[int], ratio: float, width: float) -> Sheet:
         even = math.ceil(most / math.ceil(most / columns))
         rows = [math.ceil(number / even) for number in numbers]
         heads = [TITLE_IN + several * (row == 0) for count in rows for row in range(count)]
-        pages.append(Sheet(width, even, [ratio] * len(heads), heads, bottom=FOOT_IN))
+        pages.append(Sheet(width, even, [ratio] * len(heads), heads, bottom=foot))
     return next((page for page in pages if page.height <= PAGE_HIGH_IN), _shrunk(pages[-1]))
 
 

@@ -23,7 +23,7 @@ from .style import width as width_of
 HELP = "where on the robot sensors may be, and where they may face (Fig. 5)"
 FAN = 0.25  # of the robot's length
 TWINS = "each sensor has a twin, mirrored across the dash-dotted line"
-PANEL_IN = 2.5  # the least width of a panel
+PANEL_IN, SINGLE_IN = 2.5, 4.5  # the least width of a panel, the greatest of one alone
 
 
 def product(study: Study, options: argparse.Namespace) -> Product:
@@ -89,7 +89,9 @@ def regions(settings: Mapping[str, Setting], width: float = COLUMN_IN) -> Figure
     rows = math.ceil(len(settings) / columns)
     with mpl.rc_context(STYLE):
         heads = [0.3 if len(settings) == 1 else 0.45, *[0.8] * (rows - 1)]
-        sheet = Sheet(width, columns, [aspect(view)] * rows, heads, gap=0.5)
+        spare = max(0.0, width - SINGLE_IN) / 2 if columns == 1 else 0.0
+        sides = {"left": 0.5 + spare, "right": 0.08 + spare}
+        sheet = Sheet(width, columns, [aspect(view)] * rows, heads, gap=0.5, **sides)
         figure = sheet.figure()
         for i, (treatment, setting) in enumerate(settings.items()):
             axes = sheet.axes(figure, *divmod(i, columns))
@@ -159,5 +161,6 @@ def _name(axes: Axes, name: str, area: Area, reach: float) -> None:
     aside = math.sin(math.radians((low + high) / 2))
     ha = "center" if abs(aside) < 0.3 else "right" if aside > 0 else "left"
     va = "top" if abs(aside) > 0.8 else "bottom"
-    said = f"{name}\n{low:g} to {high:g}°".replace("-", "\N{MINUS SIGN}")
+    headings = f"{low:g}°" if low == high else f"{low:g} to {high:g}°"
+    said = f"{name}\n{headings}".replace("-", "\N{MINUS SIGN}")
     axes.text(tip[1], tip[0], said, fontsize=6.5, ha=ha, va=va, zorder=5)

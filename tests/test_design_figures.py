@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis import failure, overlay, panel, regions, rover
+from evoros.analysis import failure, overlay, panel, raster, regions, rover
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.product import Product
 from evoros.analysis.sheet import Sheet
@@ -70,12 +70,12 @@ def table(*rows: dict[str, object]) -> pd.DataFrame:
 def areas(cover: pd.DataFrame) -> dict[int, float]:
     """Square metres by the number of champions that cover them."""
     area = (cover.y_high_m - cover.y_low_m) * cover.cell_m
-    total = area.groupby(cover.champions).sum()
+    total = area.groupby(cover.iloc[:, -1]).sum()
     return dict(zip(total.index.tolist(), total.tolist(), strict=True))
 
 
 def covers(*rows: dict[str, object], cut: float = 1.0) -> dict[int, float]:
-    return areas(overlay.coverage(table(*rows), {"all runs": SETTING}, (cut,)))
+    return areas(raster.coverage(table(*rows), {"all runs": SETTING}, (cut,)))
 
 
 def sector(opening_deg: float, radius_m: float = 1.0) -> float:
@@ -97,13 +97,13 @@ def test_two_champions_count_twice_where_their_cones_coincide() -> None:
 
 
 def test_a_champion_counts_once_wherever_its_own_cones_coincide() -> None:
-    both = covers(sensor(0, 0, 0), sensor(0, 0, 15, sensor=1, pair=1))
+    both = covers(sensor(0, 0, 0), sensor(0, 0, 15, sensor=1, pair=1), bare("b"))
     assert both == pytest.approx({1: sector(45)}, rel=0.01)
 
 
 def test_a_beam_of_one_ray_is_seen() -> None:
-    one = covers(sensor(0.5 / overlay.CELLS, 0, 90, fov_deg=0.0))
-    assert one == pytest.approx({1: 1.0 / overlay.CELLS}, rel=0.02)
+    one = covers(sensor(0.5 / raster.CELLS, 0, 90, fov_deg=0.0))
+    assert one == pytest.approx({1: 1.0 / raster.CELLS}, rel=0.02)
 
 
 @settings(max_examples=15, deadline=None)
@@ -121,7 +121,7 @@ def test_the_mirror_image_of_the_champions_covers_the_mirror_image(
 ) -> None:
     own = table(*(sensor(x, y, yaw, run) for x, y, yaw, run in mounts))
     image = own.assign(y_m=-own.y_m, yaw_deg=-own.yaw_deg)
-    one, other = (overlay.coverage(each, {"all runs": SETTING}, (0.4,)) for each in (own, image))
+    one, other = (raster.coverage(each, {"all runs": SETTING}, (0.4,)) for each in (own, image))
     swapped = other.assign(y_low_m=-other.y_high_m, y_high_m=-other.y_low_m)
     order = ["x_m", "y_low_m"]
     pd.testing.assert_frame_equal(
@@ -142,7 +142,7 @@ def test_cones_are_cut_at_the_robots_length_and_shown_whole() -> None:
 def drawn(*rows: dict[str, object], width: float = 3.5) -> tuple[pd.DataFrame, Figure]:
     sensors = table(*rows)
     chosen = dict.fromkeys(sensors.treatment, SETTING)
-    cover = overlay.coverage(sensors, chosen, overlay.cuts(sensors, chosen))
+    cover = raster.coverage(sensors, chosen, overlay.cuts(sensors, chosen))
     return cover, overlay.overlay(cover, sensors, chosen, width)
 
 
@@ -190,6 +190,13 @@ def test_treatments_stand_side_by_side_at_one_scale() -> None:
     ]
     assert len({(*axes.get_xlim(), *axes.get_ylim()) for axes in near}) == 1
     assert len({round(axes.get_position().y0, 9) for axes in near}) == 1
+
+
+def test_of_single_champions_the_sensors_are_counted() -> None:
+    cover, figure = drawn(sensor(0, 0, 0), sensor(0, 0, 15, sensor=1, pair=1))
+    own = cover[cover.cut_m == 1.0]
+    assert areas(own) == pytest.approx({1: 2 * sector(15), 2: sector(15)}, rel=0.02)
+    assert figure.axes[-1].get_ylabel() == "sensors whose cones cover a place"
 
 
 def test_a_champion_without_sensors_counts_and_covers_nothing() -> None:
