@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
 
 COLUMN_IN = 3.5  # width of one column of a two-column page
@@ -63,6 +64,10 @@ def _settle(figure: Figure) -> None:
     """
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
+    parts = [*figure.subfigs]
+    for part in parts:
+        parts += part.subfigs
+        part.bbox_relative.set_points(np.round(part.bbox_relative.get_points(), 6))
     for axes in figure.axes:
-        x, y, wide, high = axes.get_position(original=True).bounds
-        axes.set_position((round(x, 6), round(y, 6), round(wide, 6), round(high, 6)))
+        x, y, wide, high = np.round(axes.get_position(original=True).bounds, 6).tolist()
+        axes.set_position((x, y, wide, high))
