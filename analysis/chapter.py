@@ -57,7 +57,10 @@ def _content(name: str, study: Study, options: argparse.Namespace, own_section: 
         caption = f"{module.HELP[0].upper()}{module.HELP[1:]}."
         drawn = picture(made.figure, name)
         parts.append(f"<figure>{drawn}<figcaption>{escape(caption)}</figcaption></figure>")
-    parts.append(bullets(made.said))
+    said = bullets(made.said)
+    parts.append(
+        folded(f"In words ({len(made.said)} lines)", said) if len(made.said) > 12 else said
+    )
     if made.table is not None:
         parts.append(_numbers(name, made.table, own_section))
     return "\n".join(filter(None, parts))

@@ -21,7 +21,6 @@ from evoros.world import Course, World
 
 from .designs import champion_sensors, number
 from .study import Record, Study
-from .summary import common_start, short_name
 from .tracks import NONE, champions_mission, champions_worlds, failures
 
 RECORDS = 6000
@@ -31,7 +30,7 @@ Json = dict[str, Any]
 
 
 def playbacks(study: Study, most: float) -> dict[str, str]:
-    """What the page plays, by the shortest name of the run.
+    """What the page plays, by the name of the run.
 
     That is the best run of each treatment, then the others from the best on, as far as they fit
     into ``most`` bytes together.
@@ -39,7 +38,7 @@ def playbacks(study: Study, most: float) -> dict[str, str]:
     ranked = sorted((each for each in study.records if each.finished), key=_rank, reverse=True)
     best = {record.treatment: record for record in reversed(ranked)}
     first = [best[treatment] for treatment in study.treatments if treatment in best]
-    start, found = common_start(study.records), dict[str, str]()
+    found: dict[str, str] = {}
     for record in dict.fromkeys([*first, *ranked]):
         left = most - sum(map(len, found.values()))
         if record not in first and left <= 0:
@@ -51,7 +50,7 @@ def playbacks(study: Study, most: float) -> dict[str, str]:
             LOGGER.warning("%s: its missions cannot be played (%s); left out", record.path, said)
             continue
         if record in first or len(data) <= left:
-            found[short_name(record, start)] = data
+            found[record.name] = data
     return found
 
 

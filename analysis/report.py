@@ -15,7 +15,7 @@ from .outline import differences_of, outline
 from .playback import playbacks
 from .product import Product
 from .study import Record, Study
-from .summary import common_start, evaluation_rows, run_rows, sentence, versions
+from .summary import evaluation_rows, labels, run_rows, sentence, versions
 
 HELP = "one HTML page with everything, and the champions' missions to be played"
 FORMATS = ("html",)
@@ -42,6 +42,7 @@ def product(study: Study, options: argparse.Namespace) -> Product:
     """The page of a study."""
     replays = playbacks(study, options.replays * 1e6)
     sections = dict(_sections(study, options, replays))
+    named = labels(study.records)
     script = "\n" + "".join(map(_asset, SCRIPTS))
     page = _filled(
         _asset("page.html"),
@@ -55,7 +56,7 @@ def product(study: Study, options: argparse.Namespace) -> Product:
             for name, content in sections.items()
         ),
         data="\n".join(
-            f'<script type="application/json" data-label="{escape(name)}">{content}</script>'
+            f'<script type="application/json" data-label="{escape(named[name])}">{content}</script>'
             for name, content in replays.items()
         ),
         script=script,
@@ -85,11 +86,9 @@ def _title(study: Study, options: argparse.Namespace) -> str:
 def _summary(study: Study) -> str:
     parts = []
     if study.records:
-        start = common_start(study.records)
-        names = f" Names of runs begin with {start}, left out here." if start else ""
         words = (
             "Recorded is the fitness on the draws that selected the design, validated that on "
-            f"fresh ones: trust the second. Pace is simulated time over wall-clock time.{names}"
+            "fresh ones: trust the second. Pace is simulated time over wall-clock time."
         )
         parts += [table(run_rows(study.records)), paragraph(words, "quiet")]
     if study.evaluations:

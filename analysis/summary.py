@@ -1,7 +1,6 @@
 """What runs and evaluations came to, as the tables of a report."""
 
 from collections.abc import Iterator, Sequence
-from itertools import takewhile
 from typing import Any
 
 import pandas as pd
@@ -19,10 +18,8 @@ def sentence(study: Study) -> str:
     parts = []
     if study.records:
         done = sum(record.finished for record in study.records)
-        treatments = len(study.treatments)
         parts.append(f"{_count(len(study.records), 'run')}, {done} finished")
-        if treatments > 1:
-            parts.append(_count(treatments, "treatment"))
+        parts.append(_count(len(study.treatments), "treatment"))
     if study.evaluations:
         parts.append(_count(len(study.evaluations), "evaluation"))
     everything: tuple[Record, ...] = (*study.records, *study.evaluations)
@@ -31,26 +28,17 @@ def sentence(study: Study) -> str:
     return " · ".join(parts)
 
 
-def common_start(records: Sequence[Record]) -> str:
-    """What the names of all runs begin with, up to a mark between words; nothing of one run."""
-    if len(records) < 2:
-        return ""
-    alike = takewhile(
-        lambda letters: len(set(letters)) == 1, zip(*(r.name for r in records), strict=False)
-    )
-    start = "".join(letters[0] for letters in alike)
-    return start[: max(start.rfind(mark) for mark in "_-/") + 1]
-
-
-def short_name(record: Record, start: str) -> str:
-    """The rest of its name."""
-    return f"\u2026{record.name.removeprefix(start)}" if start else record.name
+def labels(records: Sequence[Record]) -> dict[str, str]:
+    """A short text for each run, by its name: its treatment and seed, where no two share both."""
+    short = [f"{record.treatment}, seed {record.seed}" for record in records]
+    names = [record.name for record in records]
+    distinct = len(records) > 1 and len(set(short)) == len(short)
+    return dict(zip(names, short if distinct else names, strict=True))
 
 
 def run_rows(records: Sequence[Record]) -> pd.DataFrame:
     """A row for each run: how far it is, its best fitness, its missions and its pace."""
-    start = common_start(records)
-    return pd.DataFrame([{"run": short_name(r, start), **_run_row(r)} for r in records])
+    return pd.DataFrame([_run_row(record) for record in records])
 
 
 def _run_row(record: Record) -> dict[str, Any]:
@@ -66,6 +54,7 @@ def _run_row(record: Record) -> dict[str, Any]:
         "missions": status.get("missions"),
         "simulated [s]": _simulated_s(record),
         "pace [s/s]": status.get("session_simulated_s", 0.0) / wall if wall else None,
+        "run": record.name,
     }
 
 
