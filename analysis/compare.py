@@ -1,7 +1,7 @@
 """Treatments side by side: every replicate, boxes, and what the statistics say of each pair."""
 
 import argparse
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -9,7 +9,8 @@ import pandas as pd
 
 from evoros.types import Array
 
-from .compare_figure import MEASURES, compare, p_text
+from .compare_figure import MEASURES, called, compare, p_text
+from .matching import conditions, differing
 from .product import Product
 from .statistics import (
     LEVEL,
@@ -23,7 +24,7 @@ from .statistics import (
 )
 from .study import Study
 from .style import width as width_of
-from .validated import BY_EVALUATION, BY_RUN, validations
+from .validated import BY_EVALUATION, BY_RUN, under, validations
 
 HELP = "treatments side by side: recorded and validated fitness, tests, effect sizes, intervals"
 SIDE = ("n", "median", "median_low", "median_high")
@@ -34,25 +35,41 @@ COLUMNS = (
 )
 
 
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Conditions that are the same for all."""
+    parser.add_argument(
+        "--under",
+        metavar="NAME",
+        help="compare the champions' scores in the evaluations of this name or treatment instead, "
+        "under the same conditions for all",
+    )
+
+
 def product(study: Study, options: argparse.Namespace) -> Product:
     """The command's: the picture, the comparisons, the values of each run, and what they say."""
-    runs = validations(study)
-    table = comparisons(runs)
+    if options.under is None:
+        runs, measures = validations(study), list(MEASURES)
+        said = [*_validated_by(runs), *_own_conditions(study)]
+    else:
+        runs, measures = under(study, options.under), [f"under {options.under}"]
+        found = int(runs[measures[0]].notna().sum())
+        said = [f"fitness {measures[0]} is known of {found} of {len(runs)} champions"]
+    table = comparisons(runs, measures)
     figure = compare(runs, table, width_of(options.columns))
     files = {"compare_runs.csv": runs.to_csv(index=False, lineterminator="\n").encode()}
-    return Product(table, figure, [*_validated_by(runs), *conclusions(table)], files)
+    return Product(table, figure, [*said, *conclusions(table)], files)
 
 
-def comparisons(runs: pd.DataFrame) -> pd.DataFrame:
+def comparisons(runs: pd.DataFrame, measures: Sequence[str] = MEASURES) -> pd.DataFrame:
     """A row for each measure and pair of treatments ``a`` and ``b`` that have it.
 
-    ``runs`` has the columns ``treatment``, ``recorded`` and ``validated``, a row a run. Of each
-    side ``n``, the median and its bootstrap interval; ``p`` of the Mann-Whitney test; ``p_holm``,
+    ``runs`` has a row a run, with the column ``treatment`` and those of the measures. Of each side
+    ``n``, the median and its bootstrap interval; ``p`` of the Mann-Whitney test; ``p_holm``,
     corrected for all pairs of the measure; ``a12``, how likely a run of ``a`` is the better one,
     and its ``magnitude``; ``least_p_holm``, the least that so many runs can give. Where there is
     one treatment, ``b`` and what compares are empty.
     """
-    rows = [row for measure in MEASURES for row in _measured(measure, values_of(runs, measure))]
+    rows = [row for measure in measures for row in _measured(measure, values_of(runs, measure))]
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -96,8 +113,8 @@ def conclusions(table: pd.DataFrame) -> list[str]:
 def _conclusion(row: Mapping[Hashable, Any], pairs: int) -> str:
     a, b = row["a"], row["b"]
     if not b:
-        return f"{row['measure']} fitness: all runs are of one treatment: nothing to compare"
-    head = f'{row["measure"]} fitness, "{a}" against "{b}"'
+        return f"{called(row['measure'])}: all runs are of one treatment: nothing to compare"
+    head = f'{called(row["measure"])}, "{a}" against "{b}"'
     if row["least_p_holm"] >= LEVEL:
         return (
             f"{head}: too few replicates ({row['n_a']} and {row['n_b']}) for any conclusion: at "
@@ -122,4 +139,16 @@ def _validated_by(runs: pd.DataFrame) -> Iterator[str]:
         yield (
             "for a validation on more trials score the champions under the conditions of their "
             "runs, and give that folder, too: evoros-evaluate designs=SWEEP trials=40 ..."
+        )
+
+
+def _own_conditions(study: Study) -> Iterator[str]:
+    """What else than the designs differs between treatments."""
+    each = [conditions(record) for record in study.records]
+    parts = dict.fromkeys(key.split(".")[0] for one in each for key in differing(one, each[0]))
+    if parts:
+        yield (
+            f"the runs differ in {' and '.join(parts)}, and each is measured under its own: a "
+            f"difference may be of the conditions, not of the designs; --under NAME compares all "
+            f"in one evaluation"
         )

@@ -38,14 +38,13 @@ HEADS = {
 
 
 def compare(runs: pd.DataFrame, table: pd.DataFrame, width: float = COLUMN_IN) -> Figure:
-    """Recorded and validated fitness: a dot a run below a box of the quartiles, then the tests.
+    """A panel a measure of fitness: a dot a run below a box of the quartiles, then the tests.
 
-    ``runs`` has the columns ``treatment``, ``recorded`` and ``validated``; ``table`` is of
-    ``comparisons`` of them; ``width`` is in inches. Whiskers end at the last value within 1.5
-    times the box. Beside each box stand the median, its bootstrap interval and n.
+    ``table`` is of ``comparisons`` of ``runs``; ``width`` is in inches. Whiskers end at the last
+    value within 1.5 times the box. Beside each box stand the median, its bootstrap interval and n.
     """
     letters = _letters(list(dict.fromkeys(runs["treatment"].astype(str))))
-    measures = [measure for measure in MEASURES if runs[measure].notna().any()]
+    measures = list(dict.fromkeys(table["measure"]))
     tests = {each: table[(table["measure"] == each) & (table["b"] != "")] for each in measures}
     written = {name: rows for name, rows in tests.items() if 0 < len(rows) <= MOST_TESTS}
     labels = _labels(letters)
@@ -67,6 +66,11 @@ def compare(runs: pd.DataFrame, table: pd.DataFrame, width: float = COLUMN_IN) -
             if measure in written:
                 _write(bottom, written[measure], letters, (width / across, below))
     return figure
+
+
+def called(measure: str) -> str:
+    """``recorded fitness``, ``fitness under NAME``."""
+    return f"{measure} fitness" if measure in MEASURES else f"fitness {measure}"
 
 
 def p_text(p: float) -> str:
@@ -96,7 +100,7 @@ def _panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[str]) -
             _box(axes, row + BOX[0], values)
             _dots(axes, row + DOTS[0], values, colours[name])
             _beside(axes, row, values)
-    axes.set(xlabel=f"{measure} fitness", ylim=(len(names) - 0.45, -0.45))
+    axes.set(xlabel=called(measure), ylim=(len(names) - 0.45, -0.45))
     axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)

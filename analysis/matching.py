@@ -37,6 +37,11 @@ def conditions(record: "Record") -> dict[str, Any]:
     }
 
 
+def differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    """The keys whose values are not the same; one that is missing is null."""
+    return [key for key in dict.fromkeys([*one, *other]) if one.get(key) != other.get(key)]
+
+
 def champion_content(record: "Record") -> Content:
     """What a finished run's champion is: its sensors, and its other values.
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from evoros.errors import InputError
 
-from .matching import champion_content, conditions
+from .matching import champion_content, conditions, differing
 from .treatments import ALONE, labels
 from .validated import evaluated
 
@@ -64,7 +64,7 @@ def _evaluations(study: "Study") -> Iterator[Row]:
     each = [conditions(one) for one, _ in tables]
     origin = _treatments(study)
     for (i, left), (j, right) in combinations(enumerate(table for _, table in tables), 2):
-        parts = list(dict.fromkeys(_part(key) for key in _differing(each[i], each[j])))
+        parts = list(dict.fromkeys(_part(key) for key in differing(each[i], each[j])))
         if len(parts) != 1 and len(tables) > 2:
             continue
         names = labels([_only(values, parts) for values in each])
@@ -135,7 +135,3 @@ def _part(key: str) -> str:
 
 def _only(values: Values, parts: Sequence[str] | set[str]) -> dict[str, Any]:
     return {key: value for key, value in values.items() if _part(key) in parts}
-
-
-def _differing(one: Values, other: Values) -> list[str]:
-    return [key for key in dict.fromkeys([*one, *other]) if one.get(key) != other.get(key)]

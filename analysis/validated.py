@@ -10,7 +10,7 @@ from evoros.errors import InputError
 from evoros.folder import resume_command
 
 from .designs import number
-from .matching import champion_content, champion_genes, conditions, scored_designs
+from .matching import champion_content, champion_genes, conditions, differing, scored_designs
 
 if TYPE_CHECKING:
     from .study import Record, Scored, Study
@@ -35,6 +35,40 @@ def validations(study: "Study") -> pd.DataFrame:
     return study.gather(lambda record: _validation(record, tables))
 
 
+def under(study: "Study", name: str) -> pd.DataFrame:
+    """A row for each finished run: the score of its champion under conditions common to all.
+
+    ``run``, ``treatment``, ``seed``, and ``under NAME``: the mean fitness in the evaluations of
+    that name or treatment, of several in that with most trials; NaN where it is in none.
+
+    Raises:
+        InputError: no finished evaluation is called so, it has scored no champion, or no run is
+            finished.
+    """
+    tables = evaluated(study)
+    named = [table for one, table in tables if name in (one.name, one.treatment)]
+    if not named:
+        known = dict.fromkeys(one.treatment for one, _ in tables)
+        raise InputError(
+            f"--under: must be what a finished evaluation differs in from the others, or its name, "
+            f"not {name!r}; there is {', '.join(known) or 'none'}"
+        )
+    scores = pd.concat(named).sort_values("trials", kind="stable")
+    means = dict(zip(scores["content"], scores["fitness_mean"], strict=True))
+
+    def score(record: "Record") -> pd.DataFrame:
+        _require_finished(record)
+        return pd.DataFrame([{f"under {name}": means.get(champion_content(record), math.nan)}])
+
+    runs = study.gather(score)
+    if runs[f"under {name}"].isna().all():
+        raise InputError(
+            f"--under {name}: must have scored a champion of these runs, and has scored none; "
+            f"type: evoros-evaluate designs=SWEEP ..."
+        )
+    return runs
+
+
 def evaluated(study: "Study") -> list[Table]:
     """The finished evaluations and their designs; of others it is said that they are left out."""
     tables = []
@@ -52,16 +86,19 @@ def validates(scored: "Scored", record: "Record") -> bool:
     A value that evolved is the design's, whatever either configuration says.
     """
     evolved = champion_genes(record)
-    one, other = conditions(scored), conditions(record)
-    return all(one.get(key) == other.get(key) for key in {*one, *other} - set(evolved))
+    return set(differing(conditions(scored), conditions(record))) <= set(evolved)
 
 
-def _validation(record: "Record", tables: Sequence[Table]) -> pd.DataFrame:
+def _require_finished(record: "Record") -> None:
     if not record.finished:
         raise InputError(
             f"{record.path}: must be a finished run, and its state is "
             f"{record.run.status.get('state')}; type: {resume_command(record.path)}"
         )
+
+
+def _validation(record: "Record", tables: Sequence[Table]) -> pd.DataFrame:
+    _require_finished(record)
     status, fresh = record.run.status, _fresh(record, tables)
     in_run = number(status.get("best_validated_fitness"))
     by = BY_EVALUATION if fresh else BY_NOTHING if math.isnan(in_run) else BY_RUN

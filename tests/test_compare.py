@@ -185,6 +185,40 @@ def test_a_champion_without_sensors_is_a_design_too(copied: Path) -> None:
     assert table(copied).loc["silent_seed-1", "validated_by"] == "evaluation"
 
 
+def test_all_champions_can_be_compared_under_the_same_conditions(
+    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["compare", str(study), "--output", str(tmp_path / "out"), "--format", "svg"]
+    assert evoros_analyze(arguments) == DONE
+    assert "the runs differ in failure, and each is measured under its own" in (
+        capsys.readouterr().out
+    )
+    assert evoros_analyze([*arguments, "--under", "silent"]) == DONE
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "fitness under silent is known of 4 of 4 champions"
+    assert said[1].startswith('fitness under silent, "silence" against "stuck": too few')
+    fresh = pd.read_csv(study / "silent" / "designs.csv")
+    means = dict(zip(fresh["source"], fresh["fitness_mean"], strict=True))
+    runs = pd.read_csv(tmp_path / "out" / "compare_runs.csv")
+    for run, value in zip(runs["run"], runs["under silent"], strict=True):
+        assert value == means[str(study / "runs" / run)]
+    assert evoros_analyze([*arguments, "--under", "nothing"]) == INPUT
+    assert "--under: must be what" in capsys.readouterr().err
+
+
+def test_an_evaluation_of_none_of_the_champions_compares_nothing(
+    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "one.csv").write_text("design,sensor,x_m,y_m,yaw_deg\na,0,0.2,0.05,7\n")
+    scored(tmp_path / "else", tmp_path / "one.csv")
+    capsys.readouterr()
+    folders = [str(study / "runs"), str(tmp_path / "else"), "--output", str(tmp_path / "out")]
+    assert evoros_analyze(["compare", *folders, "--under", "else"]) == INPUT
+    err = capsys.readouterr().err
+    assert "--under else: must have scored a champion of these runs" in err
+    assert err.count("\n") == 1
+
+
 def test_what_is_unfinished_or_damaged_is_left_out_in_one_line(
     copied: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
