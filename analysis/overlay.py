@@ -110,7 +110,8 @@ def overlay(
     cuts_m = sorted(cover.cut_m.unique()) or [0.0]
     views = [window(settings.values(), placed, cut) for cut in cuts_m]
     numbers = sensors.groupby("treatment").run.nunique()
-    most = max([*numbers, *cover.iloc[:, -1]])
+    together = int(numbers.max())  # dots on each other darken
+    most = max([together, *cover.iloc[:, -1]])
     shades, markers = _shades(int(most)), markers_of(placed)
     with mpl.rc_context(STYLE):
         page, abreast = _sheet(len(settings), views, width, len(markers) > 1)
@@ -126,7 +127,7 @@ def overlay(
             _draw_counts(axes, settings[treatment], shown, views[view], shades)
             if view == 0:
                 grey = ["black"] * len(own)
-                draw_sensors(axes, own, grey, markers, 2.5, alpha=0.35)
+                draw_sensors(axes, own, grey, markers, 2.5, alpha=0.35 if together > 1 else 0.8)
             number = int(numbers[treatment])
             title = _title(treatment, number, cut, len(views), view)
             axes.set_title(title, loc="left", fontsize=7)

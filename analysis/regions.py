@@ -22,7 +22,7 @@ from .style import width as width_of
 
 HELP = "where on the robot sensors may be, and where they may face (Fig. 5)"
 FAN = 0.25  # of the robot's length
-TWINS = "each sensor has a twin, mirrored across the dash-dotted line"
+TWINS = "twins are mirrored across the dash-dotted line"
 PANEL_IN, SINGLE_IN = 2.5, 4.5  # the least width of a panel, the greatest of one alone
 
 
@@ -90,7 +90,7 @@ def regions(settings: Mapping[str, Setting], width: float = COLUMN_IN) -> Figure
     with mpl.rc_context(STYLE):
         heads = [0.3 if len(settings) == 1 else 0.45, *[0.8] * (rows - 1)]
         spare = max(0.0, width - SINGLE_IN) / 2 if columns == 1 else 0.0
-        sides = {"left": 0.5 + spare, "right": 0.08 + spare}
+        sides = {"left": 0.56 + spare, "right": 0.08 + spare}
         sheet = Sheet(width, columns, [aspect(view)] * rows, heads, gap=0.5, **sides)
         figure = sheet.figure()
         for i, (treatment, setting) in enumerate(settings.items()):

@@ -18,7 +18,7 @@ class Sheet:
     columns: int
     ratios: Sequence[float]  # of each row: height of its panels over their width
     heads: Sequence[float]  # room above each row
-    left: float = 0.5
+    left: float = 0.56
     right: float = 0.08
     bottom: float = 0.4
     gap: float = 0.15  # between columns
