@@ -32,7 +32,7 @@ class Film:
     camera: str = "chase"  # behind the robot; above: the whole course
     size: tuple[int, int] = (854, 480)  # width, height
     fps: float = 25.0  # pictures per second of video
-    speed: float = 8.0  # times as fast as it was
+    speed: float = 10.0  # times as fast as it was
     start_s: float = 0.0
     end_s: float = math.inf  # of the mission; its end, where it ends before
     title: str = ""

@@ -20,7 +20,7 @@ from evoros.world import World
 from .camera import Camera, Floats, Pixels
 from .captions import CLEAR, FAILED, NEAR, Colour
 from .fans import Fan, blend
-from .ground import GOAL, RING, TRACK, Ground
+from .ground import GOAL, RING, Ground
 from .motion import Motion
 
 Flags = NDArray[np.bool_]
@@ -82,7 +82,7 @@ class Footage:
         points = np.stack([self.moves.x_m[back], self.moves.y_m[back]], axis=1)
         depth = float((camera.pixels @ [*points[-1], 0.0, 1.0])[2])
         width = max(_TRACK_M, _TRACK_PX * depth / camera.pixels_per_radian)
-        self.ground.line(points, TRACK, width)
+        self.ground.track(points, width)
 
     def states(self, number: int) -> list[Colour]:
         """The colour of each sensor at a time."""

@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from copy import copy
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFilter
+from PIL import Image, ImageChops, ImageDraw, ImageFilter
 
 from evoros.body import Body
 from evoros.geometry import convex_hull, footprint, highest
@@ -20,8 +21,8 @@ FLOOR, GRID, SHADOW, HORIZON = (236, 234, 229), (216, 214, 208), (96, 98, 106), 
 TRACK, RING, GOAL = (120, 120, 125), (150, 150, 150), (0, 158, 115)
 _SUN = np.array([-0.16, -0.10])  # by how much shadows are longer than what casts them is high
 FOG_M = (10.0, 40.0)  # depths from which and at which the ground is lost in the horizon
-_MOST_PX = 2400  # of a side: what is larger is painted coarser
-_FINEST_PX = 60.0  # pixels per metre
+_MOST_PX = 1600  # of a side: what is larger is painted coarser
+_FINEST_PX = 120.0  # pixels per metre
 _SHADE = 0.42  # opacity of shadows
 _SMOOTH = 4  # each stroke is painted so many times as large
 
@@ -40,23 +41,40 @@ class Ground:
                 ends[:, axis] = at
                 self.line(ends, GRID, 0.02)
         self._shade([shadow for body in bodies for shadow in _shadows(body)])
+        self._track = Image.new("L", self._picture.size)
+        self._before: Image.Image | None = None  # without the track
 
     def copy(self) -> "Ground":
         """Another one, to be painted on."""
-        other = object.__new__(Ground)
-        other._low, other._high, other.scale = self._low, self._high, self.scale
+        other = copy(self)
         other._picture = self._picture.copy()
         return other
 
     def line(self, points: Array, colour: Colour, width_m: float) -> None:
         """Through points (n, 2) [m]."""
+        corner, mask = self._drawn(points, width_m)
+        self._picture.paste(colour, corner, mask)
+
+    def track(self, points: Array, width_m: float) -> None:
+        """Lengthen the path so far; nothing but paths is painted after this, but on copies.
+
+        Where pieces of it meet it is no darker than elsewhere.
+        """
+        self._before = self._before or self._picture.copy()
+        corner, mask = self._drawn(points, width_m)
+        box = (*corner, corner[0] + mask.width, corner[1] + mask.height)
+        whole = ImageChops.lighter(self._track.crop(box), mask)
+        self._track.paste(whole, corner)
+        self._picture.paste(self._before.crop(box), corner)
+        self._picture.paste(TRACK, corner, whole)
+
+    def _drawn(self, points: Array, width_m: float) -> tuple[Pixel, Image.Image]:
+        """A line as a mask, and its place."""
         corner, mask = self._mask(points, width_m, _SMOOTH)
         width = max(1, round(width_m * self.scale * _SMOOTH))
-        ImageDraw.Draw(mask).line(
-            self._at(points, corner, _SMOOTH), fill=255, width=width, joint="curve"
-        )
-        if 0 not in mask.size:
-            self._picture.paste(colour, corner, mask.reduce(_SMOOTH))
+        at = self._at(points, corner, _SMOOTH)
+        ImageDraw.Draw(mask).line(at, fill=255, width=width, joint="curve")
+        return corner, mask.reduce(_SMOOTH)
 
     def ring(self, center: Sequence[float], radius_m: float, colour: Colour, width: float) -> None:
         """A circle as a line of this width [m]."""
@@ -108,7 +126,9 @@ class Ground:
         corner = np.floor(pixels.min(axis=0) - margin).clip(0, self._picture.size)
         end = np.ceil(pixels.max(axis=0) + margin).clip(corner, self._picture.size)
         wide, high = ((end - corner) * factor).astype(int).tolist()
-        return (int(corner[0]), int(corner[1])), Image.new("L", (wide, high))
+        return (int(corner[0]), int(corner[1])), Image.new(
+            "L", (max(wide, factor), max(high, factor))
+        )
 
     def _at(self, points: Array, corner: Pixel, factor: int) -> list[tuple[float, float]]:
         """Points (n, 2) [m] in a mask that begins at ``corner``."""

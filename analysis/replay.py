@@ -37,7 +37,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--run", metavar="NAME", help="instead of the best run")
     parser.add_argument("--world", metavar="NAME", help="instead of the first")
     parser.add_argument("--camera", choices=CAMERAS, default="chase", help="chase")
-    parser.add_argument("--speed", type=float, default=8.0, help="times real time; 8")
+    parser.add_argument("--speed", type=float, default=10.0, help="times real time; 10")
     parser.add_argument("--fps", type=float, help="pictures per second; 25, of a GIF 10")
     parser.add_argument("--size", metavar="WIDTHxHEIGHT", help="854x480, of a GIF 480x270")
     parser.add_argument("--from", dest="start", type=float, default=0.0, metavar="SECONDS")

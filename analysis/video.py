@@ -8,6 +8,7 @@ from itertools import chain
 from pathlib import Path
 
 import av
+import numpy as np
 from PIL import Image
 
 from .camera import Pixels
@@ -17,7 +18,8 @@ from .camera import Pixels
 _CONTAINER = {"fflags": "+bitexact", "movflags": "+faststart"}
 _CODEC = {"crf": "21", "preset": "fast"}  # 18 cannot be told from the original, 28 can
 _END_MS = 1000.0  # for how long a GIF shows its last picture, before it begins again
-_COLOURS = 128  # of a GIF, in all its pictures alike
+_COLOURS = 256  # of a GIF, in all its pictures alike
+_EVERY, _SAMPLE = 3, 60
 
 
 def mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
@@ -40,13 +42,13 @@ def mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
 
 
 def gif(pictures: Iterable[Pixels], fps: float) -> bytes:
-    """An endless loop of at least one picture (h, w, 3)."""
-    source = iter(pictures)
-    first = next(source)
-    palette = Image.fromarray(first).quantize(_COLOURS)
+    """An endless loop of at least one picture (h, w, 3); all are in memory at the same time."""
+    each = list(pictures)
+    # Every so many pixels of every so many pictures, each of which may have colours of its own.
+    sample = np.concatenate([one[::_EVERY, ::_EVERY] for one in each[:: 1 + len(each) // _SAMPLE]])
+    palette = Image.fromarray(sample).quantize(_COLOURS, kmeans=2)
     images = [
-        Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
-        for picture in chain([first], source)
+        Image.fromarray(one).quantize(palette=palette, dither=Image.Dither.NONE) for one in each
     ]
     pause = [1000.0 / fps] * (len(images) - 1) + [_END_MS]
     file = io.BytesIO()
