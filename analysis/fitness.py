@@ -2,6 +2,7 @@
 
 import argparse
 import math
+from textwrap import fill
 
 import matplotlib as mpl
 import pandas as pd
@@ -22,6 +23,7 @@ DRAWN = {  # colour and dashes; recorded and validated differ in both, for print
     "mean": ("0.45", (0, (1, 1.2))),
 }
 _PANEL_IN = 2.2  # the least width of a panel
+_LETTERS_PER_IN = 13  # of a title
 
 
 def product(study: Study, options: argparse.Namespace) -> Product:
@@ -123,8 +125,8 @@ def _one(generations: pd.DataFrame, width: float) -> Figure:
 def _several(table: pd.DataFrame, width: float) -> Figure:
     """A panel a treatment, on common axes."""
     treatments = list(dict.fromkeys(table["treatment"]))
-    columns = min(len(treatments), max(1, int(width / _PANEL_IN)))
-    rows = math.ceil(len(treatments) / columns)
+    rows = math.ceil(len(treatments) / max(1, int(width / _PANEL_IN)))
+    columns = math.ceil(len(treatments) / rows)
     height = min(0.72 * width / columns, 1.7) * rows + 0.4
     figure = Figure(figsize=(width, height), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
@@ -132,7 +134,8 @@ def _several(table: pd.DataFrame, width: float) -> Figure:
     for axes, treatment in zip(panels, treatments, strict=False):
         _panel(axes, table[table["treatment"] == treatment])
         runs = table["replicates"][table["treatment"] == treatment].max()
-        axes.set_title(f"{treatment} (n = {runs})")
+        title = f"{treatment} (n = {runs})"
+        axes.set_title(fill(title, int(_LETTERS_PER_IN * width / columns)))
         axes.tick_params(labelbottom=True)
     for axes in panels[len(treatments) :]:
         axes.remove()
