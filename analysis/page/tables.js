@@ -1,7 +1,7 @@
 // Tables sort by the column whose heading is clicked.
 
 function sortBy(table, column, descending) {
-  const keyOf = (row) => row.cells[column].dataset.value ?? row.cells[column].textContent;
+  const keyOf = (row) => row.cells[column].textContent;
   const body = table.tBodies[0];
   const rows = [...body.rows].sort((one, other) => {
     const [a, b] = [keyOf(one), keyOf(other)];
@@ -17,7 +17,7 @@ document.querySelectorAll("table.sortable").forEach((table) => {
   const heads = [...table.tHead.rows[0].cells];
   heads.forEach((head, column) => {
     head.querySelector("button").addEventListener("click", () => {
-      const descending = head.ariaSort === "ascending";
+      const descending = head.getAttribute("aria-sort") === "ascending";
       heads.forEach((each) => each.removeAttribute("aria-sort"));
       head.setAttribute("aria-sort", descending ? "descending" : "ascending");
       sortBy(table, column, descending);
