@@ -4,14 +4,11 @@
 """
 
 import argparse
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, replace
 
 import pandas as pd
 from matplotlib.figure import Figure
-
-from evoros.errors import InputError
-from evoros.log import LOGGER
 
 from . import claims_designs, claims_runs
 from .claims_table import claims_table, value_of
@@ -22,7 +19,7 @@ from .matching import champion_content, champion_genes, conditions
 from .pairs import paper_rings
 from .product import Product
 from .spread import diversity
-from .strategies import arguments, check_near, damage
+from .strategies import arguments, check_near, damage, finished
 from .study import Record, Scored, Study
 from .style import PAGE_IN
 from .style import width as width_of
@@ -32,6 +29,15 @@ from .validated import evaluated
 from .weave import champion_sweeps
 
 HELP = "the paper's findings: what was measured, how sure it is, and what it supports"
+READ: tuple[Callable[[Record], object], ...] = (
+    champion_content,
+    champion_or_none,
+    initial_sensors,
+    champion_sweeps,
+    diversity,
+    claims_runs.gains,
+)
+"""What a run must have to count."""
 __all__ = ["HELP", "arguments", "claims", "product"]
 NO_DESIGNS = pd.DataFrame(
     columns=[*DESIGN, "random", "strategy", "redundant", "closest_m", "kind", *HEADINGS_DEG]
@@ -41,7 +47,7 @@ NO_DESIGNS = pd.DataFrame(
 def product(study: Study, options: argparse.Namespace) -> Product:
     """Of all finished runs in the study, and of the evaluations of their champions."""
     check_near(options)
-    whole = finished(study)
+    whole = finished(study, *READ)
     table = pd.DataFrame([asdict(each) for each in findings(whole, options)])
     figure = claims(table, width_of(options.columns, 2))
     return Product(table, figure, [*_mixed(whole), *map(_said, table.itertuples())])
@@ -77,27 +83,6 @@ def kind(record: Record) -> str:
     """Of its failure: none, random, spatial; of any other the module that has it."""
     name = part_name(record.values.get("failure._target_", ""))
     return claims_designs.SPATIAL if record.setting.rings and name != "combined" else name
-
-
-def finished(study: Study) -> Study:
-    """With the finished runs alone; of the others it is said that they are left out.
-
-    Raises:
-        InputError: there is none.
-    """
-    whole = []
-    for record in study.records:
-        try:
-            if not record.finished:
-                raise InputError(f"{record.path}: must be finished, and is not; resume the run")
-            champion_content(record)
-        except InputError as error:
-            LOGGER.warning("%s; left out", error)
-            continue
-        whole.append(record)
-    if not whole:
-        raise InputError("none of the runs is finished, and claims are about champions; resume one")
-    return _only(study, whole)
 
 
 def missions(study: Study) -> pd.DataFrame:
@@ -141,11 +126,14 @@ def _alike(scored: Scored, record: Record) -> bool:
 
 
 def _only(study: Study, records: Sequence[Record]) -> Study:
-    return Study(tuple(records), study.evaluations, study.left_out)
+    return replace(study, records=tuple(records))
 
 
-def _gathered(study: Study, read: object) -> pd.DataFrame:
-    return study.gather(read) if study.records else pd.DataFrame(columns=["first", "last"])  # type: ignore[arg-type]
+def _gathered(study: Study, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
+    """The tables of all runs; without rows where none has any: they can all be read."""
+    nothing = pd.DataFrame(columns=["first", "last"])
+    found = [table for record in study.records if len(table := read(record))]
+    return Study(study.records).gather(read) if found else nothing
 
 
 def _designs(study: Study, options: argparse.Namespace) -> pd.DataFrame:

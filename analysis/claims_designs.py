@@ -5,7 +5,7 @@ import pandas as pd
 
 from .clusters import LEAST
 from .coverage import HEADINGS_DEG
-from .finding import NOT_SUPPORTED, NUMBER, SUPPORTED, UNKNOWN, Claim, Finding, above
+from .finding import NOT_SUPPORTED, NUMBER, SUPPORTED, UNKNOWN, Claim, Finding, above, enough
 from .spread import apart, mean_apart, relative_difference
 from .statistics import LEVEL, Interval, a12, fisher, mann_whitney, median_interval, share_interval
 from .traits import FRONT, SIDE, structure
@@ -121,7 +121,8 @@ def spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
     found = relative_difference(*ratios[0], *ratios[1])
     each = [mean_apart(own) / drawn for own, drawn in ratios]
     why = f"free {each[0]:.2f}, mirrored {each[1]:.2f} (1: as far apart as random designs)"
-    return BETWEEN.found(found, len(ratios[0][0]), above(found, 0.0), why, 0.0)
+    counts = [len(own) for own, _ in ratios]
+    return BETWEEN.found(found, counts[0], enough(above(found, 0.0), *counts), why, 0.0)
 
 
 def spread_within(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from .claims_designs import RANDOM, SPATIAL
-from .finding import DEGREES, NOTHING, UNKNOWN, Claim, Finding, above, within
+from .finding import DEGREES, NOTHING, UNKNOWN, Claim, Finding, above, enough, within
 from .fitness import lines
 from .statistics import Interval, mean_interval, median_interval, ratio_interval
 
@@ -66,7 +66,7 @@ def gain(table: pd.DataFrame, line: str) -> Finding:
     steady = float((EARLY / known["last"]).mean())
     whole, found = mean_interval(total), ratio_interval(early, total)
     sure = whole.low > 0
-    verdict = above(found, steady) if sure else UNKNOWN
+    verdict = enough(above(found, steady), len(known)) if sure else UNKNOWN
     why = f"total {whole.value:.2f} [{whole.low:.2f}, {whole.high:.2f}]"
     why += f"; a steady gain: {steady:.0%}" if sure else ": no gain for sure"
     return claim.found(found if sure else NOTHING, len(known), verdict, why, steady)
@@ -81,7 +81,7 @@ def approach(table: pd.DataFrame) -> Finding:
     if len(table) < 2:
         return APPROACH.missing("two runs")
     found = ratio_interval(table.gap_last.to_numpy(float), table.gap_first.to_numpy(float))
-    verdict = above(Interval(-found.value, -found.high, -found.low), -0.5)
+    verdict = enough(above(Interval(-found.value, -found.high, -found.low), -0.5), len(table))
     first, last = table.gap_first.mean(), table.gap_last.mean()
     why = f"from {first:.1f} to {last:.1f} below the best"
     return APPROACH.found(found, len(table), verdict, why, 0.5)
@@ -97,7 +97,7 @@ def sweep(table: pd.DataFrame) -> Finding:
         return SWEEP.missing("champions that navigate for two weaves on end")
     each = table.groupby("run").sweep_deg.median()
     found = median_interval(each.to_numpy(float))
-    verdict = within(found, 0.75 * SWEEP_DEG, 1.25 * SWEEP_DEG)
+    verdict = enough(within(found, 0.75 * SWEEP_DEG, 1.25 * SWEEP_DEG), len(each))
     most = table.sweep_deg.quantile(0.95)
     why = f"{len(table)} weaves; 95% of them up to {most:.0f} deg"
     return SWEEP.found(found, len(each), verdict, why, SWEEP_DEG)
@@ -125,4 +125,5 @@ def completed(table: pd.DataFrame) -> Iterator[Finding]:
             early = flown[~flown.failed]
             why = f"{done.sum():.0f} of {all_hit.sum():.0f} missions with a failed sensor"
             why += f"; {len(early)} ended before" if len(early) else ""
-            yield claim.found(found, len(hit), above(found, 0.5), why, 0.5)
+            verdict = enough(above(found, 0.5), len(hit))
+            yield claim.found(found, len(hit), verdict, why, 0.5)

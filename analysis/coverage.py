@@ -15,35 +15,45 @@ DESIGN = ["run", "treatment", "seed", "design"]
 
 
 def profiles(sensors: pd.DataFrame) -> pd.DataFrame:
-    """A row a design, a column a heading [deg]: the sensors whose horizontal cone contains it.
+    """A row a design, a column a heading [deg]: how many sensors cover it with their openings.
 
-    A cone is closed: with 30 deg around 0 it contains -15 and 15. ``sensors`` has the columns of
-    ``designs.py``; the index of what is returned, sorted, has those of ``DESIGN``. A row without a
-    place stands for a design without sensors.
+    The mean over the ``STEP_DEG`` around the heading, exactly: a cone of 30 deg around 0 counts 1
+    from -10 to 10, one half at -15 and 15, where it ends, and 0 beyond. Counts at single headings
+    would make equal profiles of designs that differ by less than a step, and so clusters where
+    there are none. ``sensors`` has the columns of ``designs.py``; the index of what is returned, sorted, has
+    those of ``DESIGN``. A row without a place stands for a design without sensors.
     """
-    away = HEADINGS_DEG - sensors.yaw_deg.to_numpy(float)[:, None]
-    away = np.abs((away + 180.0) % 360.0 - 180.0)
-    seen = away <= sensors.fov_deg.to_numpy(float)[:, None] / 2 + 1e-9
-    frame = pd.DataFrame(seen.astype(float), columns=HEADINGS_DEG)
+    frame = pd.DataFrame(_overlap(sensors, HEADINGS_DEG, STEP_DEG / 2) / STEP_DEG)
+    frame.columns = pd.Index(HEADINGS_DEG)
     return frame.groupby([sensors[name].to_numpy() for name in DESIGN]).sum().rename_axis(DESIGN)
 
 
 def ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Series[float]":
     """For each design the share of its sensors' openings that lies within ``within_deg`` of ahead.
 
-    The parts of all openings that lie there, over all openings: exact, not counted at headings.
-    NaN: it has no sensors.
+    The parts of all openings that lie there, over all openings. NaN: it has no sensors.
     """
-    yaw, half = sensors.yaw_deg.to_numpy(float), sensors.fov_deg.to_numpy(float) / 2
-    overlap = np.zeros(len(sensors))
-    for turn in (-360.0, 0.0, 360.0):
-        low = np.maximum(yaw - half, turn - within_deg)
-        high = np.minimum(yaw + half, turn + within_deg)
-        overlap += np.maximum(high - low, 0.0)
+    placed = sensors.yaw_deg.notna().to_numpy()
+    opening = np.where(placed, sensors.fov_deg.to_numpy(float), 0.0)
+    seen = _overlap(sensors, np.zeros(1), within_deg)[:, 0]
     keys = [sensors[name].to_numpy() for name in DESIGN]
-    frame = pd.DataFrame({"overlap": overlap, "whole": 2 * half}).groupby(keys).sum()
-    whole = frame.whole.where(frame.whole > 0)
-    return (frame.overlap / whole).rename_axis(DESIGN).rename("ahead")
+    frame = pd.DataFrame({"seen": seen, "opening": opening}).groupby(keys).sum()
+    whole = frame.opening.where(frame.opening > 0)
+    return (frame.seen / whole).rename_axis(DESIGN).rename("ahead")
+
+
+def _overlap(sensors: pd.DataFrame, headings: Array, around: float) -> Array:
+    """(sensors, headings) how much of each opening [deg] lies within ``around`` of each heading."""
+    yaw, half = (
+        sensors.yaw_deg.to_numpy(float)[:, None],
+        sensors.fov_deg.to_numpy(float)[:, None] / 2,
+    )
+    found = np.zeros((len(sensors), len(headings)))
+    for turn in (-360.0, 0.0, 360.0):
+        low = np.maximum(yaw - half, turn + headings - around)
+        high = np.minimum(yaw + half, turn + headings + around)
+        found += np.nan_to_num(np.maximum(high - low, 0.0))  # without a place: nothing
+    return found
 
 
 def folded(profile: pd.DataFrame) -> Array:

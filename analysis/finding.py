@@ -9,6 +9,8 @@ from .statistics import Interval
 SUPPORTED, NOT_SUPPORTED, UNKNOWN = "supported", "not supported", "cannot be said"
 SHARE, DEGREES, NUMBER = "share", "deg", ""
 """Units of what is measured."""
+LEAST_REPLICATES = 6
+"""With fewer even the whole range of a sample covers the median in less than 95% of samples."""
 NOTHING = Interval(np.nan, np.nan, np.nan)
 
 
@@ -46,7 +48,9 @@ class Claim:
         reference: float = np.nan,
         p: float = np.nan,
     ) -> Finding:
-        """With what was measured."""
+        """With what was measured; that replicates are few is said."""
+        if found.value == found.value and n < LEAST_REPLICATES:
+            why += f"; {n} replicate{'' if n == 1 else 's'}"
         return Finding(
             self.text,
             self.measure,
@@ -78,3 +82,8 @@ def within(found: Interval, low: float, high: float) -> str:
     if low <= found.low and found.high <= high:
         return SUPPORTED
     return NOT_SUPPORTED if found.high < low or found.low > high else UNKNOWN
+
+
+def enough(verdict: str, *replicates: int) -> str:
+    """The verdict of a resampled interval, as far as there are replicates to resample."""
+    return verdict if min(replicates) >= LEAST_REPLICATES else UNKNOWN

@@ -58,6 +58,8 @@ def traits(
 def _measured(
     sensors: pd.DataFrame, rings: Sequence[Ring], near_m: float, near_deg: float
 ) -> pd.DataFrame:
+    # Which design it was is not known of a champion without sensors; it is one all the same.
+    sensors = sensors.assign(design=sensors.design.fillna(-1).astype(int))
     share = ahead(sensors)
     near = nearness(sensors, rings, near_m, near_deg)
     table = pd.concat([share, share.map(_named).rename("strategy"), near], axis=1)
