@@ -149,8 +149,8 @@ def test_of_equals_the_first_is_the_best_as_in_the_run() -> None:
 
 def test_the_layout_of_what_is_saved_has_no_digits_left_to_chance() -> None:
     figure = Figure(figsize=(3.5, 3.0), layout="constrained")
-    top, bottom = figure.subfigures(2, 1, height_ratios=[1, 2.3])
-    inner = bottom.subfigures(1, 2, width_ratios=[1, 1.7])
+    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1, 2.3]).ravel()
+    inner = bottom.subfigures(1, 2, squeeze=False, width_ratios=[1, 1.7]).ravel()
     for part in (top, *inner):
         part.subplots().set_xlabel("a label")
     save(figure, io.BytesIO())
