@@ -3,6 +3,7 @@
 import io
 import math
 import re
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace as changed
@@ -470,3 +471,17 @@ def test_where_pybullet_is_missing_the_cure_is_said_in_one_line(
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert "install evoros with Python 3.11" in said
+
+
+@pytest.mark.parametrize("name", [[], ["--run", "run"]])
+def test_a_run_that_is_not_finished_is_said_in_one_line(
+    name: list[str], run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(run.path, tmp_path / "run")
+    status = tmp_path / "run" / "status.json"
+    status.write_text(status.read_text().replace('"finished"', '"stopped"'))
+    assert evoros_analyze(["replay", str(tmp_path / "run"), *name]) == INPUT
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "resume" in said
+    assert not (tmp_path / "run" / "figures" / "replay.mp4").exists()
