@@ -4,6 +4,7 @@ import io
 import json
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 from math import nan
 from pathlib import Path
@@ -43,9 +44,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two treatments of two seeds, and all champions scored under the conditions of one."""
     folder = tmp_path_factory.mktemp("study")
     for seed in (1, 2):
-        assert tiny(folder / "runs" / f"silent_seed-{seed}", f"seed={seed}") == DONE
-        stuck = "filter@failure.effect=stuck"
-        assert tiny(folder / "runs" / f"stuck_seed-{seed}", f"seed={seed}", stuck) == DONE
+        for name, more in (("silent", ()), ("stuck", ("filter@failure.effect=stuck",))):
+            run = folder / "runs" / f"{name}_seed-{seed}"
+            assert tiny(run, f"seed={seed}", "optimizer.generations=1", *more) == DONE
     scored(folder / "silent", folder / "runs", "trials=3")
     return folder
 
@@ -121,23 +122,17 @@ EDITS: list[tuple[str, Any, bool]] = [
 ]
 
 
-@pytest.mark.parametrize(("key", "value", "same"), EDITS, ids=[each[0] for each in EDITS])
-def test_all_that_a_mission_consists_of_must_agree(
-    key: str, value: object, same: bool, copied: Path
-) -> None:
-    file = copied / "silent" / "config.yaml"
-    config = node = yaml.safe_load(file.read_text())
-    *above, last = key.split(".")
-    for name in above:
-        node = node.setdefault(name, {})
-    node[last] = value
-    file.write_text(yaml.safe_dump(config, sort_keys=False))
-    study = load_study([copied])
-    record = next(each for each in study.records if each.name == "silent_seed-1")
-    assert validates(study.evaluations[0], record) is same
+def test_all_that_a_mission_consists_of_must_agree(study: Path) -> None:
+    found = load_study([study])
+    (evaluation,) = found.evaluations
+    (record,) = (each for each in found.records if each.name == "silent_seed-1")
+    for key, value, same in EDITS:
+        edited = replace(evaluation, values={**evaluation.values, key: value})
+        assert edited.values != evaluation.values
+        assert validates(edited, record) is same, key
 
 
-@pytest.mark.parametrize("column", ["x_m", "yaw_deg", "pitch_deg", "link"])
+@pytest.mark.parametrize("column", ["yaw_deg", "link"])
 def test_designs_that_differ_a_little_are_others(column: str, copied: Path) -> None:
     file = copied / "silent" / "designs_in.csv"
     given = pd.read_csv(file)
@@ -390,7 +385,7 @@ LONG = {
 
 
 @pytest.mark.parametrize("width", [3.5, 7.0])
-@pytest.mark.parametrize("values", [FIVE, LONG, {"low": FIVE["low"]}])
+@pytest.mark.parametrize("values", [FIVE, LONG])
 def test_no_text_overlaps_another_or_leaves_the_page(
     values: dict[str, list[float]], width: float
 ) -> None:
@@ -424,11 +419,10 @@ def test_without_any_validation_there_is_one_panel() -> None:
     assert [axes.get_xlabel() for axes in figure.axes] == ["recorded fitness"]
 
 
-@pytest.mark.parametrize("kind", ["svg", "pdf", "png"])
-def test_the_same_runs_in_any_order_give_the_same_bytes(kind: str) -> None:
+def test_the_same_runs_in_any_order_give_the_same_bytes() -> None:
     def saved(runs: pd.DataFrame) -> bytes:
         file = io.BytesIO()
-        save(drawn(runs), file, kind)
+        save(drawn(runs), file, "svg")
         return file.getvalue()
 
     runs = runs_of(FIVE)

@@ -1,6 +1,5 @@
 """The same designs under two conditions: which pairs are made, their numbers and their picture."""
 
-import io
 import shutil
 from math import nan, sqrt
 from pathlib import Path
@@ -11,7 +10,6 @@ import pytest
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.statistics import mean_interval, spearman
 from evoros.analysis.study import load_study
-from evoros.analysis.style import save
 from evoros.analysis.transfer import summary, transfer
 from evoros.analysis.twice import scored_twice
 from fakes import tiny
@@ -268,11 +266,3 @@ def test_no_text_overlaps_another_or_leaves_the_page(groups: tuple[str, ...], wi
         assert 0 <= box.x0 <= box.x1 <= figure.bbox.x1
         assert 0 <= box.y0 <= box.y1 <= figure.bbox.y1
         assert not any(box.overlaps(other) for other in boxes[:i])
-
-
-@pytest.mark.parametrize("kind", ["svg", "pdf", "png"])
-def test_the_same_table_gives_the_same_bytes(kind: str) -> None:
-    files = io.BytesIO(), io.BytesIO()
-    for file in files:
-        save(drawn(table_of(X, Y)), file, kind)
-    assert files[0].getvalue() == files[1].getvalue()
