@@ -107,8 +107,8 @@ def replicate(folder: Path) -> tuple[float, float, int]:
 
 def start(folder: Path) -> tuple[float, float]:
     """The shortest run, with nothing compiled yet, and again: wall [s]."""
-    short = ("simulator=planar", "optimizer.population_size=2", "optimizer.generations=1")
-    short += ("figures=[]",)
+    least = ("optimizer.population_size=2", "optimizer.generations=1")
+    short = ("simulator=planar", "figures=[]", *least)
     cold, warm = (
         command("evoros", *short, f"hydra.run.dir={folder / name}", cache=folder / "cache")
         for name in ("cold", "warm")
