@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
-from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.cluster.hierarchy import linkage
 from scipy.spatial.distance import pdist, squareform
 
 from evoros.types import Array
@@ -83,21 +83,40 @@ def p_of_samples(silhouette: float, n: int, pool: Array, draws: int = DRAWS) -> 
     return _p(silhouette, _silhouettes(sample, draws))
 
 
-def best_silhouette(points: Array) -> tuple[float, Array]:
+def best_silhouette(points: Array) -> tuple[float, NDArray[np.int64]]:
     """The greatest mean silhouette, and the cluster of each point (n,), from 1."""
     condensed = pdist(points)
-    distances, tree = squareform(condensed), linkage(condensed, "ward")
-    tried = [fcluster(tree, k, "maxclust") for k in range(2, min(MOST, len(points) - 1) + 1)]
+    distances, tried = squareform(condensed), _cuts(linkage(condensed, "ward"))
     scores = [_silhouette(distances, labels) for labels in tried]
     best = int(np.argmax(scores))
     return scores[best], tried[best]
 
 
-def _silhouette(distances: Array, labels: Array) -> float:
+def _cuts(tree: Array) -> list[NDArray[np.int64]]:
+    """The clusters of each point in 2 to ``MOST`` clusters, of a tree as scipy's ``linkage`` gives.
+
+    The last merges undone one by one. As ``fcluster``, which checks the whole tree for each cut:
+    with many small clouds that is what takes the time.
+    """
+    n = len(tree) + 1
+    children = tree[:, :2].astype(int)
+    members = [[i] for i in range(n)]
+    for left, right in children:
+        members.append(members[left] + members[right])
+    found, nodes = [], [2 * n - 2]
+    for _ in range(2, min(MOST, n - 1) + 1):
+        last = max(nodes)
+        nodes = [node for node in nodes if node != last] + list(children[last - n])
+        labels = np.empty(n, dtype=np.int64)
+        for label, node in enumerate(nodes, 1):
+            labels[members[node]] = label
+        found.append(labels)
+    return found
+
+
+def _silhouette(distances: Array, labels: NDArray[np.int64]) -> float:
     """The mean over all points; of a point alone in its cluster, 0."""
-    member = labels[:, None] == np.unique(labels)
-    if member.shape[1] < 2:  # equal points cannot be split
-        return 0.0
+    member = labels[:, None] == np.arange(1, labels.max() + 1)
     size = member.sum(axis=0)
     to = distances @ member  # (n, clusters) sum of the distances to each cluster's points
     own = np.where(member, to, 0.0).sum(axis=1) / np.maximum((member * size).sum(axis=1) - 1, 1)

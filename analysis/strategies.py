@@ -91,15 +91,11 @@ def _said(summary: pd.DataFrame) -> list[str]:
         clusters = measures.loc["clusters"]
         words = f"{treatment}: {clusters.n} champion{'' if clusters.n == 1 else 's'}; "
         few = np.isnan(clusters.p)
-        words += "too few for clusters" if few else _counted(clusters.value)
-        words += "" if few else f" (p {clusters.p:.2g})"
+        count = f"{clusters.value:.0f} clusters" if clusters.value > 1 else "no clusters"
+        words += "too few for clusters" if few else f"{count} (p {clusters.p:.2g})"
         if treatment != ALL:
             for name in (FRONT, SIDE, "redundant"):
                 row = measures.loc[name]
                 words += f"; {name} {row.value * row.n:.0f} (random designs {row.random:.0%})"
         lines.append(words)
     return lines
-
-
-def _counted(clusters: float) -> str:
-    return f"{clusters:.0f} clusters" if clusters > 1 else "no clusters"

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis.clusters import clusters, p_of_samples
+from evoros.analysis.clusters import best_silhouette, clusters, p_of_samples
 from evoros.analysis.coverage import HEADINGS_DEG, ahead, folded, profiles, shares
 from evoros.analysis.pairs import nearness, paper_rings
 from evoros.analysis.strategies import strategies
@@ -15,6 +15,8 @@ from evoros.analysis.traits import ALL, FRONT, SIDE, compared, traits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
+from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.spatial.distance import cdist
 
 from evoros.failure.spatial import SpatialFailure
 from evoros.setting import Ring
@@ -158,6 +160,34 @@ def test_the_silhouette_by_hand() -> None:
         ]
     )
     assert clusters(points, 9).silhouette == pytest.approx(by_hand)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(5, 12), st.integers(0, 1000))
+def test_clusters_are_those_of_scipy(n: int, seed: int) -> None:
+    """Of the numbers of clusters that are tried the one with the greatest mean silhouette."""
+    points = np.random.default_rng(seed).standard_normal((n, 3))
+    tree, distance = linkage(points, "ward"), cdist(points, points)
+    cuts = [fcluster(tree, k, "maxclust") for k in range(2, min(5, n - 1) + 1)]
+    scores = [silhouette(distance, labels) for labels in cuts]
+    score, labels = best_silhouette(points)
+    assert score == pytest.approx(max(scores))
+    expected = cuts[int(np.argmax(scores))]
+    np.testing.assert_array_equal(labels[:, None] == labels, expected[:, None] == expected)
+
+
+def silhouette(distance: np.ndarray, labels: np.ndarray) -> float:
+    """As Rousseeuw defines it, a point after the other."""
+    each = []
+    for i, label in enumerate(labels):
+        own = [distance[i, j] for j in np.flatnonzero(labels == label) if j != i]
+        if not own:
+            each.append(0.0)
+            continue
+        a = float(np.mean(own))
+        b = min(distance[i, labels == other].mean() for other in set(labels) - {label})
+        each.append((b - a) / max(a, b))
+    return float(np.mean(each))
 
 
 def test_the_order_of_points_changes_nothing() -> None:
