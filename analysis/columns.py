@@ -22,11 +22,12 @@ def write(
     size_in: tuple[float, float],
     note: str = "",
 ) -> None:
-    """Write heads, rows and a note from the top of a part of a figure of that size."""
+    """Write heads, rows and a note from the top of a part of a figure of that size, centred."""
     width, height = size_in
+    left = max(EDGE_IN, (width - WIDE_IN) / 2)
 
     def put(x: float, line: int, text: str, side: str = "left", weight: str = "normal") -> None:
-        at = (EDGE_IN + WIDE_IN * x) / width, 1 - (line + 0.5) * LINE_IN / height
+        at = (left + WIDE_IN * x) / width, 1 - (line + 0.5) * LINE_IN / height
         figure.text(*at, text, ha=side, va="center", fontsize=SMALL_PT, weight=weight)
 
     for head, (x, side) in heads.items():
