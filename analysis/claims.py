@@ -88,7 +88,7 @@ def kind(record: Record) -> str:
 def missions(study: Study) -> pd.DataFrame:
     """A row for each mission of champions on fresh draws, under the failure that they evolved with.
 
-    Columns: ``kind``, ``source``, ``run``, ``failed`` and ``completed``, see ``completed``.
+    Columns: ``draws``, their key; the others as ``claims_runs.completed`` has them.
     """
     evaluations = evaluated(study)
     frames = []
@@ -104,8 +104,11 @@ def missions(study: Study) -> pd.DataFrame:
         for source, rows in flown:
             marks = {"kind": kind(record), "source": source, "run": record.name}
             hit = rows.failed_sensors.notna()
-            frames.append(pd.DataFrame({**marks, "failed": hit, "completed": rows.completed}))
-    return pd.concat(frames, ignore_index=True)
+            outcome = {"failed": hit, "completed": rows.completed, "draws": rows.draws}
+            frames.append(pd.DataFrame({**marks, **outcome}))
+    # Two evaluations with the same seed fly the same missions: each counts once.
+    table = pd.concat(frames, ignore_index=True)
+    return table.drop_duplicates(["source", "run", "draws"], ignore_index=True)
 
 
 def _flown(scored: Scored, found: pd.DataFrame, record: Record) -> pd.DataFrame:
