@@ -2,6 +2,7 @@
 
 import argparse
 import io
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -50,8 +51,10 @@ def evoros_analyze(arguments: Sequence[str]) -> int:
     with logging_to_terminal():
         try:
             options = parse(arguments)
-            for path in draw(options):
-                print(path)
+            print(*draw(options), sep="\n")
+            sys.stdout.flush()
+        except BrokenPipeError:  # whoever read it has seen enough; the files are written
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         except KeyboardInterrupt:
             LOGGER.error("%s: interrupted", NAME)
             return INTERRUPTED
@@ -90,9 +93,10 @@ def _add_arguments(parser: argparse.ArgumentParser, kinds: Sequence[str]) -> Non
         help="where the files go, and replace earlier ones; figures/ in the first folder",
     )
     parser.add_argument("--format", choices=kinds, default=kinds[0], help=f"{kinds[0]}")
-    parser.add_argument(
-        "--columns", type=int, choices=(1, 2), help="how many columns of a page it spans"
-    )
+    if set(kinds) <= set(KINDS):
+        parser.add_argument(
+            "--columns", type=int, choices=(1, 2), help="how many columns of a page it spans"
+        )
 
 
 def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:

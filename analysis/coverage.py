@@ -20,8 +20,8 @@ def profiles(sensors: pd.DataFrame) -> pd.DataFrame:
     The mean over the ``STEP_DEG`` around the heading, exactly: a cone of 30 deg around 0 counts 1
     from -10 to 10, one half at -15 and 15, where it ends, and 0 beyond. Counts at single headings
     would make equal profiles of designs that differ by less than a step, and so clusters where
-    there are none. ``sensors`` has the columns of ``designs.py``; the index of what is returned, sorted, has
-    those of ``DESIGN``. A row without a place stands for a design without sensors.
+    there are none. ``sensors`` has the columns of ``designs.py``; the index of what is returned,
+    sorted, has those of ``DESIGN``. A row without a place stands for a design without sensors.
     """
     frame = pd.DataFrame(_overlap(sensors, HEADINGS_DEG, STEP_DEG / 2) / STEP_DEG)
     frame.columns = pd.Index(HEADINGS_DEG)

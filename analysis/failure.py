@@ -3,6 +3,7 @@
 import argparse
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import matplotlib as mpl
 import numpy as np
@@ -15,7 +16,7 @@ from matplotlib.patches import Circle
 from evoros.errors import InputError
 from evoros.setting import Ring, Setting
 
-from .designs import champion_or_none
+from .designs import champion_sensors
 from .product import Product
 from .rover import AXES, Window, aspect, draw_robot, frame
 from .sheet import Sheet
@@ -36,30 +37,28 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def product(study: Study, options: argparse.Namespace) -> Product:
     """The command's: of the named run, or of the best one that has spatial failure."""
-    hit = [record for record in study.records if record.setting.rings]
-    for record in study.records:
-        if record not in hit:
-            study.leave_out(
-                f"{record.path}: must have spatial failure, and has none; run with failure=spatial"
-            )
-    if not hit:
+    hit = replace(study, records=tuple(each for each in study.records if each.setting.rings))
+    if not hit.records:
         raise InputError("failure: no run has spatial failure; give one with failure=spatial")
-    among = Study(tuple(hit))
-    chosen = among.only(options.run) if options.run else among.best
-    sensors = Study((chosen,)).gather(champion_or_none)
-    if sensors.x_m.isna().all():
-        raise InputError(
-            f"{chosen.path}: must have a champion with sensors, and has one without; "
-            f"choose another with --run"
-        )
+    chosen, sensors = hit.chosen(options.run, _sensors)
     table = damage(sensors, chosen.setting.rings)
     figure = failure(table, chosen.setting, width_of(options.columns, 2))
-    return Product(table, figure, [_said(chosen, hit, bool(options.run))])
+    return Product(table, figure, [_said(chosen, len(hit.records), len(study.records))])
 
 
-def _said(chosen: Record, hit: Sequence[Record], named: bool) -> str:
-    why = "named by --run" if named else f"the best of {len(hit)} with spatial failure"
-    return f"failure: champion of {chosen.name}, {why}"
+def _sensors(record: Record) -> pd.DataFrame:
+    """Of a champion that has any."""
+    if champion_sensors(record).empty:
+        raise InputError(
+            f"{record.path}: must have a champion with sensors, and has one without; "
+            f"choose another with --run"
+        )
+    return Study((record,)).gather(champion_sensors)
+
+
+def _said(chosen: Record, hit: int, runs: int) -> str:
+    others = f"; the other {runs - hit} runs have none" if runs > hit else ""
+    return f"failure: champion of {chosen.name}, of {hit} with spatial failure{others}"
 
 
 def damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:

@@ -3,6 +3,7 @@
 import argparse
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import matplotlib as mpl
@@ -58,12 +59,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def product(study: Study, options: argparse.Namespace) -> Product:
     """Of the run that was asked for, else of the best."""
-    for record in [study.only(options.run)] if options.run else _ranked(study):
-        tracks, worlds = _whole(record, options.world)
-        if worlds:
-            break
-    else:
-        raise InputError("none of the runs has a whole mission; resume one, or give others")
+    study.check_worlds(options.world or [])
+    record, (tracks, worlds) = study.chosen(options.run, partial(_whole, wanted=options.world))
     table = pd.concat(tracks, ignore_index=True)
     width = width_of(options.columns, 1 if len(worlds) == 1 else 2)
     said = [_said(record, len(study.records))] if len(study.records) > 1 else []
@@ -114,23 +111,14 @@ def stretches(path: pd.DataFrame) -> Iterator[tuple[str, Array]]:
         yield str(modes[begin]), places[begin : end + 1]
 
 
-def _ranked(study: Study) -> Iterator[Record]:
-    """The finished runs, from the best."""
-    left = list(study.records)
-    while True:
-        best = Study(tuple(left)).best
-        yield best
-        left.remove(best)
-        if not any(record.finished for record in left):
-            return
-
-
 def _whole(
     record: Record, wanted: Sequence[str] | None
 ) -> tuple[list[pd.DataFrame], dict[str, World]]:
     """The tracks and worlds that can be read; what cannot is said and left out."""
     tracks, worlds = [], {}
-    for name in _chosen(wanted, list(record.setting.courses)):
+    for name in record.setting.courses:
+        if wanted and name not in wanted:
+            continue
         try:
             path = track(record.run, record.setting, name)
             worlds[name] = champions_world(record.run, record.setting, name)
@@ -142,16 +130,9 @@ def _whole(
             LOGGER.warning("%s: must be whole (%s); %s is left out", record.path, said, name)
             continue
         tracks.append(path)
+    if not worlds:
+        raise InputError(f"{record.path}: must have a whole mission to show, and has none")
     return tracks, worlds
-
-
-def _chosen(wanted: Sequence[str] | None, known: Sequence[str]) -> list[str]:
-    for name in wanted or ():
-        if name not in known:
-            raise InputError(
-                f"--world: must be one of {', '.join(known)}, not {name!r}; correct the name"
-            )
-    return [name for name in known if not wanted or name in wanted]
 
 
 def _said(record: Record, runs: int) -> str:

@@ -108,7 +108,7 @@ def _colour_handles(placed: pd.DataFrame) -> list[Patch]:
     ranks = sorted(placed["rank"].astype(int).unique())[: len(CATEGORIES)]
     said = {len(ranks) - 1: "faces most aside", 0: "faces most ahead"}
     return [
-        Patch(fc=CATEGORIES[rank % len(CATEGORIES)], alpha=0.6, label=said.get(rank, "..."))
+        Patch(fc=CATEGORIES[rank % len(CATEGORIES)], alpha=0.6, label=said.get(rank, "in between"))
         for rank in ranks
     ]
 

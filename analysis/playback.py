@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evoros.errors import EvorosError, InputError
+from evoros.errors import InputError
 from evoros.geometry import footprint, highest
-from evoros.log import LOGGER
 from evoros.types import Array
 from evoros.world import Course, World
 
-from .designs import champion_sensors, number
+from .designs import champion_sensors
 from .study import Record, Study
 from .tracks import NONE, champions_mission, champions_worlds, failures
 
@@ -35,31 +34,17 @@ def playbacks(study: Study, most: float) -> dict[str, str]:
     That is the best run of each treatment, then the others from the best on, as far as they fit
     into ``most`` bytes together.
     """
-    ranked = sorted((each for each in study.records if each.finished), key=_rank, reverse=True)
+    ranked = study.ranked if any(record.finished for record in study.records) else ()
     best = {record.treatment: record for record in reversed(ranked)}
     first = [best[treatment] for treatment in study.treatments if treatment in best]
     found: dict[str, str] = {}
-    for record in dict.fromkeys([*first, *ranked]):
+    for record, data in study.each(dict.fromkeys([*first, *ranked]), playback):
         left = most - sum(map(len, found.values()))
-        if record not in first and left <= 0:
-            continue
-        try:
-            data = playback(record)
-        except (EvorosError, LookupError, ValueError, TypeError) as error:
-            said = " ".join(str(error).split())
-            LOGGER.warning("%s: its missions cannot be played (%s); left out", record.path, said)
-            continue
         if record in first or len(data) <= left:
             found[record.name] = data
+        elif left <= 0:
+            break
     return found
-
-
-def _rank(record: Record) -> tuple[float, float]:
-    """Validated fitness, then recorded; what was not measured comes last."""
-    status = record.run.status
-    scores = (number(status.get(name)) for name in ("best_validated_fitness", "best_fitness"))
-    first, second = (-math.inf if math.isnan(score) else score for score in scores)
-    return first, second
 
 
 def playback(record: Record) -> str:

@@ -5,6 +5,8 @@ import math
 import re
 import sys
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -24,7 +26,7 @@ from .footage import Footage, eyes, failures, goals, obstacles, painted
 from .motion import check_poses, motion
 from .product import Product
 from .study import Record, Study
-from .tracks import champions_worlds, track
+from .tracks import champions_world, track
 from .video import gif, mp4
 
 HELP = "a mission of the champion as a video, with what its sensors see"
@@ -46,20 +48,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def product(study: Study, options: argparse.Namespace) -> Product:
     """Of the run that was asked for, else of the best."""
-    record = study.only(options.run) if options.run else study.best
-    if not record.finished:
-        raise InputError(
-            f"{record.path}: must be finished, to have a champion to show, and is not; "
-            f"type: evoros resume={record.path}"
-        )
-    name = options.world or next(iter(record.setting.courses))
-    if name not in record.setting.courses:
-        known = ", ".join(record.setting.courses)
-        raise InputError(f"--world: must be one of {known}, not {name!r}; correct the name")
-    film = _film(options, name)
-    pictures = _champions(record, name, film)
+    study.check_worlds([options.world] if options.world else [])
+    record, take = study.chosen(options.run, partial(_take, world=options.world))
+    film = _film(options, take.name)
+    pictures = _pictures(take, film)
     video = (gif if options.format == "gif" else mp4)(pictures, film.fps)
-    said = f"{record.name}: the champion in {name}, {film.speed:g} times as fast as it was"
+    said = f"{record.name}: the champion in {take.name}, {film.speed:g} times as fast as it was"
     return Product(said=[said], files={f"replay.{options.format}": video})
 
 
@@ -85,28 +79,51 @@ def _whole(number: float) -> bool:
     return number >= 1 and abs(number - round(number)) < 1e-9
 
 
-def _champions(record: Record, world: str, film: Film) -> Iterator[Pixels]:
-    """The champion's mission in a world."""
+@dataclass(frozen=True, eq=False)
+class _Take:
+    """What a film of a champion's mission is made of."""
+
+    name: str  # of the world
+    trajectory: pd.DataFrame
+    urdf: str
+    world: World
+    setting: Setting
+    failed: Mapping[int, float]
+    near_m: float | None
+
+
+def _take(record: Record, world: str | None) -> _Take:
+    """Of the named world, or the first."""
+    name = world or next(iter(record.setting.courses))
+    if name not in record.setting.courses:
+        raise InputError(f"{record.path}: must have the world {name!r}, and has not")
     path = record.path / "champion" / "robot.urdf"
+    trajectory = record.run.trajectory(name)
+    check_poses(trajectory, str(path.with_name(f"trajectory_{name}.csv")))
     try:
         urdf = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
-    trajectory = record.run.trajectory(world)
-    check_poses(trajectory, str(path.with_name(f"trajectory_{world}.csv")))
-    count = len(times(trajectory, film))
-    pictures = replay(
+    return _Take(
+        name,
         trajectory,
         urdf,
-        champions_worlds(record.run, record.setting)[world],
+        champions_world(record.run, record.setting, name),
         record.setting,
-        film,
-        _failed(track(record.run, record.setting, world)),
-        near_m=_number(record.values.get("controller.avoidance.range_m")),
+        _failed(track(record.run, record.setting, name)),
+        _number(record.values.get("controller.avoidance.range_m")),
+    )
+
+
+def _pictures(take: _Take, film: Film) -> Iterator[Pixels]:
+    """With a line on the terminal that says how far it is: it takes minutes."""
+    count = len(times(take.trajectory, film))
+    pictures = replay(
+        take.trajectory, take.urdf, take.world, take.setting, film, take.failed, take.near_m
     )
     for number, picture in enumerate(pictures, 1):
         yield picture
-        if sys.stderr.isatty():  # it takes minutes
+        if sys.stderr.isatty():
             print(f"\r{number} of {count} pictures", end="", file=sys.stderr)
     if sys.stderr.isatty():
         print(file=sys.stderr)

@@ -4,7 +4,7 @@ Everything is read from plain files: nothing that a folder's configuration names
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -79,6 +79,7 @@ class Scored(Record):
 
 
 Found = TypeVar("Found", bound=Record)
+Read = TypeVar("Read")
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,22 +101,23 @@ class Study:
             InputError: none is left.
         """
         frames = []
-        for record in self.records:
-            try:
-                frame = read(record)
-            except InputError as error:
-                self.leave_out(str(error))
-                continue
-            except (LookupError, ValueError, TypeError, AttributeError) as error:
-                said = " ".join(str(error).split())
-                self.leave_out(f"{record.path}: its tables must be whole ({said})")
-                continue
+        for record, frame in self.each(self.records, read):
             others = [name for name in frame.columns if name not in KEYS]
             marked = frame.assign(run=record.name, treatment=record.treatment, seed=record.seed)
             frames.append(marked[[*KEYS, *others]])
         if not any(len(frame) for frame in frames):
             raise InputError("none of the folders has what this needs: give folders of whole runs")
         return pd.concat([frame for frame in frames if len(frame)], ignore_index=True)
+
+    def each(
+        self, records: Iterable[Record], read: Callable[[Record], Read]
+    ) -> Iterator[tuple[Record, Read]]:
+        """What is read of each of the records; one that cannot be read is left out and said."""
+        for record in records:
+            try:
+                yield record, _attempt(record, read)
+            except InputError as error:
+                self.leave_out(str(error))
 
     def leave_out(self, why: str) -> None:
         """Say what is left out of a figure, once."""
@@ -146,6 +148,19 @@ class Study:
         """Their labels, in the order of the runs."""
         return tuple(dict.fromkeys(record.treatment for record in self.records))
 
+    def check_worlds(self, names: Iterable[str]) -> None:
+        """One of the runs must have each of these worlds.
+
+        Raises:
+            InputError: none has.
+        """
+        known = dict.fromkeys(name for record in self.records for name in record.setting.courses)
+        for name in names:
+            if name not in known:
+                raise InputError(
+                    f"--world: must be one of {', '.join(known)}, not {name!r}; correct the name"
+                )
+
     def only(self, name: str) -> Record:
         """The run of this name, or whose name alone ends so.
 
@@ -160,20 +175,49 @@ class Study:
         return found[0]
 
     @cached_property
-    def best(self) -> Record:
-        """The finished run with the greatest fitness: validated, where all have it so.
+    def ranked(self) -> tuple[Record, ...]:
+        """The finished runs from the best: by validated fitness, where there is none by recorded.
 
         Raises:
             InputError: none is finished.
         """
         whole = [record for record in self.records if record.finished]
         if not whole:
-            raise InputError("no run is finished, and this needs a champion; resume one of them")
-        for name in ("best_validated_fitness", "best_fitness"):
-            scores = [number(record.run.status.get(name)) for record in whole]
-            if not any(map(math.isnan, scores)):
-                return whole[max(range(len(whole)), key=scores.__getitem__)]
-        return whole[0]
+            paths = ", ".join(str(record.path) for record in self.records[:3])
+            raise InputError(
+                f"{paths or 'no run'}: must be finished, to have a champion; resume it"
+            )
+        return tuple(sorted(whole, key=_rank, reverse=True))
+
+    def chosen(self, name: str | None, read: Callable[[Record], Read]) -> tuple[Record, Read]:
+        """The run of a name, or the best of those of which this can be read; and what was read.
+
+        Raises:
+            InputError: there is no such run, or of none this can be read.
+        """
+        among = self.ranked if name is None else Study((self.only(name),)).ranked
+        if len(among) == 1:
+            return among[0], _attempt(among[0], read)
+        for found in self.each(among, read):
+            return found
+        raise InputError("of none of the runs the champion can be shown; restore one, or resume it")
+
+
+def _attempt(record: Record, read: Callable[[Record], Read]) -> Read:
+    """What is read of the record; whatever is wrong with its files is one error."""
+    try:
+        return read(record)
+    except (LookupError, ValueError, TypeError, AttributeError) as error:
+        said = " ".join(str(error).split())
+        raise InputError(
+            f"{record.path}: its files must be whole ({said}); restore them"
+        ) from error
+
+
+def _rank(record: Record) -> tuple[float, float]:
+    scores = [number(record.run.status.get(f"best_{of}fitness")) for of in ("validated_", "")]
+    first, second = (-math.inf if math.isnan(score) else score for score in scores)
+    return first, second
 
 
 def load_study(paths: Sequence[Path]) -> Study:

@@ -179,7 +179,7 @@ def test_a_lost_world_is_one_line(run: Run, setting: Setting, tmp_path: Path) ->
 
 def test_the_best_run_is_drawn_by_itself_and_any_other_by_its_name(run: Run) -> None:
     study = load_study([run.path])
-    assert study.best.path == run.path
+    assert study.ranked[0].path == run.path
     assert study.only("run").path == run.path
 
 
@@ -197,7 +197,9 @@ def test_a_damaged_world_is_left_out_and_a_damaged_run_makes_room_for_the_next(
     made = product(load_study([tmp_path]), options)
     assert made.said[0].startswith("two: one of 2 runs, fitness ")
     assert len(made.figure.axes if made.figure else []) == 2
-    assert [message.count("is left out") for message in caplog.messages] == [1, 1, 1]
+    # One world, then both of them, and so the run.
+    assert [message.count("is left out") for message in caplog.messages] == [1, 1, 1, 0]
+    assert f"{tmp_path / 'one'}: must have a whole mission" in caplog.messages[-1]
     (tmp_path / "two" / "generations" / "00002.csv").write_text("generation,id\n")
-    with pytest.raises(InputError, match="none of the runs has a whole mission"):
+    with pytest.raises(InputError, match="of none of the runs the champion can be shown"):
         product(load_study([tmp_path]), options)

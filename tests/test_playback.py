@@ -154,7 +154,8 @@ def test_what_cannot_be_played_is_said_and_left_out(
     found = playbacks(load_study([tmp_path]), 1e9)
     assert set(found) == {"random_0", "random_1"}
     (line,) = caplog.messages
-    assert "spatial_0: its missions cannot be played" in line
+    assert "spatial_0/champion/world_far.sdf" in line
+    assert line.endswith("; left out")
     assert "\n" not in line
 
 

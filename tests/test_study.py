@@ -43,7 +43,7 @@ def test_runs_and_evaluations_of_a_sweep_are_found_in_order(sweep: Path) -> None
     assert [record.seed for record in study.records] == [2, 10, 2, 10]
     assert [each.name for each in study.evaluations] == ["again"]
     assert list(study.generations.columns[:3]) == ["run", "treatment", "seed"]
-    assert study.best.run.status["best_validated_fitness"] == max(
+    assert study.ranked[0].run.status["best_validated_fitness"] == max(
         record.run.status["best_validated_fitness"] for record in study.records
     )
 
