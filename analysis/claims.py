@@ -10,23 +10,23 @@ from dataclasses import asdict, replace
 import pandas as pd
 from matplotlib.figure import Figure
 
-from . import claims_designs, claims_runs
-from .claims_table import claims_table, value_of
-from .coverage import DESIGN, HEADINGS_DEG
-from .designs import champion_or_none, initial_sensors
-from .finding import Finding
-from .matching import champion_content, champion_genes, conditions
-from .pairs import paper_rings
+from .drawing.claims_table import claims_table, value_of
+from .drawing.style import PAGE_IN
+from .drawing.style import width as width_of
+from .measures import claims_designs, claims_runs
+from .measures.coverage import DESIGN, HEADINGS_DEG
+from .measures.finding import Finding
+from .measures.pairs import paper_rings
+from .measures.spread import diversity
+from .measures.traits import traits
+from .measures.weave import champion_sweeps
 from .product import Product
-from .spread import diversity
 from .strategies import arguments, check_near, damage, finished
-from .study import Record, Scored, Study
-from .style import PAGE_IN
-from .style import width as width_of
-from .traits import traits
-from .treatments import part_name
-from .validated import evaluated
-from .weave import champion_sweeps
+from .tables.designs import champion_or_none, initial_sensors
+from .tables.matching import champion_content, champion_genes, conditions
+from .tables.study import Record, Scored, Study
+from .tables.treatments import part_name
+from .tables.validated import evaluated
 
 HELP = "the paper's findings: what was measured, how sure it is, and what it supports"
 READ: tuple[Callable[[Record], object], ...] = (

@@ -14,9 +14,9 @@ from evoros.errors import EvorosError, InputError
 from evoros.log import LOGGER, logging_to_terminal
 
 from . import SUBCOMMANDS
+from .drawing.style import KINDS, save
 from .product import Product
-from .study import Study, load_study
-from .style import KINDS, save
+from .tables.study import Study, load_study
 
 NAME = "evoros-analyze"
 ABOUT = """evoros-analyze turns the folders of runs and evaluations, or sweeps of them, into figures
@@ -75,7 +75,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--version", action="version", version=f"{NAME} {_version()}")
     below = parser.add_subparsers(dest="subcommand", metavar="SUBCOMMAND", required=True)
     for name in chosen or SUBCOMMANDS:
-        module = _module(name)
+        module = module_of(name)
         each = below.add_parser(name, help=module.HELP, description=module.HELP)
         _add_arguments(each, getattr(module, "FORMATS", KINDS))
         getattr(module, "arguments", lambda parser: None)(each)
@@ -109,7 +109,7 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
     if options.output is None:
         options.output = folders[0] / "figures"
     study = study or load_study(folders)
-    made = _module(options.subcommand).product(study, options)
+    made = module_of(options.subcommand).product(study, options)
     for line in made.said:
         print(line)
     files = _files(options.subcommand, made, options.format)
@@ -136,7 +136,8 @@ def _files(name: str, made: Product, kind: str) -> dict[str, bytes]:
     return {**files, **made.files}
 
 
-def _module(name: str) -> Subcommand:
+def module_of(name: str) -> Subcommand:
+    """The module of a subcommand; matplotlib is imported only with it."""
     return cast(Subcommand, import_module(f".{name}", __package__))
 
 

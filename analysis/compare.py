@@ -9,10 +9,9 @@ import pandas as pd
 
 from evoros.types import Array
 
-from .compare_figure import MEASURES, called, compare, p_text
-from .matching import conditions, differing
-from .product import Product
-from .statistics import (
+from .drawing.compare_figure import MEASURES, called, compare, p_text
+from .drawing.style import width as width_of
+from .measures.statistics import (
     LEVEL,
     a12,
     holm,
@@ -22,9 +21,10 @@ from .statistics import (
     mann_whitney,
     median_interval,
 )
-from .study import Study
-from .style import width as width_of
-from .validated import BY_EVALUATION, BY_RUN, under, validations
+from .product import Product
+from .tables.matching import conditions, differing
+from .tables.study import Study
+from .tables.validated import BY_EVALUATION, BY_RUN, under, validations
 
 HELP = "treatments side by side: recorded and validated fitness, tests, effect sizes, intervals"
 SIDE = ("n", "median", "median_low", "median_high")

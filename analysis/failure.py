@@ -16,13 +16,13 @@ from matplotlib.patches import Circle
 from evoros.errors import InputError
 from evoros.setting import Ring, Setting
 
-from .designs import champion_sensors
+from .drawing.rover import AXES, Window, aspect, draw_robot, frame
+from .drawing.sheet import Sheet
+from .drawing.style import COLUMN_IN, STYLE, VERMILLION
+from .drawing.style import width as width_of
 from .product import Product
-from .rover import AXES, Window, aspect, draw_robot, frame
-from .sheet import Sheet
-from .study import Record, Study
-from .style import COLUMN_IN, STYLE, VERMILLION
-from .style import width as width_of
+from .tables.designs import champion_sensors
+from .tables.study import Record, Study
 
 HELP = "what spatial failure breaks around each sensor of one champion (Fig. 10)"
 PANEL_IN = 1.4  # the least width of a panel

@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from .drawing.style import COLUMN_IN, STYLE, VERMILLION
+from .drawing.style import width as width_of
 from .product import Product
-from .study import Study
-from .style import COLUMN_IN, STYLE, VERMILLION
-from .style import width as width_of
+from .tables.study import Study
 
 HELP = "fitness over the generations: every individual of one run, quartiles of several"
 LINES = {"recorded": "best, recorded", "validated": "best, validated", "mean": "mean of pool"}

@@ -19,11 +19,11 @@ from evoros.log import LOGGER
 from evoros.types import Array
 from evoros.world import World
 
+from .drawing.style import BLUE, GREEN, PAGE_IN, PURPLE, STYLE, VERMILLION, YELLOW
+from .drawing.style import width as width_of
 from .product import Product
-from .study import Record, Study
-from .style import BLUE, GREEN, PAGE_IN, PURPLE, STYLE, VERMILLION, YELLOW
-from .style import width as width_of
-from .tracks import NONE, champions_world, track
+from .tables.study import Record, Study
+from .tables.tracks import NONE, champions_world, track
 from .worlds import draw_course, draw_obstacles
 
 HELP = "the champion's missions from above: path by mode, collisions, where sensors failed"

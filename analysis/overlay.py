@@ -23,10 +23,7 @@ from matplotlib.ticker import MaxNLocator
 from evoros.errors import InputError
 from evoros.setting import Setting
 
-from .designs import champion_or_none
-from .product import Product
-from .raster import cells, coverage, raster
-from .rover import (
+from .drawing.rover import (
     AXES,
     Window,
     aspect,
@@ -38,10 +35,13 @@ from .rover import (
     type_handles,
     window,
 )
-from .sheet import Sheet
-from .study import Study
-from .style import COLUMN_IN, STYLE
-from .style import width as width_of
+from .drawing.sheet import Sheet
+from .drawing.style import COLUMN_IN, STYLE
+from .drawing.style import width as width_of
+from .measures.raster import cells, coverage, raster
+from .product import Product
+from .tables.designs import champion_or_none
+from .tables.study import Study
 
 HELP = "sensors and cones of the champions on one robot, darker where they coincide (Fig. 8)"
 Shades = tuple[ListedColormap, BoundaryNorm]

@@ -13,9 +13,7 @@ from matplotlib.patches import Patch
 
 from evoros.setting import Setting
 
-from .designs import champion_or_none
-from .product import Product
-from .rover import (
+from .drawing.rover import (
     AXES,
     aspect,
     draw_cones,
@@ -27,10 +25,12 @@ from .rover import (
     type_handles,
     window,
 )
-from .sheet import Sheet
-from .study import Study
-from .style import CATEGORIES, COLUMN_IN, PAGE_IN, STYLE
-from .style import width as width_of
+from .drawing.sheet import Sheet
+from .drawing.style import CATEGORIES, COLUMN_IN, PAGE_IN, STYLE
+from .drawing.style import width as width_of
+from .product import Product
+from .tables.designs import champion_or_none
+from .tables.study import Study
 
 HELP = "a panel a replicate with its champion's sensors and cones (Figs. 7 and 11)"
 CUT = 0.6  # of the robot's length: longer cones leave no room to the robot

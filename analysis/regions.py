@@ -13,12 +13,24 @@ from matplotlib.figure import Figure
 from evoros.errors import InputError
 from evoros.setting import Area, Setting
 
+from .drawing.rover import (
+    AXES,
+    CONE,
+    Window,
+    aspect,
+    draw_robot,
+    fan,
+    frame,
+    length,
+    outline,
+    page,
+    window,
+)
+from .drawing.sheet import Sheet
+from .drawing.style import CATEGORIES, COLUMN_IN, STYLE
+from .drawing.style import width as width_of
 from .product import Product
-from .rover import AXES, CONE, Window, aspect, draw_robot, fan, frame, length, outline, page, window
-from .sheet import Sheet
-from .study import Study
-from .style import CATEGORIES, COLUMN_IN, STYLE
-from .style import width as width_of
+from .tables.study import Study
 
 HELP = "where on the robot sensors may be, and where they may face (Fig. 5)"
 FAN = 0.25  # of the robot's length

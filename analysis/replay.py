@@ -19,15 +19,15 @@ from evoros.urdf.tree import read_tree
 from evoros.world import World
 from evoros.xmlfile import parse
 
-from .camera import Pixels
-from .captions import write
-from .film import CAMERAS, Film, cameras, captions, times
-from .footage import Footage, eyes, failures, goals, obstacles, painted
-from .motion import check_poses, motion
 from .product import Product
-from .study import Record, Study
-from .tracks import champions_world, track
-from .video import gif, mp4
+from .tables.study import Record, Study
+from .tables.tracks import champions_world, track
+from .video.camera import Pixels
+from .video.captions import write
+from .video.encoding import gif, mp4
+from .video.film import CAMERAS, Film, cameras, captions, times
+from .video.footage import Footage, eyes, failures, goals, obstacles, painted
+from .video.motion import check_poses, motion
 
 HELP = "a mission of the champion as a video, with what its sensors see"
 FORMATS = ("mp4", "gif")

@@ -9,13 +9,13 @@ from html import escape
 from importlib import resources
 
 from . import SUBCOMMANDS
-from .chapter import chapter, left_out
-from .markup import folded, listing, paragraph, table
-from .outline import differences_of, outline
-from .playback import playbacks
+from .page.chapter import chapter, left_out
+from .page.markup import folded, listing, paragraph, table
+from .page.outline import differences_of, outline
+from .page.playback import playbacks
+from .page.summary import evaluation_rows, labels, run_rows, sentence, versions
 from .product import Product
-from .study import Record, Study
-from .summary import evaluation_rows, labels, run_rows, sentence, versions
+from .tables.study import Record, Study
 
 HELP = "one HTML page with everything, and the champions' missions to be played"
 FORMATS = ("html",)

@@ -13,13 +13,13 @@ import pandas as pd
 from evoros.errors import InputError
 from evoros.setting import Ring
 
-from .designs import champion_or_none, initial_sensors
-from .pairs import NEAR_DEG, NEAR_M
+from .drawing.strategies_figure import strategies
+from .drawing.style import width as width_of
+from .measures.pairs import NEAR_DEG, NEAR_M
+from .measures.traits import ALL, FRONT, SIDE, compared, traits
 from .product import Product
-from .strategies_figure import strategies
-from .study import Record, Study
-from .style import width as width_of
-from .traits import ALL, FRONT, SIDE, compared, traits
+from .tables.designs import champion_or_none, initial_sensors
+from .tables.study import Record, Study
 
 HELP = "what evolved: coverage by direction, front arrays or side mounts, redundancy, clusters"
 __all__ = ["HELP", "arguments", "product", "strategies"]

@@ -6,12 +6,12 @@ from typing import Any
 
 import pandas as pd
 
+from .drawing.style import width as width_of
+from .drawing.transfer_figure import LEAST, ends, transfer
+from .measures.statistics import mean_interval, spearman
 from .product import Product
-from .statistics import mean_interval, spearman
-from .study import Study
-from .style import width as width_of
-from .transfer_figure import LEAST, ends, transfer
-from .twice import scored_twice
+from .tables.study import Study
+from .tables.twice import scored_twice
 
 HELP = "the same designs under two simulators, failures, worlds ...: rank correlation and loss"
 NUMBERS = ("n", "spearman", "spearman_low", "spearman_high", "loss", "loss_low", "loss_high")

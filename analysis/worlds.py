@@ -14,7 +14,7 @@ from evoros.geometry import footprint
 from evoros.types import Array
 from evoros.world import Course, World
 
-from .style import COLUMN_IN, STYLE  # relative: installed, this is evoros.analysis
+from .drawing.style import COLUMN_IN, STYLE  # relative: installed, this is evoros.analysis
 
 HEIGHTS_M = Normalize(0.0, 1.0)
 TRACK = "#d55e00"

@@ -16,7 +16,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from evoros.analysis.style import COLUMN_IN, STYLE, save
+from evoros.analysis.drawing.style import COLUMN_IN, STYLE, save
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 

@@ -9,7 +9,7 @@ with the tracks of its champion.
 import sys
 from pathlib import Path
 
-from evoros.analysis.style import save
+from evoros.analysis.drawing.style import save
 from evoros.analysis.worlds import worlds
 
 import evoros

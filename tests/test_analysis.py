@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from evoros.analysis.drawing.style import save
 from evoros.analysis.fitness import bests, fitness, quartiles
-from evoros.analysis.style import save
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure

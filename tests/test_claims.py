@@ -13,16 +13,22 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis import claims_designs, claims_runs
 from evoros.analysis.claims import claims, finished, kind, missions
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.coverage import HEADINGS_DEG
-from evoros.analysis.finding import NOT_SUPPORTED, SUPPORTED, UNKNOWN, above, within
-from evoros.analysis.spread import apart, diversity, mean_apart, relative_difference, resampled
-from evoros.analysis.statistics import Interval, fisher, ratio_interval, share_interval
-from evoros.analysis.study import load_study
-from evoros.analysis.style import PAGE_IN, save
-from evoros.analysis.weave import sweeps
+from evoros.analysis.drawing.style import PAGE_IN, save
+from evoros.analysis.measures import claims_designs, claims_runs
+from evoros.analysis.measures.coverage import HEADINGS_DEG
+from evoros.analysis.measures.finding import NOT_SUPPORTED, SUPPORTED, UNKNOWN, above, within
+from evoros.analysis.measures.spread import (
+    apart,
+    diversity,
+    mean_apart,
+    relative_difference,
+    resampled,
+)
+from evoros.analysis.measures.statistics import Interval, fisher, ratio_interval, share_interval
+from evoros.analysis.measures.weave import sweeps
+from evoros.analysis.tables.study import load_study
 from fakes import TINY, tiny
 from hypothesis import given
 from hypothesis import strategies as st

@@ -16,11 +16,11 @@ import pytest
 import yaml
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.compare import compare, comparisons, conclusions
-from evoros.analysis.matching import champion_content
-from evoros.analysis.statistics import holm, mann_whitney, median_interval
-from evoros.analysis.study import load_study
-from evoros.analysis.style import save
-from evoros.analysis.validated import validates, validations
+from evoros.analysis.drawing.style import save
+from evoros.analysis.measures.statistics import holm, mann_whitney, median_interval
+from evoros.analysis.tables.matching import champion_content
+from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.validated import validates, validations
 from fakes import TINY, tiny
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis import failure, overlay, panel, raster, regions, rover
+from evoros.analysis import failure, overlay, panel, regions
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.drawing import rover
+from evoros.analysis.drawing.sheet import Sheet
+from evoros.analysis.drawing.style import CATEGORIES
+from evoros.analysis.measures import raster
 from evoros.analysis.product import Product
-from evoros.analysis.sheet import Sheet
-from evoros.analysis.study import load_study
-from evoros.analysis.style import CATEGORIES
+from evoros.analysis.tables.study import load_study
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.axes import Axes

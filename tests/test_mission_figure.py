@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from evoros.analysis.mission import mission, product, stretches
-from evoros.analysis.study import load_study
-from evoros.analysis.tracks import champions_mission, champions_worlds, track
+from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.tracks import champions_mission, champions_worlds, track
 from fakes import tiny
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from evoros.analysis.playback import RECORDS, changes, differences, kept, playback, playbacks
-from evoros.analysis.study import Record, Study, load_study
+from evoros.analysis.page.playback import RECORDS, changes, differences, kept, playback, playbacks
+from evoros.analysis.tables.study import Record, Study, load_study
 from fakes import tiny
 from hypothesis import given
 from hypothesis import strategies as st

@@ -15,14 +15,14 @@ import av.container
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis.camera import Camera, Pixels, above, chase
-from evoros.analysis.captions import CLEAR, FAILED, NEAR
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.film import Film
-from evoros.analysis.footage import CUT_M, goals, obstacles
-from evoros.analysis.motion import motion
 from evoros.analysis.replay import replay
-from evoros.analysis.video import gif, mp4
+from evoros.analysis.video.camera import Camera, Pixels, above, chase
+from evoros.analysis.video.captions import CLEAR, FAILED, NEAR
+from evoros.analysis.video.encoding import gif, mp4
+from evoros.analysis.video.film import Film
+from evoros.analysis.video.footage import CUT_M, goals, obstacles
+from evoros.analysis.video.motion import motion
 from fakes import OWN, tiny
 from PIL import Image
 

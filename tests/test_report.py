@@ -10,11 +10,11 @@ import pandas as pd
 import pytest
 from browser import chromium, complaints, requests
 from evoros.analysis import fitness as fitness_module
-from evoros.analysis.chapter import chapter
 from evoros.analysis.command import evoros_analyze, parse
 from evoros.analysis.fitness import fitness
-from evoros.analysis.markup import picture, table
-from evoros.analysis.study import load_study
+from evoros.analysis.page.chapter import chapter
+from evoros.analysis.page.markup import picture, table
+from evoros.analysis.tables.study import load_study
 from fakes import tiny
 from selenium.webdriver import Chrome, Keys
 from selenium.webdriver.remote.webelement import WebElement
@@ -89,7 +89,7 @@ def test_figures_of_one_page_share_no_name_and_point_at_nothing_else() -> None:
 
 
 def test_too_large_a_drawing_becomes_a_picture(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evoros.analysis.markup.LARGEST", 100)
+    monkeypatch.setattr("evoros.analysis.page.markup.LARGEST", 100)
     ((_, _), (tag, attributes)) = Elements(picture(fitness(generations(3.0)), "one")).all
     assert tag == "img"
     assert str(attributes["src"]).startswith("data:image/png;base64,iVBOR")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis.designs import candidate_mounts, sensors
+from evoros.analysis.tables.designs import candidate_mounts, sensors
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -6,7 +6,7 @@ from math import comb, nan
 
 import numpy as np
 import pytest
-from evoros.analysis.statistics import (
+from evoros.analysis.measures.statistics import (
     LEVEL,
     Interval,
     a12,

@@ -6,12 +6,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis.clusters import best_silhouette, clusters, p_of_samples
-from evoros.analysis.coverage import HEADINGS_DEG, ahead, folded, profiles, shares
-from evoros.analysis.pairs import nearness, paper_rings
+from evoros.analysis.drawing.style import PAGE_IN
+from evoros.analysis.measures.clusters import best_silhouette, clusters, p_of_samples
+from evoros.analysis.measures.coverage import HEADINGS_DEG, ahead, folded, profiles, shares
+from evoros.analysis.measures.pairs import nearness, paper_rings
+from evoros.analysis.measures.traits import ALL, FRONT, SIDE, compared, traits
 from evoros.analysis.strategies import strategies
-from evoros.analysis.style import PAGE_IN
-from evoros.analysis.traits import ALL, FRONT, SIDE, compared, traits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 import yaml
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.folders import folders_in, short_names
-from evoros.analysis.study import load_study
-from evoros.analysis.treatments import ALONE, labels
-from evoros.analysis.values import read_values
+from evoros.analysis.tables.folders import folders_in, short_names
+from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.treatments import ALONE, labels
+from evoros.analysis.tables.values import read_values
 from fakes import TINY, everything, tiny
 from hypothesis import given
 from hypothesis import strategies as st

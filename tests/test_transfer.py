@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.statistics import mean_interval, spearman
-from evoros.analysis.study import load_study
+from evoros.analysis.measures.statistics import mean_interval, spearman
+from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.twice import scored_twice
 from evoros.analysis.transfer import summary, transfer
-from evoros.analysis.twice import scored_twice
 from fakes import tiny
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PathCollection

@@ -5,8 +5,8 @@ from typing import Any
 
 import pandas as pd
 
-from .study import Record
-from .treatments import IGNORED, TARGET, part_name
+from ..tables.study import Record
+from ..tables.treatments import IGNORED, TARGET, part_name
 
 
 def outline(values: Mapping[str, Any]) -> list[tuple[str, str, str]]:

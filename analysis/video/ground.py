@@ -12,8 +12,8 @@ from evoros.geometry import convex_hull, footprint, highest
 from evoros.setting import Part
 from evoros.types import Array
 
+from ..drawing.rover import outline
 from .camera import Camera, Pixels
-from .rover import outline
 
 Colour = tuple[int, int, int]
 Pixel = tuple[int, int]

@@ -13,7 +13,7 @@ import pandas as pd
 from evoros.setting import Setting
 from evoros.types import Array
 
-from .rover import Window, covered, window
+from ..drawing.rover import Window, covered, window
 
 CELLS = 150  # along a cone: about 0.2 mm each in print
 SPAN = ["treatment", "cut_m", "cell_m", "x_m", "y_low_m", "y_high_m"]

@@ -9,7 +9,7 @@ import pandas as pd
 from evoros.types import Array
 
 if TYPE_CHECKING:
-    from .study import Record
+    from ..tables.study import Record
 
 PERIOD_S = 9.7  # of the original autopilot; where the configuration has none
 SETTLING = 0.25  # periods left out after a waypoint or an avoidance: the turn back is no weave

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from .style import save
+from ..drawing.style import save
 
 LARGEST = 1_000_000
 """Bytes of an SVG that is put into a page; a larger one becomes a PNG."""

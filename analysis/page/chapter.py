@@ -5,17 +5,15 @@ import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from html import escape
-from importlib import import_module
 
 import pandas as pd
 
 from evoros.errors import InputError
 from evoros.log import LOGGER
 
-from .command import parse
+from ..command import module_of, parse
+from ..tables.study import Study
 from .markup import bullets, folded, paragraph, picture, table
-from .product import Product
-from .study import Study
 
 ROWS = 400
 """Of a table that is put into the page; longer ones are left to the subcommand."""
@@ -48,10 +46,10 @@ def left_out(lines: Sequence[str]) -> str:
 
 
 def _content(name: str, study: Study, options: argparse.Namespace, own_section: bool) -> str:
-    module = import_module(f".{name}", __package__)
+    module = module_of(name)
     own = parse([name, *map(str, options.folders)])
     own.output = options.output
-    made: Product = module.product(study, own)
+    made = module.product(study, own)
     parts = []
     if made.figure is not None:
         caption = f"{module.HELP[0].upper()}{module.HELP[1:]}."

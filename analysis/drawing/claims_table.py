@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .finding import DEGREES, NOT_SUPPORTED, NUMBER, SHARE, SUPPORTED, UNKNOWN
+from ..measures.finding import DEGREES, NOT_SUPPORTED, NUMBER, SHARE, SUPPORTED, UNKNOWN
 from .style import BLUE, PAGE_IN, STYLE, VERMILLION
 
 FORMATS = {SHARE: "{:.0%}", DEGREES: "{:.0f}", NUMBER: "{:.2f}"}

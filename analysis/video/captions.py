@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
-from .style import BLUE, VERMILLION
+from ..drawing.style import BLUE, VERMILLION
 
 Colour = tuple[int, int, int]
 

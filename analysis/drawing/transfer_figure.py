@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 
+from ..measures.statistics import LEVEL
 from .columns import height_in, write
-from .statistics import LEVEL
 from .style import COLUMN_IN, STYLE, treatment_colours
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")

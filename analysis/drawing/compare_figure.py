@@ -12,8 +12,8 @@ from matplotlib.ticker import MaxNLocator
 
 from evoros.types import Array
 
+from ..measures.statistics import LEVEL, least_replicates, median_interval
 from .columns import SMALL_PT, height_in, write
-from .statistics import LEVEL, least_replicates, median_interval
 from .style import COLUMN_IN, STYLE, treatment_colours
 
 MEASURES = ("recorded", "validated")

@@ -14,9 +14,9 @@ from matplotlib.ticker import MultipleLocator
 
 from evoros.types import Array
 
-from .coverage import AHEAD_DEG, HEADINGS_DEG
+from ..measures.coverage import AHEAD_DEG, HEADINGS_DEG
+from ..measures.traits import FRONT
 from .style import PAGE_IN, STYLE, treatment_colours
-from .traits import FRONT
 
 RANDOM = "0.45"
 """The grey of random designs."""

@@ -18,9 +18,9 @@ from evoros.geometry import footprint, highest
 from evoros.types import Array
 from evoros.world import Course, World
 
-from .designs import champion_sensors
-from .study import Record, Study
-from .tracks import NONE, champions_mission, champions_worlds, failures
+from ..tables.designs import champion_sensors
+from ..tables.study import Record, Study
+from ..tables.tracks import NONE, champions_mission, champions_worlds, failures
 
 RECORDS = 6000
 """Of a mission at most; of a longer one as many are left out between any two."""

@@ -9,12 +9,12 @@ from scipy.spatial.distance import pdist, squareform
 from evoros.errors import InputError
 from evoros.types import Array
 
+from ..tables.designs import candidate_mounts, sensors
 from .coverage import profiles, shares
-from .designs import candidate_mounts, sensors
 from .statistics import LEVEL, RESAMPLES, SEED, Interval
 
 if TYPE_CHECKING:
-    from .study import Record
+    from ..tables.study import Record
 
 
 def apart(profile: pd.DataFrame) -> Array:

@@ -8,7 +8,7 @@ import pandas as pd
 from evoros.errors import InputError
 from evoros.log import LOGGER
 
-from .study import Record, Scored, Study
+from ..tables.study import Record, Scored, Study
 
 HASH = 12  # characters of a hash that are shown
 

@@ -10,7 +10,7 @@ from evoros.runs import Run
 from evoros.setting import Setting
 from evoros.world import World, load_world
 
-from .fitness import bests
+from ..fitness import bests
 
 NONE = "none"
 """The mode in which no layer of the controller decided."""

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from ..fitness import lines
 from .claims_designs import RANDOM, SPATIAL
 from .finding import DEGREES, NOTHING, UNKNOWN, Claim, Finding, above, enough, within
-from .fitness import lines
 from .statistics import Interval, mean_interval, median_interval, ratio_interval
 
 if TYPE_CHECKING:
-    from .study import Record
+    from ..tables.study import Record
 
 EARLY = 15
 """Generations in which the paper saw most gains."""

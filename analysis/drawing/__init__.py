@@ -1,0 +1,1 @@
+"""What several figures share: style, the robot from above, tables as pictures."""

@@ -1,0 +1,1 @@
+"""From tables to numbers: statistics, and what designs and runs are like."""

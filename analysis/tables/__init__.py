@@ -1,0 +1,1 @@
+"""From folders to tables: runs, evaluations, and what they have in common."""
