@@ -8,7 +8,6 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -164,8 +163,13 @@ def test_two_configurations_are_found_where_there_are_two_and_named_apart() -> N
     third = designs("none", at=list(rng.normal(130, 2, 6)))
     three = pd.concat([front, side, third], ignore_index=True)
     assert claims_designs.configurations(three).verdict == NOT_SUPPORTED
-    one = designs("none", at=list(rng.normal(60, 4, 12)))
-    assert claims_designs.configurations(one).verdict != SUPPORTED
+    verdicts = {}
+    for spread in (1, 2, 4, 8):
+        one = claims_designs.configurations(designs("none", at=list(rng.normal(60, spread, 12))))
+        verdicts[one.p] = one.verdict
+    assert min(verdicts) < 0.5 < max(verdicts)
+    expected = {p: NOT_SUPPORTED if p >= 0.5 else UNKNOWN for p in verdicts}
+    assert verdicts == expected  # no clusters: less clustered than most clouds, or it may be so
     few = claims_designs.configurations(front.iloc[:4])
     assert (few.verdict, math.isnan(few.value)) == (UNKNOWN, True)
 
@@ -375,7 +379,7 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, own in {"x0": CALM, "x1": FAILING, "free": (*CALM, *FREE)}.items():
         assert tiny(folder / "runs" / name, *own, more) == DONE
     assert tiny(folder / "runs" / "x2", *FAILING, more, "seed=7") == DONE
-    given = f"designs=[{folder / 'runs' / 'x1'},{folder / 'runs' / 'x2'}]"
+    given = "designs=[" + ",".join(str(folder / "runs" / name) for name in ("x0", "x1", "x2")) + "]"
     arguments = [*TINY, *FAILING, "executor=serial", "trials=3", given]
     assert evaluate([*arguments, f"hydra.run.dir={folder / 'again'}"]) == DONE
     return folder
@@ -423,19 +427,14 @@ def test_missions_are_those_of_champions_on_fresh_draws(sweep: Path, tmp_path: P
     study = load_study([sweep / "runs", sweep / "again", tmp_path])
     assert len(study.evaluations) == 2
     table = missions(study)
-    x1 = table[table.run == "x1"]
-    counts = x1.groupby("source").size().to_dict()
-    run = study.only("x1").run
-    best = run.champion.design.iloc[0]
-    own = run.missions[(run.missions.purpose == "validation") & (run.missions.design == best)]
-    assert counts == {"validated in the run": len(own), "evaluated in planar": 3 * _worlds(run)}
-    assert set(table[table.run == "x0"].source) == {"validated in the run"}  # it never fails there
-    assert x1.failed.all()
+    for name in ("x1", "x2"):  # the second has validated another design before
+        mine = table[table.run == name]
+        counts = mine.groupby("source").size().to_dict()
+        worlds = study.only(name).run.missions.world.nunique()
+        assert counts == {"validated in the run": worlds, "evaluated in planar": 3 * worlds}
+        assert mine.failed.all()
+    assert set(table[table.run == "x0"].source) == {"validated in the run"}  # flown without failure
     assert not table[table.run == "x0"].failed.any()
-
-
-def _worlds(run: Any) -> int:
-    return int(run.missions.world.nunique())
 
 
 def test_the_diversity_of_a_population_counts_its_copies(sweep: Path) -> None:
@@ -444,11 +443,14 @@ def test_the_diversity_of_a_population_counts_its_copies(sweep: Path) -> None:
     row = diversity(record).iloc[0]
     assert 0 < row["first"] <= 1
     assert 0 <= row["last"] <= 1
-    last = table.generation == table.generation.max()
-    best = table[last].id.iloc[0]
-    taken = table.assign(survived=np.where(last & (table.id == best), 4, 0))
-    table.loc[:, "survived"] = taken.survived.where(last, table.survived)
-    assert diversity(record).iloc[0]["last"] == 0  # nothing but copies of one
+    first = table[table.generation == 0].drop_duplicates("id").iloc[:2]
+    again = first.assign(generation=99, survived=1)
+    copies = pd.concat([table, again, again.iloc[:1]], ignore_index=True)  # the first stands twice
+    record.run.__dict__["generations"] = copies
+    two = pd.concat([table, again], ignore_index=True)
+    kept = diversity(record).iloc[0]["last"]
+    record.run.__dict__["generations"] = two
+    assert kept == pytest.approx(2 / 3 * diversity(record).iloc[0]["last"])  # 2 of 3 pairs differ
 
 
 def test_the_order_of_folders_changes_no_number(sweep: Path, drawn: Path, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from evoros.analysis.drawing.style import PAGE_IN
 from evoros.analysis.measures.clusters import best_silhouette, clusters, p_of_samples
-from evoros.analysis.measures.coverage import HEADINGS_DEG, ahead, folded, profiles, shares
+from evoros.analysis.measures.coverage import HEADINGS_DEG, ahead, directions, profiles, shares
 from evoros.analysis.measures.pairs import nearness, paper_rings
 from evoros.analysis.measures.traits import ALL, FRONT, SIDE, compared, traits
 from evoros.analysis.strategies import strategies
@@ -88,8 +88,27 @@ def test_the_mirror_image_of_a_design_has_the_mirrored_profile(mounts: list[Moun
     one, other = design("a", mounts), design("a", image)
     mirrored = {-h if h > -180 else h: n for h, n in seen(one).items()}
     assert mirrored == pytest.approx(seen(other))
-    np.testing.assert_allclose(folded(profiles(one)), folded(profiles(other)), atol=1e-12)
+    np.testing.assert_allclose(directions(profiles(one)), directions(profiles(other)), atol=1e-9)
     assert ahead(one).iloc[0] == pytest.approx(ahead(other).iloc[0])
+
+
+@pytest.mark.parametrize("turn", [5.0, 10, 60])
+def test_designs_are_as_far_apart_as_their_cones_are_turned(turn: float) -> None:
+    one, other = ([(0, 0, 30.0), (0, 0, -70.0)], [(0, 0, 30 + turn), (0, 0, -70.0 - turn)])
+    each = [directions(profiles(design("a", mounts)))[0] for mounts in (one, other)]
+    np.testing.assert_allclose(each[1] - each[0], turn)
+
+
+def test_the_directions_of_one_cone_are_those_of_its_opening() -> None:
+    """As near as sectors of 5 deg tell: where the opening ends, half a sector is half covered."""
+    (found,) = directions(profiles(design("a", [(0, 0, 40)])))
+    np.testing.assert_allclose(found, 25 + 30 * (np.arange(36) + 0.5) / 36, atol=2.5)
+    (ahead_,) = directions(profiles(design("a", [(0, 0, 0)])))
+    np.testing.assert_allclose(ahead_, 15 * (np.arange(36) + 0.5) / 36, atol=2.5)
+    (back,) = directions(profiles(design("a", [(0, 0, 180)])))
+    np.testing.assert_allclose(back, 180 - ahead_[::-1], atol=1e-9)
+    blind = design("a", [(math.nan, math.nan, math.nan)])
+    assert (directions(profiles(blind)) == 180).all()
 
 
 @pytest.mark.parametrize(
@@ -139,7 +158,19 @@ def test_designs_around_one_are_one_cluster_however_near(spread_deg: float) -> N
     base = np.array([35.0, 45, 55])
     yaws = base + rng.normal(0, spread_deg, (30, 3))
     table = designs([[(0.1, 0.1, yaw) for yaw in each] for each in yaws])
-    assert clusters(folded(profiles(table)), 99).count == 1
+    assert clusters(directions(profiles(table)), 99).count == 1
+
+
+def test_designs_turned_more_and_more_are_no_clusters() -> None:
+    """One thing varies, evenly: what splits best without being split. The test keeps its level."""
+    rng = np.random.default_rng(6)
+    offsets = np.array([-5.0, 0, 5])
+    found = []
+    for _ in range(20):
+        yaws = rng.uniform(20, 70, 30)
+        table = designs([[(0.1, 0.1, yaw + off) for off in offsets] for yaw in yaws])
+        found.append(clusters(directions(profiles(table)), 49).real)
+    assert sum(found) <= stats.binom.ppf(0.999, 20, 0.05)
 
 
 def test_equal_points_and_few_points_have_no_clusters() -> None:

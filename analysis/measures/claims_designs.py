@@ -17,7 +17,7 @@ NONE, RANDOM, SPATIAL = "none", "random", "spatial"
 
 CONFIGURATIONS = Claim(
     "Two main configurations emerge: sensors across the front, and at the sides",
-    "silhouette of the best clustering of coverage profiles",
+    "silhouette of the best clustering by where champions look",
     NUMBER,
 )
 REDUNDANCY = Claim(

@@ -10,6 +10,7 @@ HEADINGS_DEG = np.arange(-180.0, 180.0, STEP_DEG)
 """In the robot's frame: 0 is ahead, left is positive; -180 is also 180."""
 AHEAD_DEG = 30.0
 """What is seen within it of straight ahead counts as ahead."""
+QUANTILES = 36
 DESIGN = ["run", "treatment", "seed", "design"]
 """The columns of a table of sensors that name a design."""
 
@@ -19,9 +20,9 @@ def profiles(sensors: pd.DataFrame) -> pd.DataFrame:
 
     The mean over the ``STEP_DEG`` around the heading, exactly: a cone of 30 deg around 0 counts 1
     from -10 to 10, one half at -15 and 15, where it ends, and 0 beyond. Counts at single headings
-    would make equal profiles of designs that differ by less than a step, and so clusters where
-    there are none. ``sensors`` has the columns of ``designs.py``; the index of what is returned,
-    sorted, has those of ``DESIGN``. A row without a place stands for a design without sensors.
+    would make equal profiles of designs that differ by less than a step. ``sensors`` has the
+    columns of ``designs.py``; the index of what is returned, sorted, has those of ``DESIGN``. A row
+    without a place stands for a design without sensors.
     """
     frame = pd.DataFrame(_overlap(sensors, HEADINGS_DEG, STEP_DEG / 2) / STEP_DEG)
     frame.columns = pd.Index(HEADINGS_DEG)
@@ -56,14 +57,26 @@ def _overlap(sensors: pd.DataFrame, headings: Array, around: float) -> Array:
     return found
 
 
-def folded(profile: pd.DataFrame) -> Array:
-    """(n, 37) the mean of both sides at 0, 5 ... 180 deg off ahead: a design and its mirror image
-    have the same."""
+def directions(profile: pd.DataFrame) -> Array:
+    """(n, ``QUANTILES``) how far off ahead [deg] a design looks: quantiles over all that it covers.
+
+    Both sides count alike, so that a design and its mirror image have the same. The Euclidean
+    distance of two rows over the root of ``QUANTILES`` is how far the cones would have to be turned
+    (Wasserstein's distance of order 2). Unlike profiles, which bend into a curve while all sensors
+    are turned together, these follow a straight line. A design that sees nothing: 180 throughout.
+    """
     values = profile.to_numpy(float)
     mirrored = np.roll(values[:, ::-1], 1, axis=1)  # -180 stays, 5 comes to -5
-    both = (values + mirrored) / 2
     zero = len(HEADINGS_DEG) // 2
-    return np.hstack([both[:, zero:], both[:, :1]])
+    either = np.hstack([values + mirrored, 2 * values[:, :1]])[:, zero:]  # at 0, 5 ... 180 deg off
+    edges = np.clip(np.arange(either.shape[1] + 1) - 0.5, 0, zero) * STEP_DEG
+    seen = np.hstack([np.zeros((len(values), 1)), np.cumsum(either * np.diff(edges), axis=1)])
+    levels = (np.arange(QUANTILES) + 0.5) / QUANTILES
+    rows = [
+        np.interp(levels * each[-1], each, edges) if each[-1] > 0 else np.full(QUANTILES, 180.0)
+        for each in seen
+    ]
+    return np.array(rows).reshape(-1, QUANTILES)
 
 
 def shares(profile: pd.DataFrame) -> Array:

@@ -9,7 +9,7 @@ from evoros.setting import Ring
 from evoros.types import Array
 
 from .clusters import Clusters, clusters, p_of_samples
-from .coverage import DESIGN, HEADINGS_DEG, ahead, folded, profiles
+from .coverage import DESIGN, HEADINGS_DEG, ahead, directions, profiles
 from .pairs import NEAR_DEG, NEAR_M, nearness, paper_rings
 from .statistics import (
     Interval,
@@ -44,7 +44,7 @@ def traits(
     Random designs with a number of sensors that no champion of their treatment has are left out.
     """
     own = _measured(champions, rings, near_m, near_deg).assign(random=False)
-    found = clusters(folded(own[HEADINGS_DEG]))
+    found = clusters(directions(own[HEADINGS_DEG]))
     if found.real:
         own["strategy"] = own.groupby(found.labels).ahead.transform("mean").map(_named)
     drawn = _measured(initial, rings, near_m, near_deg).assign(random=True)
@@ -119,14 +119,14 @@ def _structure(own: pd.DataFrame, drawn: pd.DataFrame) -> Iterator[Row]:
     score = Interval(found.silhouette, np.nan, np.nan)
     yield {**_row("clusters", Interval(found.count, np.nan, np.nan), own, drawn), "p": found.p}
     yield {**_row("silhouette", score, own, drawn), "p": found.p}
-    pool = folded(drawn[HEADINGS_DEG].drop_duplicates())
+    pool = directions(drawn[HEADINGS_DEG].drop_duplicates())
     against = p_of_samples(found.silhouette, len(own), pool)
     yield {**_row("silhouette, against random designs", score, own, drawn), "p": against}
 
 
 def structure(designs: pd.DataFrame) -> Clusters:
     """Whether the designs of a table of ``traits`` fall into clusters by where they look."""
-    return clusters(folded(designs[HEADINGS_DEG]))
+    return clusters(directions(designs[HEADINGS_DEG]))
 
 
 def _share(name: str, own: "pd.Series[bool]", drawn: "pd.Series[bool]", at: float = np.nan) -> Row:
