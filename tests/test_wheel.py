@@ -58,6 +58,12 @@ def test_a_run_from_any_folder_uses_only_the_wheel(installed: Path, tmp_path: Pa
     assert str(ROOT) not in (tmp_path / "here" / "manifest.json").read_text()
 
 
+def files(folder: Path) -> set[Path]:
+    """Relative paths, without what Python has compiled."""
+    found = (path.relative_to(folder) for path in folder.rglob("*.*"))
+    return {path for path in found if "__pycache__" not in path.parts}
+
+
 @pytest.mark.timeout(600)
 def test_the_wheel_holds_everything_under_our_own_name(installed: Path, tmp_path: Path) -> None:
     site = run(
@@ -65,8 +71,6 @@ def test_the_wheel_holds_everything_under_our_own_name(installed: Path, tmp_path
     )
     package = Path(site.strip())
     for folder in ("conf", "robots", "worlds", "analysis/page"):
-        bundled = {path.relative_to(ROOT / folder) for path in (ROOT / folder).rglob("*.*")}
-        travelled = {path.relative_to(package / folder) for path in (package / folder).rglob("*.*")}
-        assert bundled == travelled, folder
+        assert files(ROOT / folder) == files(package / folder), folder
     assert not any((package.parent / name).exists() for name in ("conf", "robots", "analysis"))
     run([installed / "python", "-c", "import evoros.analysis.fitness"], tmp_path)
