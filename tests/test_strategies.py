@@ -105,6 +105,7 @@ def test_the_directions_of_one_cone_are_those_of_its_opening() -> None:
     np.testing.assert_allclose(found, 25 + 30 * (np.arange(36) + 0.5) / 36, atol=2.5)
     (ahead_,) = directions(profiles(design("a", [(0, 0, 0)])))
     np.testing.assert_allclose(ahead_, 15 * (np.arange(36) + 0.5) / 36, atol=2.5)
+    np.testing.assert_allclose(ahead_[:29], 15 * (np.arange(29) + 0.5) / 36)  # exact up to 12.5
     (back,) = directions(profiles(design("a", [(0, 0, 180)])))
     np.testing.assert_allclose(back, 180 - ahead_[::-1], atol=1e-9)
     blind = design("a", [(math.nan, math.nan, math.nan)])
