@@ -11,6 +11,7 @@ import pytest
 from evoros.analysis.tables.designs import candidate_mounts, sensors
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from test_docs import documented
 
 from evoros.config import build, compose
 from evoros.errors import InputError
@@ -153,3 +154,7 @@ def _mount(row: dict[str, object]) -> Mount:
 
 def test_a_design_without_sensors_has_no_rows(setting: Setting) -> None:
     assert sensors(pd.read_csv(io.StringIO(design_table({1: Design(())}))), setting).empty
+
+
+def test_its_fields_are_documented_in_order(setting: Setting) -> None:
+    assert documented("setting.json") == list(json.loads(setting.text))
