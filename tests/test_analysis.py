@@ -159,3 +159,11 @@ def test_the_layout_of_what_is_saved_has_no_digits_left_to_chance() -> None:
     found = np.array([*parts, *axes])
     np.testing.assert_allclose(found, np.round(found, 6), rtol=0, atol=1e-12)
     assert len({tuple(each.ravel()) for each in found}) > 4
+
+
+def test_files_bring_their_letters_along() -> None:
+    """A PDF as TrueType fonts, which publishers accept, an SVG as outlines."""
+    pdf, svg = saved(TABLE, "pdf"), saved(TABLE, "svg")
+    assert b"/FontFile2" in pdf
+    assert b"/Subtype /Type3" not in pdf
+    assert b"<text" not in svg

@@ -257,6 +257,7 @@ def test_play_moves_the_time_and_every_picture(browser: Chrome, player: WebEleme
     part(player, "play").click()
     WebDriverWait(browser, 20).until(lambda _: number(player, "time") > 1.0)
     part(player, "play").click()
+    WebDriverWait(browser, 20).until(lambda _: player.get_attribute("data-playing") == "false")
     stopped = number(player, "time")
     after = pixels(browser, player)
     assert all(after[name] != before[name] for name in before)

@@ -14,10 +14,10 @@ STYLE: dict[Any, Any] = {
     "font.size": 8,
     "axes.titlesize": 8,
     "legend.fontsize": 7,
+    "text.parse_math": False,  # names from folders may have a $
     "axes.spines.top": False,
     "axes.spines.right": False,
     "pdf.fonttype": 42,  # text stays text, as most publishers ask
-    "svg.fonttype": "none",
     "svg.hashsalt": "evoros",  # else the names inside an SVG are random
 }
 KINDS = ("pdf", "svg", "png")
@@ -49,10 +49,15 @@ def treatment_colours(treatments: Sequence[str]) -> dict[str, str]:
     return {name: CATEGORIES[i % len(CATEGORIES)] for i, name in enumerate(names)}
 
 
-def save(figure: Figure, file: Path | str | IO[bytes], kind: str = "svg") -> None:
-    """Write a figure as ``svg``, ``pdf`` or ``png``: the same bytes for the same figure."""
+def save(
+    figure: Figure, file: Path | str | IO[bytes], kind: str = "svg", as_text: bool = False
+) -> None:
+    """Write a figure as ``svg``, ``pdf`` or ``png``: the same bytes for the same figure.
+
+    The letters of an SVG are drawn, or, ``as_text``, left to the fonts of whoever shows it.
+    """
     dated = {_DATES[kind]: None} if kind in _DATES else {}
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context({**STYLE, "svg.fonttype": "none" if as_text else "path"}):
         _settle(figure)
         figure.savefig(file, format=kind, metadata=dated, dpi=300)
 

@@ -81,7 +81,7 @@ def _plain(value: object) -> str:
 def picture(figure: Figure, name: str) -> str:
     """A figure as part of the page; ``name`` keeps its inner names apart from other figures'."""
     file = io.BytesIO()
-    save(figure, file, "svg")
+    save(figure, file, "svg", as_text=True)  # to be found and copied, like the rest of the page
     if len(file.getvalue()) <= LARGEST:
         return f'<div class="paper">{inline(file.getvalue(), name)}</div>'
     file = io.BytesIO()
