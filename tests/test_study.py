@@ -48,9 +48,27 @@ def test_runs_and_evaluations_of_a_sweep_are_found_in_order(sweep: Path) -> None
     )
 
 
-def test_a_folder_counts_once_however_it_is_given(sweep: Path) -> None:
-    study = load_study([sweep / "stuck_seed-2", sweep, sweep / "stuck_seed-2"])
+def test_a_folder_counts_once_however_it_is_given(
+    sweep: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = sweep / "stuck_seed-2"
+    (tmp_path / "link").symlink_to(sweep)
+    monkeypatch.chdir(sweep.parent)
+    study = load_study([first, sweep, first, Path(sweep.name), tmp_path / "link"])
     assert len(study.records) == 4
+    assert len(study.evaluations) == 1
+    assert study.records[0].path == first
+
+
+def test_a_dollar_in_a_name_is_no_formula(sweep: Path, tmp_path: Path) -> None:
+    shutil.copytree(sweep, tmp_path / "sweep")
+    for seed in (2, 10):
+        config = tmp_path / "sweep" / f"stuck_seed-{seed}" / "config.yaml"
+        config.write_text(f"{config.read_text()}\nnote: $_{{$\n")
+    for name in ("fitness", "overlay", "panel", "compare", "strategies", "claims"):
+        given = [name, str(tmp_path / "sweep"), "--output", str(tmp_path / "out")]
+        assert evoros_analyze([*given, "--format", "svg"]) == DONE
+    assert "note=$_{$" in (tmp_path / "out" / "compare.csv").read_text()
 
 
 DAMAGES: dict[str, Callable[[Path], object]] = {

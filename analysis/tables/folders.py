@@ -1,11 +1,26 @@
 """Finds the folders of runs and evaluations, and gives them short names."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from evoros.errors import InputError
 from evoros.finding import folders_below
 from evoros.log import LOGGER
+
+
+def folders_of(paths: Sequence[Path]) -> list[Path]:
+    """The folders of runs and evaluations in all of these, each once, whatever ways lead to it.
+
+    One that counted twice would be taken for two replicates.
+
+    Raises:
+        InputError: a path leads nowhere.
+    """
+    found: dict[Path, Path] = {}
+    for path in paths:
+        for folder in folders_in(path):
+            found.setdefault(folder.resolve(), folder)
+    return list(found.values())
 
 
 def folders_in(path: Path) -> Iterator[Path]:

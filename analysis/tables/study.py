@@ -18,7 +18,7 @@ from evoros.runs import Run, load_run, read_table
 from evoros.setting import Setting
 
 from .designs import champion_sensors, generations, initial_sensors, number
-from .folders import folders_in, short_names
+from .folders import folders_of, short_names
 from .treatments import labels
 from .values import read_values
 
@@ -228,7 +228,7 @@ def load_study(paths: Sequence[Path]) -> Study:
     Raises:
         InputError: a path leads nowhere, or nothing is whole.
     """
-    found = list(dict.fromkeys(folder for path in paths for folder in folders_in(path)))
+    found = folders_of(paths)
     names = short_names(found)
     records: list[Record] = []
     evaluations: list[Scored] = []
