@@ -10,11 +10,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon
 
-from evoros.geometry import footprint
+from evoros.geometry import footprint, highest
 from evoros.types import Array
 from evoros.world import Course, World
 
-from .drawing.style import COLUMN_IN, STYLE  # relative: installed, this is evoros.analysis
+from .drawing.rover import hull  # relative: installed, this is evoros.analysis
+from .drawing.style import COLUMN_IN, STYLE
 
 HEIGHTS_M = Normalize(0.0, 1.0)
 TRACK = "#d55e00"
@@ -58,9 +59,9 @@ def draw_obstacles(
             area = footprint(shape, pose)
             if len(area.vertices) == 1:
                 patches.append(Circle((area.vertices[0, 0], area.vertices[0, 1]), area.radius))
-            else:
-                patches.append(Polygon(area.vertices))
-            tops.append(2 * pose.position[2])  # of what stands on the ground
+            else:  # a cylinder that leans, be it by rounding alone, has a segment and a radius
+                patches.append(Polygon(hull(area.vertices, area.radius)))
+            tops.append(highest(shape, pose))
     solids = PatchCollection(patches, cmap=cmap, norm=heights, ec="black", lw=0.3)
     solids.set_array(np.array(tops))
     axes.add_collection(solids)

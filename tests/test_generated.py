@@ -4,6 +4,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -456,3 +457,17 @@ def test_a_picture_has_every_obstacle_where_it_stands() -> None:
     lines = [np.asarray(line.get_xydata()) for line in drawn.axes[1].get_lines()]
     assert any(np.array_equal(line, track) for line in lines)
     assert drawn.axes[0].get_title() == "open"
+
+
+def test_a_picture_has_what_leans_and_what_is_raised() -> None:
+    world = field().world(FIXED)
+    ground = [body for body in world.bodies if body.is_ground]
+    lean = Pose.from_rpy((6.0, 0.0, 0.5), 1e-6, 0.0, 0.0)  # as a file with rounded angles has it
+    post = Body("post", lean, (Shape("cylinder", (0.3, 1.0)),))
+    shelf = Body("shelf", Pose((0.0, 6.0, 1.05)), (Shape("box", (1.0, 1.0, 0.1)),))
+    drawn = worlds({"two": replace(world, bodies=(*ground, post, shelf))})
+    (solids,) = drawn.axes[0].collections
+    boxes = [path.get_extents().bounds for path in solids.get_paths()]
+    np.testing.assert_allclose(boxes[0], (5.7, -0.3, 0.6, 0.6), atol=1e-5)
+    np.testing.assert_allclose(boxes[1], (-0.5, 5.5, 1.0, 1.0), atol=1e-9)
+    np.testing.assert_allclose(np.asarray(solids.get_array()), (1.0, 1.1), atol=1e-5)

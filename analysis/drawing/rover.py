@@ -26,9 +26,14 @@ _CORNERS = 96  # of a full turn
 
 def outline(part: Part) -> Array:
     """(k, 2) [m]: the corners of what a part covers, in the robot's frame."""
+    return hull(np.array(part.vertices), part.radius_m)
+
+
+def hull(vertices: Array, radius_m: float) -> Array:
+    """(k, 2) [m]: the corners of all that lies within a radius of a convex polygon (n, 2)."""
     turn = np.linspace(0.0, 2 * math.pi, _CORNERS, endpoint=False)
-    rim = part.radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    swept: Array = (np.array(part.vertices)[:, None] + rim).reshape(-1, 2)
+    rim = radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    swept: Array = (vertices[:, None] + rim).reshape(-1, 2)
     return convex_hull(swept)
 
 

@@ -12,7 +12,7 @@ from evoros.geometry import convex_hull, footprint, highest
 from evoros.setting import Part
 from evoros.types import Array
 
-from ..drawing.rover import outline
+from ..drawing.rover import hull, outline
 from .camera import Camera, Pixels
 
 Colour = tuple[int, int, int]
@@ -162,5 +162,4 @@ def _shadows(body: Body) -> Iterator[Array]:
         top = highest(shape, pose)
         if top > 0.0:
             area = footprint(shape, pose)
-            corners = tuple((float(x), float(y)) for x, y in area.vertices)
-            yield _shadow(outline(Part("", corners, area.radius, top, False)), top)
+            yield _shadow(hull(area.vertices, area.radius), top)
