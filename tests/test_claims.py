@@ -293,34 +293,49 @@ def test_the_mean_approaches_the_best(gap: float, verdict: str) -> None:
 
 
 def drive(
-    seconds: float, peak_deg: float = 30.0, turn_deg: float = 0.0, visited: object = 0
+    seconds: float,
+    peak_deg: float = 30.0,
+    turn_deg: float = 0.0,
+    visited: object = 0,
+    period_s: float = 9.7,
 ) -> pd.DataFrame:
-    """A heading that weaves with a period of 9.7 s while it turns steadily, across +-180 deg."""
+    """A heading that weaves while it turns steadily, across +-180 deg."""
     times = np.arange(0, seconds, 0.1)
-    yaw = 170 + peak_deg * np.sin(2 * np.pi * times / 9.7) + turn_deg * times
+    yaw = 170 + peak_deg * np.sin(2 * np.pi * times / period_s) + turn_deg * times
     wrapped = np.radians((yaw + 180) % 360 - 180)
     columns = {"time_s": times, "yaw_rad": wrapped, "mode": 2, "visited": visited}
     return pd.DataFrame(columns)
 
 
-@pytest.mark.parametrize(("peak", "turn"), [(30, 0), (30, 2), (10, 0), (0, 5)])
-def test_the_sweep_of_a_weave_is_twice_its_amplitude_whatever_the_course(
-    peak: float, turn: float
+@pytest.mark.parametrize("period", [6.0, 9.7, 14.0])
+@pytest.mark.parametrize(("peak", "turn"), [(30, 0), (30, 2), (10, 0), (10, -0.5)])
+def test_the_sweep_of_a_weave_is_twice_its_amplitude_whatever_the_course_and_the_period(
+    peak: float, turn: float, period: float
 ) -> None:
-    found = sweeps(drive(60, peak, turn), 2)
-    assert len(found) == 4  # 60 s less a quarter of a period, and half of one at each end
-    np.testing.assert_allclose(found, 2 * peak, atol=0.3)
+    found = sweeps(drive(60, peak, turn, period_s=period), 2)
+    # A turning point every half a period, of which the first counts not, and one at each end.
+    assert len(found) == pytest.approx(2 * 60 / period - 3, abs=1)
+    share = turn / (peak * 2 * np.pi / period)
+    np.testing.assert_allclose(found, 2 * peak * (1 + share**2 / 2), rtol=0.005)
 
 
-def test_only_long_stretches_of_navigation_between_waypoints_count() -> None:
+def test_a_steady_turn_and_small_corrections_are_no_weave() -> None:
+    assert sweeps(drive(60, 0, 5), 2) == []
+    assert sweeps(drive(60, 1.4), 2) == []  # 2.8 deg from peak to peak
+    assert len(sweeps(drive(60, 1.6), 2)) > 0
+
+
+def test_only_navigation_between_waypoints_counts() -> None:
+    """Of 50 s ten turning points, the first 2.4 s after the begin, then every 4.85 s."""
     whole = drive(50)
     assert sweeps(whole, 1) == []
-    assert sweeps(drive(21), 2) == []  # 2.25 periods are 21.8 s
-    assert len(sweeps(drive(22), 2)) == 1
+    assert len(sweeps(whole, 2)) == 7
+    assert sweeps(drive(16), 2) == []  # three of them, of which the first does not count
+    assert len(sweeps(drive(18), 2)) == 1
     avoiding = whole.assign(mode=np.where(whole.time_s.between(20, 20.5), 1, 2))
-    assert len(sweeps(avoiding, 2)) == 1
+    assert len(sweeps(avoiding, 2)) == 1 + 3  # four before it, six behind it
     reached = drive(50, visited=np.arange(500) // 250)
-    assert len(sweeps(reached, 2)) == 2
+    assert len(sweeps(reached, 2)) == 2 + 2
     assert sweeps(whole.iloc[:1], 2) == []
 
 

@@ -28,7 +28,7 @@ APPROACH = Claim(
 )
 SWEEP = Claim(
     "Driving to a waypoint, the heading swings in an arc of up to 60 deg",
-    "peak-to-peak of the heading in a weave, median",
+    "swing of the heading about the course, median",
     DEGREES,
 )
 COMPLETED = "Even in the presence of sensor failure, missions are completed"
@@ -88,18 +88,18 @@ def approach(table: pd.DataFrame) -> Finding:
 
 
 def sweep(table: pd.DataFrame) -> Finding:
-    """How far the heading swings; ``table``: ``run``, ``sweep_deg``, a row a weave.
+    """How far the heading swings; ``table``: ``run``, ``sweep_deg``, a row a turning point.
 
     The median over the runs of the median of a run. Supported: the whole interval lies within a
     quarter of 60 deg. Not supported: outside.
     """
     if table.empty:
-        return SWEEP.missing("champions that navigate for two weaves on end")
+        return SWEEP.missing("champions that weave for two periods on end")
     each = table.groupby("run").sweep_deg.median()
     found = median_interval(each.to_numpy(float))
     verdict = enough(within(found, 0.75 * SWEEP_DEG, 1.25 * SWEEP_DEG), len(each))
     most = table.sweep_deg.quantile(0.95)
-    why = f"{len(table)} weaves; 95% of them up to {most:.0f} deg"
+    why = f"{len(table)} swings; 95% of them up to {most:.0f} deg"
     return SWEEP.found(found, len(each), verdict, why, SWEEP_DEG)
 
 

@@ -5,55 +5,56 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from scipy.signal import find_peaks
 
 from evoros.types import Array
 
 if TYPE_CHECKING:
     from ..tables.study import Record
 
-PERIOD_S = 9.7  # of the original autopilot; where the configuration has none
-SETTLING = 0.25  # periods left out after a waypoint or an avoidance: the turn back is no weave
+PROMINENCE_DEG = 3.0
+"""What stands out less from the heading around it is no turning point but a small correction."""
+SETTLING = 1
+"""Turning points left out after a waypoint or an avoidance: the turn onto the course is none."""
 
 
-def sweeps(trajectory: pd.DataFrame, mode: int, period_s: float = PERIOD_S) -> list[float]:
-    """The peak-to-peak of the heading about the course [deg], one for each whole period.
+def sweeps(trajectory: pd.DataFrame, mode: int) -> list[float]:
+    """How far the heading swings about the course [deg]: one number for each turning point.
 
     Of ``trajectory`` (columns as ``champion/trajectory_WORLD.csv``) all stretches in ``mode``
-    without a waypoint that last two periods and ``SETTLING``. The course is the mean of the heading
-    over a period around each moment: of a sine of that period it leaves the sine, of a straight
-    drive or a steady turn nothing.
+    without a waypoint. A turning point is a greatest or least heading; its sweep is its distance
+    from the mean of its two neighbours, so that neither the period of the weave need be known, nor
+    does a steady turn count: of ``A sin(w t) + c t`` it is ``2 A (1 + d^2 / 2)`` to second order
+    in ``d = c / (A w)``.
     """
-    yaw = np.unwrap(trajectory.yaw_rad.to_numpy(float))
-    times = trajectory.time_s.to_numpy(float)
-    if len(times) < 3:
+    yaw = np.degrees(np.unwrap(trajectory.yaw_rad.to_numpy(float)))
+    if len(yaw) < 3:
         return []
-    samples = max(2, round(period_s / float(np.median(np.diff(times)))))
     state = np.stack([trajectory["mode"].to_numpy() == mode, trajectory.visited.to_numpy()])
     changes = np.flatnonzero((state[:, 1:] != state[:, :-1]).any(axis=0)) + 1
     found: list[float] = []
     for begin, end in pairwise([0, *changes.tolist(), len(yaw)]):
-        settled = begin + int(SETTLING * samples)
-        if state[0, begin] and end - settled >= 2 * samples:
-            found += _peaks(yaw[settled:end], samples)
+        if state[0, begin]:
+            turns = _turning_points(yaw[begin:end])[SETTLING:]
+            found += np.abs(turns[1:-1] - (turns[:-2] + turns[2:]) / 2).tolist()
     return found
 
 
-def _peaks(yaw: Array, samples: int) -> list[float]:
-    course = np.convolve(yaw, np.full(samples, 1 / samples), "valid")
-    about = yaw[samples // 2 : samples // 2 + len(course)] - course
-    starts = range(0, len(about) - samples + 1, samples)
-    return [float(np.degrees(np.ptp(about[i : i + samples]))) for i in starts]
+def _turning_points(yaw: Array) -> Array:
+    """The greatest and least headings of a stretch [deg], in their order."""
+    ends = [find_peaks(side * yaw, prominence=PROMINENCE_DEG)[0] for side in (1, -1)]
+    turns: Array = yaw[np.sort(np.concatenate(ends))]
+    return turns
 
 
 def champion_sweeps(record: "Record") -> pd.DataFrame:
-    """``world`` and ``sweep_deg``: a row a period of the champion's first missions.
+    """``world`` and ``sweep_deg``: a row a turning point of the champion's first missions.
 
     The last layer of the controller is the one that navigates.
     """
-    period = record.values.get("controller.navigation.period_s", PERIOD_S)
     rows = [
         (world, sweep)
         for world in record.setting.courses
-        for sweep in sweeps(record.run.trajectory(world), len(record.setting.modes), period)
+        for sweep in sweeps(record.run.trajectory(world), len(record.setting.modes))
     ]
     return pd.DataFrame(rows, columns=["world", "sweep_deg"])
