@@ -4,7 +4,7 @@ import argparse
 import base64
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from importlib import resources
 
@@ -98,17 +98,27 @@ def _summary(study: Study) -> str:
 
 
 def _configuration(study: Study) -> str:
-    everything: tuple[Record, ...] = (*study.records, *study.evaluations)
-    first = {record.treatment: record for record in reversed(everything)}
-    differing = differences_of(everything)
-    varied = {*differing["key"], *(["seed"] if len(everything) > 1 else [])}
-    common = {key: value for key, value in everything[0].values.items() if key not in varied}
+    """Runs and evaluations apart: a treatment of one is not that of the other."""
+    groups: dict[str, Sequence[Record]] = {"Runs": study.records, "Evaluations": study.evaluations}
+    there = {name: records for name, records in groups.items() if records}
+    parts = []
+    for name, records in there.items():
+        parts += [f"<h3>{name}</h3>"] * (len(there) > 1)
+        parts.append(_configured(records))
+    return "\n".join(parts)
+
+
+def _configured(records: Sequence[Record]) -> str:
+    first = {record.treatment: record for record in reversed(records)}
+    differing = differences_of(records)
+    varied = {*differing["key"], *(["seed"] if len(records) > 1 else [])}
+    common = {key: value for key, value in records[0].values.items() if key not in varied}
     parts = []
     if len(differing):
-        parts += ["<h3>What differs between treatments</h3>", table(differing)]
-        parts.append("<h3>What they have in common</h3>")
+        parts += [paragraph("What differs between treatments:"), table(differing)]
+        parts.append(paragraph("What they have in common:"))
     parts.append(listing(outline(common)))
-    for treatment in dict.fromkeys(record.treatment for record in everything):
+    for treatment in dict.fromkeys(record.treatment for record in records):
         record = first[treatment]
         text = (record.path / "config.yaml").read_text(errors="replace")
         parts.append(folded(f"config.yaml of {record.name}", f"<pre>{escape(text)}</pre>"))

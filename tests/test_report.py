@@ -15,10 +15,12 @@ from evoros.analysis.fitness import fitness
 from evoros.analysis.page.chapter import chapter
 from evoros.analysis.page.markup import picture, table
 from evoros.analysis.tables.study import load_study
-from fakes import tiny
+from fakes import TINY, tiny
 from selenium.webdriver import Chrome, Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
+
+from evoros.evaluate_cli import evaluate
 
 EVIL = "<script>document.title='evil'<b>&amp;"
 SECRET = "the-secret-of-the-environment"
@@ -198,6 +200,20 @@ def test_an_unfinished_run_has_a_page_without_a_player_and_a_damaged_one_is_name
     assert "<canvas" not in page
     assert "Left out (1)" in page
     assert "damaged/setting.json" in page
+
+
+def test_runs_and_evaluations_are_configured_apart(sweep: Path, tmp_path: Path) -> None:
+    run, scored = sweep / "spatial", tmp_path / "scored"
+    given = [*TINY, "executor=serial", f"designs={run}", "failure=random", "trials=2"]
+    assert evaluate([*given, f"hydra.run.dir={scored}"]) == 0
+    page = page_of(run, scored, into=tmp_path / "out")
+    begin, end = (page.index(f'<section id="{name}">') for name in ("configuration", "replay"))
+    first, second = page[begin:end].split("<h3>Evaluations</h3>")
+    assert "config.yaml of spatial" in first
+    assert "SpatialFailure" in first
+    assert "config.yaml of scored" in second  # both are the only treatment of their kind
+    assert "RandomFailure" in second
+    assert "SpatialFailure" not in second
 
 
 # In a browser ----------------------------------------------------------------------------------
