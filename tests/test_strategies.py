@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis.drawing.style import PAGE_IN
+from evoros.analysis.drawing.style import PAGE_IN, letter
 from evoros.analysis.measures.clusters import best_silhouette, clusters, p_of_samples
 from evoros.analysis.measures.coverage import HEADINGS_DEG, ahead, directions, profiles, shares
 from evoros.analysis.measures.pairs import nearness, paper_rings
@@ -415,3 +415,8 @@ def test_the_picture_shows_the_counts_and_the_means(
     mean = panels[0].get_lines()[-1].get_ydata()
     rows = numbers[(numbers.treatment == "none") & (numbers.measure == "coverage")]
     np.testing.assert_allclose(mean, [*rows.value, rows.value.iloc[0]])
+
+
+def test_no_two_treatments_get_one_letter() -> None:
+    assert [letter(number) for number in (0, 25, 26, 51, 52)] == ["A", "Z", "AA", "ZZ", "AAA"]
+    assert len({letter(number) for number in range(200)}) == 200

@@ -14,7 +14,7 @@ from evoros.types import Array
 
 from ..measures.statistics import LEVEL, least_replicates, median_interval
 from .columns import SMALL_PT, height_in, write
-from .style import COLUMN_IN, STYLE, treatment_colours
+from .style import COLUMN_IN, STYLE, letter, treatment_colours
 
 MEASURES = ("recorded", "validated")
 MOST_TESTS = 30
@@ -82,7 +82,7 @@ def _letters(names: list[str]) -> dict[str, str]:
     """What the tests call the treatments."""
     if max(map(len, names)) <= LONGEST:
         return {name: name for name in names}
-    return {name: chr(ord("A") + i % 26) * (1 + i // 26) for i, name in enumerate(names)}
+    return {name: letter(i) for i, name in enumerate(names)}
 
 
 def _labels(letters: Mapping[str, str]) -> list[str]:

@@ -16,7 +16,7 @@ from evoros.types import Array
 
 from ..measures.coverage import AHEAD_DEG, HEADINGS_DEG
 from ..measures.traits import FRONT
-from .style import PAGE_IN, STYLE, treatment_colours
+from .style import PAGE_IN, STYLE, letter, treatment_colours
 
 RANDOM = "0.45"
 """The grey of random designs."""
@@ -73,7 +73,7 @@ def _short(treatments: Sequence[str]) -> dict[str, str]:
     """Names for ticks: letters where the treatments' own are too long."""
     if max(map(len, treatments)) <= LONGEST and len(treatments) <= 4:
         return {name: name for name in treatments}
-    return {name: chr(ord("A") + i % 26) for i, name in enumerate(treatments)}
+    return {name: letter(i) for i, name in enumerate(treatments)}
 
 
 def _title(treatment: str, treatments: Sequence[str], table: pd.DataFrame, room: float) -> str:

@@ -49,6 +49,11 @@ def treatment_colours(treatments: Sequence[str]) -> dict[str, str]:
     return {name: CATEGORIES[i % len(CATEGORIES)] for i, name in enumerate(names)}
 
 
+def letter(number: int) -> str:
+    """A ... Z, AA, BB ...: what stands for a name that is too long for its place."""
+    return chr(ord("A") + number % 26) * (1 + number // 26)
+
+
 def save(
     figure: Figure, file: Path | str | IO[bytes], kind: str = "svg", as_text: bool = False
 ) -> None:
