@@ -25,7 +25,7 @@ from .strategies import arguments, check_near, damage, finished
 from .tables.designs import champion_or_none, initial_sensors
 from .tables.matching import champion_content, champion_genes, conditions
 from .tables.study import Record, Scored, Study
-from .tables.treatments import part_name
+from .tables.treatments import part_name, repeated
 from .tables.validated import evaluated
 
 HELP = "the paper's findings: what was measured, how sure it is, and what it supports"
@@ -50,7 +50,8 @@ def product(study: Study, options: argparse.Namespace) -> Product:
     whole = finished(study, *READ)
     table = pd.DataFrame([asdict(each) for each in findings(whole, options)])
     figure = claims(table, width_of(options.columns, 2))
-    return Product(table, figure, [*_mixed(whole), *map(_said, table.itertuples())])
+    again = repeated((each.name, each.treatment, each.seed) for each in whole.records)
+    return Product(table, figure, [*again, *_mixed(whole), *map(_said, table.itertuples())])
 
 
 def claims(table: pd.DataFrame, width: float = PAGE_IN) -> Figure:

@@ -24,6 +24,7 @@ from .measures.statistics import (
 from .product import Product
 from .tables.matching import conditions, differing
 from .tables.study import Study
+from .tables.treatments import repeated
 from .tables.validated import BY_EVALUATION, BY_RUN, under, validations
 
 HELP = "treatments side by side: recorded and validated fitness, tests, effect sizes, intervals"
@@ -57,7 +58,8 @@ def product(study: Study, options: argparse.Namespace) -> Product:
     table = comparisons(runs, measures)
     figure = compare(runs, table, width_of(options.columns))
     files = {"compare_runs.csv": runs.to_csv(index=False, lineterminator="\n").encode()}
-    return Product(table, figure, [*said, *conclusions(table)], files)
+    again = repeated(runs[["run", "treatment", "seed"]].itertuples(index=False, name=None))
+    return Product(table, figure, [*again, *said, *conclusions(table)], files)
 
 
 def comparisons(runs: pd.DataFrame, measures: Sequence[str] = MEASURES) -> pd.DataFrame:

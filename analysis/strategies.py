@@ -20,6 +20,7 @@ from .measures.traits import ALL, FRONT, SIDE, compared, traits
 from .product import Product
 from .tables.designs import champion_or_none, initial_sensors
 from .tables.study import Record, Study
+from .tables.treatments import repeated
 
 HELP = "what evolved: coverage by direction, front arrays or side mounts, redundancy, clusters"
 __all__ = ["HELP", "arguments", "product", "strategies"]
@@ -44,7 +45,8 @@ def product(study: Study, options: argparse.Namespace) -> Product:
     table = traits(champions, study.initial, rings, options.near_m, options.near_deg)
     summary = compared(table, rings)
     figure = strategies(table, summary, width_of(options.columns, 2))
-    return Product(summary, figure, list(_said(summary)))
+    again = repeated((each.name, each.treatment, each.seed) for each in study.records)
+    return Product(summary, figure, [*again, *_said(summary)])
 
 
 def check_near(options: argparse.Namespace) -> None:

@@ -248,3 +248,16 @@ def test_references_are_followed_and_the_environment_is_not(tmp_path: Path) -> N
     assert values["token"] == "${oc.env:HOME}"
     assert {"round", "trip"} <= set(values)
     assert json.dumps(values)
+
+
+def test_a_run_that_is_copied_is_said_to_be_no_replicate(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(sweep / "stuck_seed-2", tmp_path / "copy")
+    for name in ("compare", "strategies", "claims"):
+        for folders, line in (([sweep], False), ([sweep, tmp_path], True)):
+            given = [name, *map(str, folders), "--output", str(tmp_path / "out"), "--format=svg"]
+            assert evoros_analyze(given) == DONE
+            said = capsys.readouterr().out.splitlines()
+            found = [each for each in said if "no replicates" in each]
+            assert [each.rpartition(" ")[2] for each in found] == ["copy"] * line

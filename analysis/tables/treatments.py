@@ -1,7 +1,7 @@
 """What the runs of a study differ in, as labels for figures."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 IGNORED = ("seed", "executor", "figures")
@@ -34,16 +34,6 @@ def labels(each: Sequence[Mapping[str, Any]]) -> list[str]:
             again = sum(known.partition(" #")[0] == name for known in names.values())
             names[condition] = f"{name} #{again + 1}" if again else name
     return [names[condition] for condition in conditions]
-
-
-def differing_keys(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """The keys in which two configurations differ, replicates and executors apart."""
-    keys = dict.fromkeys([*one, *other])
-    return [
-        key
-        for key in keys
-        if key.split(".")[0] not in IGNORED and _get(one, key) != _get(other, key)
-    ]
 
 
 def part_name(target: Any) -> str:
@@ -82,3 +72,18 @@ def _cut(pieces: Sequence[str]) -> str:
 def _short(value: Any) -> str:
     text = str(value).lower() if isinstance(value, bool) else str(value)
     return text if len(text) <= LONGEST // 2 else text[: LONGEST // 2 - 3] + "..."
+
+
+def repeated(runs: Iterable[tuple[str, str, int]]) -> list[str]:
+    """A line where some (run, treatment, seed) have the treatment and the seed of another.
+
+    The same configuration with the same seed gives the same run: it would count twice.
+    """
+    named: dict[tuple[str, int], list[str]] = {}
+    for name, treatment, seed in runs:
+        named.setdefault((treatment, seed), []).append(name)
+    again = [name for names in named.values() for name in names[1:]]
+    if not again:
+        return []
+    few = ", ".join(again[:3]) + (", ..." if len(again) > 3 else "")
+    return [f"of the treatment and seed of another run, so no replicates; leave them out: {few}"]
