@@ -237,3 +237,12 @@ def test_replicates_that_are_needed_by_hand() -> None:
     """2 / C(2n, n): 1/10 of 3, 1/35 of 4, 1/126 of 5, 1/462 of 6."""
     assert [least_replicates(count) for count in (1, 2, 3, 6, 7, 23, 24)] == [4, 5, 5, 5, 6, 6, 7]
     assert 2 / comb(6, 3) == 0.1
+
+
+def test_only_very_large_samples_get_the_approximation() -> None:
+    rng = np.random.default_rng(3)
+    x, y = rng.normal(0.3, 1.0, 60), rng.normal(0.0, 1.0, 1800)  # exactly: 20 s
+    rough = stats.mannwhitneyu(x, y, method="asymptotic").pvalue
+    assert mann_whitney(x, y) == pytest.approx(rough, rel=1e-12)
+    exact = stats.mannwhitneyu(x[:30], y[:900], method="exact").pvalue
+    assert mann_whitney(x[:30], y[:900]) == pytest.approx(exact, rel=1e-12)

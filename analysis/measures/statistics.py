@@ -19,6 +19,8 @@ LEVEL = 0.05
 RESAMPLES, SEED = 9999, 20181
 MOST_SPLITS = 20_000
 """Ways to split two samples with equal values that are tried one by one."""
+MOST_PAIRS = 30_000
+"""Pairs of values of two samples up to which the test is exact: of more it takes many seconds."""
 MAGNITUDES = ((0.21, "large"), (0.14, "medium"), (0.06, "small"), (0.0, "negligible"))
 """By the distance of A12 from 0.5: Vargha and Delaney (2000), J. Educ. Behav. Stat. 25, 101-132."""
 
@@ -35,15 +37,15 @@ class Interval:
 def mann_whitney(x: Sequence[float] | Array, y: Sequence[float] | Array) -> float:
     """The two-sided p of the Mann-Whitney U test (Mann and Whitney 1947).
 
-    Exact without equal values; with some, exact over all splits of small samples, and else by the
-    normal approximation, corrected for ties and continuity: in small samples that one can fall
-    below any p that is possible.
+    Exact without equal values, but for very large samples; with some, exact over all splits of
+    small samples. Else by the normal approximation, corrected for ties and continuity: in small
+    samples that one can fall below any p that is possible.
     """
     x, y = np.asarray(x, float), np.asarray(y, float)
     tied = np.unique([*x, *y]).size < x.size + y.size
     if tied and comb(x.size + y.size, x.size) <= MOST_SPLITS:
         return _all_splits(x, y)
-    method = "asymptotic" if tied else "exact"
+    method = "asymptotic" if tied or x.size * y.size > MOST_PAIRS else "exact"
     return float(stats.mannwhitneyu(x, y, alternative="two-sided", method=method).pvalue)
 
 
