@@ -2,14 +2,13 @@
 
 import argparse
 import io
-import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import NoReturn, Protocol, cast
 
-from evoros.command import DONE, INPUT, INTERRUPTED
+from evoros.command import DONE, INPUT, INTERRUPTED, show
 from evoros.errors import EvorosError, InputError
 from evoros.log import LOGGER, logging_to_terminal
 
@@ -51,10 +50,8 @@ def evoros_analyze(arguments: Sequence[str]) -> int:
     with logging_to_terminal():
         try:
             options = parse(arguments)
-            print(*draw(options), sep="\n")
-            sys.stdout.flush()
-        except BrokenPipeError:  # whoever read it has seen enough; the files are written
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            for path in draw(options):
+                show(str(path))
         except KeyboardInterrupt:
             LOGGER.error("%s: interrupted", NAME)
             return INTERRUPTED
@@ -110,18 +107,28 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
         options.output = folders[0] / "figures"
     study = study or load_study(folders)
     made = module_of(options.subcommand).product(study, options)
-    for line in made.said:
-        print(line)
     files = _files(options.subcommand, made, options.format)
     try:
         options.output.mkdir(parents=True, exist_ok=True)
         for name, content in files.items():
-            (options.output / name).write_bytes(content)
+            _write(options.output / name, content)
     except OSError as error:
         raise InputError(
             f"--output {options.output}: cannot be written ({error.strerror}); choose another"
         ) from error
+    for line in made.said:
+        show(line)
     return [options.output / name for name in files]
+
+
+def _write(path: Path, content: bytes) -> None:
+    """The file has its old content or the new one, also where the disk is full."""
+    draft = path.with_name(f".{path.name}.part")
+    try:
+        draft.write_bytes(content)
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
 
 
 def _files(name: str, made: Product, kind: str) -> dict[str, bytes]:

@@ -37,7 +37,7 @@ CUT = 0.6  # of the robot's length: longer cones leave no room to the robot
 PANEL_IN, LEAST_IN = 1.25, 0.8  # width of a panel, and where the page would be too short for it
 PAGE_HIGH_IN = 9.2
 SIDE_IN, FOOT_IN, HEADING_IN, TITLE_IN, LINE_IN = 0.5, 0.5, 0.2, 0.2, 0.17
-TITLES = "seed: recorded fitness (validated)"
+TITLES = "seed: recorded fitness (validated in the run)"
 
 
 def product(study: Study, options: argparse.Namespace) -> Product:

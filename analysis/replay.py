@@ -31,6 +31,8 @@ from .video.motion import check_poses, motion
 
 HELP = "a mission of the champion as a video, with what its sensors see"
 FORMATS = ("mp4", "gif")
+_TYPED = {"start_s": "from", "end_s": "to"}
+"""What the fields of a film are called on the command line, where that differs."""
 _USUAL = {"mp4": ((854, 480), 25.0), "gif": ((480, 270), 10.0)}  # size, pictures per second
 
 
@@ -72,7 +74,11 @@ def _film(options: argparse.Namespace, title: str) -> Film:
             f"--fps: of a GIF must divide 100, for its clock ticks in hundredths of a second, "
             f"not {fps:g}; for example 10, 20 or 25"
         )
-    return Film(options.camera, size, fps, options.speed, options.start, options.end, title)
+    try:
+        return Film(options.camera, size, fps, options.speed, options.start, options.end, title)
+    except InputError as error:
+        said = re.sub(r"^Film\.(\w+)", lambda name: f"--{_TYPED.get(name[1], name[1])}", str(error))
+        raise InputError(said) from None
 
 
 def _whole(number: float) -> bool:

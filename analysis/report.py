@@ -88,7 +88,8 @@ def _summary(study: Study) -> str:
     if study.records:
         words = (
             "Recorded is the fitness on the draws that selected the design, validated that on "
-            "fresh ones: trust the second. Pace is simulated time over wall-clock time."
+            "fresh ones, the few of the run itself; evaluations that validate are below. Pace is "
+            "simulated time over wall-clock time."
         )
         parts += [table(run_rows(study.records)), paragraph(words, "quiet")]
     if study.evaluations:

@@ -94,7 +94,9 @@ def _said(summary: pd.DataFrame) -> list[str]:
         words = f"{treatment}: {clusters.n} champion{'' if clusters.n == 1 else 's'}; "
         few = np.isnan(clusters.p)
         count = f"{clusters.value:.0f} clusters" if clusters.value > 1 else "no clusters"
-        words += "too few for clusters" if few else f"{count} (p {clusters.p:.2g})"
+        corrected = not few and clusters.p_holm > clusters.p
+        holm = f", {clusters.p_holm:.2g} after Holm" if corrected else ""
+        words += "too few for clusters" if few else f"{count} (p {clusters.p:.2g}{holm})"
         if treatment != ALL:
             for name in (FRONT, SIDE, "redundant"):
                 row = measures.loc[name]

@@ -1,6 +1,7 @@
 """The same designs under two conditions: is who is good here good there?"""
 
 import argparse
+import math
 from collections.abc import Hashable, Mapping
 from typing import Any
 
@@ -55,12 +56,14 @@ def _conclusion(row: Mapping[Hashable, Any]) -> str:
     head = f'"{row["x"]}" to "{row["y"]}"' + (f", {row['group']}" if row["group"] else "")
     if row["n"] < LEAST:
         return f"{head}: too few designs ({row['n']}) for any conclusion: give at least {LEAST}"
+    if math.isnan(row["spearman"]):
+        return f"{head}: all designs are alike in one of the two: they have no order to be kept"
     order, loss = ends(row, "spearman"), ends(row, "loss")
     kept = "kept in part" if row["spearman_low"] > 0 else "not shown to be kept"
     less = (
         "fitness is lost"
         if row["loss_low"] > 0
-        else "fitness is gained"
+        else "fitness is gained, a loss of"
         if row["loss_high"] < 0
         else "no loss shown"
     )

@@ -209,8 +209,16 @@ def _tell(command: Command, named: bool, path: Path, ending: "Ending") -> int:
     if ending.said:
         name = f"{path.name}: " if named else ""
         return _say(command, f"{name}{ending.said}", ending.status)
-    print(command.summary(path))
+    show(command.summary(path))
     return ending.status
+
+
+def show(said: str) -> None:
+    """Print what a command comes to. Whoever reads it may have seen enough: the work is done."""
+    try:
+        print(said, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _again(path: Path, config_dir: str | None) -> str:

@@ -33,7 +33,7 @@ def draw_figures(run: Path, names: Sequence[str], pool: Pool) -> None:
 
     What cannot be drawn is said in one line and changes nothing else.
     """
-    calls = {name: pool.submit(draw, run, name) for name in names if not files(run, name)}
+    calls = {name: pool.submit(draw, run, name) for name in names if not drawn(run, name)}
     for name, call in calls.items():
         try:
             warnings = call.result()
@@ -44,9 +44,9 @@ def draw_figures(run: Path, names: Sequence[str], pool: Pool) -> None:
             warnings = [f"it cannot be drawn ({type(error).__name__}: {said})"]
         for warning in warnings:
             LOGGER.warning("%s: %s: %s", run / FIGURES, name, warning)
-    drawn = [name for name in names if files(run, name)]
-    if drawn:
-        LOGGER.info("figures in %s: %s", run / FIGURES, ", ".join(drawn))
+    there = [name for name in names if drawn(run, name)]
+    if there:
+        LOGGER.info("figures in %s: %s", run / FIGURES, ", ".join(there))
 
 
 def discard_figures(run: Path, names: Sequence[str]) -> None:
@@ -61,6 +61,11 @@ def files(run: Path, name: str) -> list[Path]:
     return sorted((run / FIGURES).glob(f"{name}[._]*"))
 
 
+def drawn(run: Path, name: str) -> bool:
+    """Whether all of them are there: the picture is moved to its place last."""
+    return any(file.stem == name and file.suffix != ".csv" for file in files(run, name))
+
+
 def draw(run: Path, name: str) -> list[str]:
     """In a worker: write the files of one subcommand; returns what else was to be said.
 
@@ -73,7 +78,7 @@ def draw(run: Path, name: str) -> list[str]:
     with _kept_quiet() as stack:
         said = stack.enter_context(remembering())
         written = command.draw(command.parse([name, str(run.resolve()), "--output", str(draft)]))
-    for file in written:
+    for file in reversed(written):  # the picture last: where it is, the rest is
         file.replace(draft.parent / file.name)
     draft.rmdir()
     return [record.getMessage() for record in said if record.levelno >= WARNING]

@@ -155,7 +155,8 @@ def _of_run(source: str, path: Path, task: Task) -> dict[Name, _Draft]:
     designs, genes = (path / CHAMPION / name for name in ("design.csv", "genes.csv"))
     if state != "finished" or not designs.is_file():
         raise InputError(
-            f"designs={path}: must be a finished run, and its state is {state}; type: "
+            f"designs={path}: must be a finished run with a champion, and "
+            f"{'that is missing' if state == 'finished' else f'its state is {state}'}; type: "
             f"{resume_command(path)}"
         )
     drafts = _designs(designs, source, task, least=0)

@@ -75,6 +75,9 @@ class Jobs:
                 # What is typed takes the place of an experiment's own values of the same key.
                 lists.setdefault(each.get_key_element(), _values(each))
             self._overrides = list(product(*lists.values()))
+            if not self._overrides:
+                empty = next(key for key, values in lists.items() if not values)
+                raise InputError(f"{empty}: must have values to sweep over, not none; give one")
             self.sweep = _short(Path(self._base.hydra.sweep.dir))
         elif swept:
             raise InputError(f"{swept[0]}: several values make a sweep, which needs -m; add -m")

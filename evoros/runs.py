@@ -129,7 +129,8 @@ def _read(path: Path, reader: Callable[[Path], Any]) -> Any:
         made = next((each for each in path.parents if (each / "manifest.json").is_file()), path)
         command = Run(made).manifest.get("command", "evoros") if made != path else "evoros"
         raise InputError(
-            f"{path}: not there, for it is not finished; type: {command} resume={made}"
+            f"{path}: must be there, and is missing: it is not finished, or the file was deleted; "
+            f"type: {command} resume={made}"
         ) from error
     except (ValueError, OSError) as error:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error

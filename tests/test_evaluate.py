@@ -429,7 +429,7 @@ def test_bad_sources_are_one_clear_line_each(
     status = json.loads((run / "status.json").read_text()) | {"state": "stopped"}
     (tmp_path / "half" / "status.json").write_text(json.dumps(status))
     half = tmp_path / "half"
-    said = f"must be a finished run, and its state is stopped; type: evoros resume={half}"
+    said = f"with a champion, and its state is stopped; type: evoros resume={half}"
     refused(tmp_path, half, said, capsys)
 
 

@@ -3,6 +3,7 @@
 import re
 import shlex
 import struct
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,12 @@ def test_every_command_runs_in_order_and_leaves_what_the_next_needs(
     drawn = {path.stem for path in (tmp_path / "outputs" / "paper").iterdir()}
     assert drawn >= set(SUBCOMMANDS)
     assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_shell_takes_every_line() -> None:
+    for block in re.findall(r"^```bash\n(.*?)^```$", TUTORIAL, re.M | re.S):
+        checked = subprocess.run(["bash", "-n"], input=block, capture_output=True, text=True)
+        assert checked.stderr == ""
 
 
 def test_its_pictures_are_there() -> None:

@@ -16,7 +16,7 @@ from evoros.types import Array
 
 LEVEL = 0.05
 """Below it a p is called significant; intervals cover 1 - LEVEL."""
-RESAMPLES, SEED = 9999, 20181
+RESAMPLES, SEED, CELLS = 9999, 20181, 1_000_000
 MOST_SPLITS = 20_000
 """Ways to split two samples with equal values that are tried one by one."""
 MOST_PAIRS = 30_000
@@ -159,7 +159,9 @@ def _bootstrap(statistic: Callable[[Array], Array], *samples: Sequence[float] | 
         only = float(values[0, 0]) if n and len(values) == 1 else np.nan
         return Interval(only, np.nan, np.nan)
     picked = np.random.default_rng(SEED).integers(n, size=(RESAMPLES, n))
-    value, drawn = float(statistic(values)), statistic(values[:, picked])
+    value, some = float(statistic(values)), max(1, CELLS // n)  # at a time: memory stays flat
+    parts = [statistic(values[:, picked[i : i + some]]) for i in range(0, RESAMPLES, some)]
+    drawn = np.concatenate(parts)
     known = drawn[~np.isnan(drawn)]
     if not known.size:
         return Interval(value, np.nan, np.nan)

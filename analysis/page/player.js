@@ -113,7 +113,7 @@ function startPlayer(root) {
     parts.scrub.value = now.time;
     parts.scrub.setAttribute("aria-valuetext", `${now.time.toFixed(1)} seconds`);
     parts.clock.textContent = `${now.time.toFixed(1)} / ${end.toFixed(1)} s`;
-    const words = [mode, `waypoint ${visited} of ${mission.goals}`];
+    const words = [mode, `${visited} of ${mission.goals} waypoints`];
     if (touching) words.push("touches an obstacle");
     for (const each of failed) {
       words.push(`sensor ${each.sensor} failed at ${each.at_s.toFixed(1)} s (${each.by})`);

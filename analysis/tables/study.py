@@ -78,6 +78,7 @@ class Scored(Record):
         return read_table(self.path / "missions.csv", ("trial", "progress", "time_s"), growing=True)
 
 
+NO_RUNS = "this needs runs, and only evaluations were given; give the folder of a run"
 Found = TypeVar("Found", bound=Record)
 Read = TypeVar("Read")
 
@@ -106,7 +107,11 @@ class Study:
             marked = frame.assign(run=record.name, treatment=record.treatment, seed=record.seed)
             frames.append(marked[[*KEYS, *others]])
         if not any(len(frame) for frame in frames):
-            raise InputError("none of the folders has what this needs: give folders of whole runs")
+            raise InputError(
+                "none of the runs has what this needs; give folders of whole runs"
+                if self.records
+                else NO_RUNS
+            )
         return pd.concat([frame for frame in frames if len(frame)], ignore_index=True)
 
     def each(
@@ -182,11 +187,11 @@ class Study:
             InputError: none is finished.
         """
         whole = [record for record in self.records if record.finished]
+        if not self.records:
+            raise InputError(NO_RUNS)
         if not whole:
             paths = ", ".join(str(record.path) for record in self.records[:3])
-            raise InputError(
-                f"{paths or 'no run'}: must be finished, to have a champion; resume it"
-            )
+            raise InputError(f"{paths}: must be finished, to have a champion; resume it")
         return tuple(sorted(whole, key=_rank, reverse=True))
 
     def chosen(self, name: str | None, read: Callable[[Record], Read]) -> tuple[Record, Read]:
