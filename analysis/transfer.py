@@ -61,10 +61,10 @@ def _conclusion(row: Mapping[Hashable, Any]) -> str:
     order, loss = ends(row, "spearman"), ends(row, "loss")
     kept = "kept in part" if row["spearman_low"] > 0 else "not shown to be kept"
     less = (
-        "fitness is lost"
+        "fitness is lost,"
         if row["loss_low"] > 0
         else "fitness is gained, a loss of"
         if row["loss_high"] < 0
-        else "no loss shown"
+        else "no loss shown,"
     )
-    return f"{head}: {row['n']} designs: order {kept}, rank correlation {order}; {less}, {loss}"
+    return f"{head}: {row['n']} designs: order {kept}, rank correlation {order}; {less} {loss}"
