@@ -42,6 +42,7 @@ from .measures.raster import cells, coverage, raster
 from .product import Product
 from .tables.designs import champion_or_none
 from .tables.study import Study
+from .tables.treatments import ALONE
 
 HELP = "sensors and cones of the champions on one robot, darker where they coincide (Fig. 8)"
 Shades = tuple[ListedColormap, BoundaryNorm]
@@ -193,7 +194,8 @@ def _title(treatment: str, number: int, cut_m: float, views: int, view: int) -> 
     count = f"{number} champion" + "s" * (number > 1)
     how = "at full length," if view == views - 1 else "cut at"
     cones = f"cones {how} {cut_m:g} m" if cut_m else "no sensors"
-    return f"{treatment} ({count})\n{cones}" if view == 0 else cones
+    whose = count if treatment == ALONE else f"{treatment} ({count})"
+    return f"{whose}\n{cones}" if view == 0 else cones
 
 
 def _legends(

@@ -204,7 +204,7 @@ def test_of_single_champions_the_sensors_are_counted() -> None:
 def test_a_champion_without_sensors_counts_and_covers_nothing() -> None:
     cover, figure = drawn(sensor(0, 0, 0, "a"), bare("b"))
     assert cover.champions.max() == 1
-    assert "(2 champions)" in figure.axes[0].get_title(loc="left")
+    assert figure.axes[0].get_title(loc="left").startswith("2 champions\n")
     cover, figure = drawn(bare("a"))
     assert cover.empty
     assert "no sensors" in figure.axes[0].get_title(loc="left")

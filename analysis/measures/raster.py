@@ -15,7 +15,7 @@ from evoros.types import Array
 
 from ..drawing.rover import Window, covered, window
 
-CELLS = 150  # along a cone: about 0.2 mm each in print
+CELLS = 300  # along a cone: about 0.1 mm each in print
 SPAN = ["treatment", "cut_m", "cell_m", "x_m", "y_low_m", "y_high_m"]
 COUNTED = {"champions": ["run"], "sensors": ["run", "sensor"]}
 """What may be counted, and the columns that tell one from another."""
