@@ -24,7 +24,8 @@ from .product import Product
 from .strategies import arguments, check_near, damage, finished
 from .tables.designs import champion_or_none, initial_sensors
 from .tables.matching import champion_content, champion_genes, conditions
-from .tables.study import Record, Scored, Study
+from .tables.records import Record, Scored
+from .tables.study import Study
 from .tables.treatments import part_name, repeated
 from .tables.validated import evaluated
 

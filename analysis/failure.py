@@ -22,7 +22,8 @@ from .drawing.style import COLUMN_IN, STYLE, VERMILLION
 from .drawing.style import width as width_of
 from .product import Product
 from .tables.designs import champion_sensors
-from .tables.study import Record, Study
+from .tables.records import Record
+from .tables.study import Study
 
 HELP = "what spatial failure breaks around each sensor of one champion (Fig. 10)"
 PANEL_IN = 1.4  # the least width of a panel

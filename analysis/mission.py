@@ -22,7 +22,8 @@ from evoros.world import World
 from .drawing.style import BLUE, GREEN, PAGE_IN, PURPLE, STYLE, VERMILLION, YELLOW
 from .drawing.style import width as width_of
 from .product import Product
-from .tables.study import Record, Study
+from .tables.records import Record
+from .tables.study import Study
 from .tables.tracks import NONE, champions_world, track
 from .worlds import draw_course, draw_obstacles
 

@@ -20,7 +20,8 @@ from evoros.world import World
 from evoros.xmlfile import parse
 
 from .product import Product
-from .tables.study import Record, Study
+from .tables.records import Record
+from .tables.study import Study
 from .tables.tracks import champions_world, track
 from .video.camera import Pixels
 from .video.captions import write

@@ -15,7 +15,8 @@ from .page.outline import differences_of, outline
 from .page.playback import playbacks
 from .page.summary import evaluation_rows, labels, run_rows, sentence, versions
 from .product import Product
-from .tables.study import Record, Study
+from .tables.records import Record
+from .tables.study import Study
 
 HELP = "one HTML page with everything, and the champions' missions to be played"
 FORMATS = ("html",)

@@ -19,7 +19,8 @@ from .measures.pairs import NEAR_DEG, NEAR_M
 from .measures.traits import ALL, FRONT, SIDE, compared, traits
 from .product import Product
 from .tables.designs import champion_or_none, initial_sensors
-from .tables.study import Record, Study
+from .tables.records import Record
+from .tables.study import Study
 from .tables.treatments import repeated
 
 HELP = "what evolved: coverage by direction, front arrays or side mounts, redundancy, clusters"

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from evoros.analysis.page.playback import RECORDS, changes, differences, kept, playback, playbacks
-from evoros.analysis.tables.study import Record, Study, load_study
+from evoros.analysis.tables.records import Record
+from evoros.analysis.tables.study import Study, load_study
 from fakes import tiny
 from hypothesis import given
 from hypothesis import strategies as st

@@ -12,7 +12,7 @@ from .finding import DEGREES, NOTHING, UNKNOWN, Claim, Finding, above, enough, w
 from .statistics import Interval, mean_interval, median_interval, ratio_interval
 
 if TYPE_CHECKING:
-    from ..tables.study import Record
+    from ..tables.records import Record
 
 EARLY = 15
 """Generations in which the paper saw most gains."""

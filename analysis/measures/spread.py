@@ -14,7 +14,7 @@ from .coverage import profiles, shares
 from .statistics import LEVEL, RESAMPLES, SEED, Interval
 
 if TYPE_CHECKING:
-    from ..tables.study import Record
+    from ..tables.records import Record
 
 
 def apart(profile: pd.DataFrame) -> Array:

@@ -10,7 +10,7 @@ from scipy.signal import find_peaks
 from evoros.types import Array
 
 if TYPE_CHECKING:
-    from ..tables.study import Record
+    from ..tables.records import Record
 
 PROMINENCE_DEG = 3.0
 """What stands out less from the heading around it is no turning point but a small correction."""

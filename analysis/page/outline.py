@@ -5,7 +5,7 @@ from typing import Any
 
 import pandas as pd
 
-from ..tables.study import Record
+from ..tables.records import Record
 from ..tables.treatments import IGNORED, TARGET, part_name
 
 

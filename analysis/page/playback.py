@@ -19,7 +19,8 @@ from evoros.types import Array
 from evoros.world import Course, World
 
 from ..tables.designs import champion_sensors
-from ..tables.study import Record, Study
+from ..tables.records import Record
+from ..tables.study import Study
 from ..tables.tracks import NONE, champions_mission, champions_worlds, failures
 
 RECORDS = 6000

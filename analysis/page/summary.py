@@ -8,7 +8,8 @@ import pandas as pd
 from evoros.errors import InputError
 from evoros.log import LOGGER
 
-from ..tables.study import Record, Scored, Study
+from ..tables.records import Record, Scored
+from ..tables.study import Study
 
 HASH = 12  # characters of a hash that are shown
 

@@ -11,7 +11,7 @@ from evoros.errors import InputError
 from evoros.setting import Setting
 
 if TYPE_CHECKING:
-    from .study import Record
+    from .records import Record
 
 COLUMNS = (
     "design",

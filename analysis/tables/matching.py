@@ -11,7 +11,7 @@ import pandas as pd
 from evoros.errors import InputError
 
 if TYPE_CHECKING:
-    from .study import Record, Scored
+    from .records import Record, Scored
 
 MISSION = ("robot", "world", "design.sensors", "failure", "controller", "simulator", "fitness")
 """The keys, or first parts of keys, on which the score of a given design depends. ``course`` is in

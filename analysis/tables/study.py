@@ -4,78 +4,24 @@ Everything is read from plain files: nothing that a folder's configuration names
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import pandas as pd
 
 from evoros.errors import InputError
 from evoros.log import LOGGER
-from evoros.runs import Run, load_run, read_table
-from evoros.setting import Setting
 
 from .designs import champion_sensors, generations, initial_sensors, number
 from .folders import folders_of, short_names
+from .records import Record, Scored, read_record
 from .treatments import labels
-from .values import read_values
 
-EVALUATED = "evoros-evaluate"
-"""The command that makes the folders of evaluations."""
 KEYS = ("run", "treatment", "seed")
 """The first columns of every table of a study."""
-
-
-@dataclass(frozen=True, eq=False)
-class Record:
-    """A run."""
-
-    name: str  # its folder, as short as it can be told from the others of the study
-    run: Run
-    setting: Setting
-    values: Mapping[str, Any]  # of the configuration, by dotted key
-    treatment: str = ""  # what it differs in from others of the study, its seed apart
-
-    @property
-    def path(self) -> Path:
-        """Its folder."""
-        return self.run.path
-
-    @property
-    def seed(self) -> int:
-        """Of the configuration."""
-        return int(self.values["seed"])
-
-    @property
-    def finished(self) -> bool:
-        """Whether it has a champion."""
-        return bool(self.run.status.get("state") == "finished")
-
-
-class Scored(Record):
-    """An evaluation of given designs; ``run`` has its manifest, status and missions."""
-
-    @cached_property
-    def designs(self) -> pd.DataFrame:
-        """A row for each design, with its fitness; the evaluation must be finished."""
-        return read_table(self.path / "designs.csv", ("fitness_mean", "fitness_sd", "trials"))
-
-    @cached_property
-    def given(self) -> pd.DataFrame:
-        """A row for each sensor of the designs; one for a design without any."""
-        return read_table(self.path / "designs_in.csv", ("x_m", "y_m", "z_m", "yaw_deg"))
-
-    @cached_property
-    def genes(self) -> pd.DataFrame:
-        """A row for each other value of the designs."""
-        return read_table(self.path / "genes_in.csv", ("value",))
-
-    @cached_property
-    def missions(self) -> pd.DataFrame:
-        """A row for each finished mission."""
-        return read_table(self.path / "missions.csv", ("trial", "progress", "time_s"), growing=True)
 
 
 NO_RUNS = "this needs runs, and only evaluations were given; give the folder of a run"
@@ -240,7 +186,7 @@ def load_study(paths: Sequence[Path]) -> Study:
     left_out: list[str] = []
     for folder in found:
         try:
-            record = _record(folder, names[folder])
+            record = read_record(folder, names[folder])
         except InputError as error:
             LOGGER.warning("%s; left out", error)
             left_out.append(str(error))
@@ -260,13 +206,3 @@ def load_study(paths: Sequence[Path]) -> Study:
 def _labelled(records: Sequence[Found]) -> tuple[Found, ...]:
     names = labels([record.values for record in records])
     return tuple(replace(r, treatment=name) for r, name in zip(records, names, strict=True))
-
-
-def _record(folder: Path, name: str) -> Record:
-    run = load_run(folder)
-    made = Scored if run.manifest.get("command") == EVALUATED else Record
-    values = read_values(folder / "config.yaml")
-    if not isinstance(values.get("seed"), int):
-        raise InputError(f"{folder / 'config.yaml'}: must have a whole number as seed; restore it")
-    _ = run.status
-    return made(name, run, Setting.read(folder), values)

@@ -15,7 +15,8 @@ from .treatments import ALONE, labels
 from .validated import evaluated
 
 if TYPE_CHECKING:
-    from .study import Record, Study
+    from .records import Record
+    from .study import Study
 
 COLUMNS = (
     *("between", "x", "y", "group", "source", "design"),

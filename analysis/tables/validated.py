@@ -13,7 +13,8 @@ from .designs import number
 from .matching import champion_content, champion_genes, conditions, differing, scored_designs
 
 if TYPE_CHECKING:
-    from .study import Record, Scored, Study
+    from .records import Record, Scored
+    from .study import Study
 
 BY_EVALUATION, BY_RUN, BY_NOTHING = "evaluation", "run", ""
 Table = tuple["Scored", pd.DataFrame]
