@@ -158,6 +158,9 @@ def test_two_configurations_are_found_where_there_are_two_and_named_apart() -> N
     found = claims_designs.configurations(pd.concat([front, side], ignore_index=True))
     assert (found.verdict, found.n) == (SUPPORTED, 12)
     assert "6 front arrays and 6 side mounts" in found.why
+    bare = front.assign(strategy=["front array"] * 5 + ["no sensors"])
+    found = claims_designs.configurations(pd.concat([bare, side], ignore_index=True))
+    assert "5 front arrays and 6 side mounts" in found.why  # of 12: one has neither
     same = pd.concat([front.assign(strategy="side mounts"), side], ignore_index=True)
     assert claims_designs.configurations(same).verdict == NOT_SUPPORTED
     third = designs("none", at=list(rng.normal(130, 2, 6)))

@@ -8,7 +8,7 @@ from .coverage import HEADINGS_DEG
 from .finding import NOT_SUPPORTED, NUMBER, SUPPORTED, UNKNOWN, Claim, Finding, above, enough
 from .spread import apart, mean_apart, relative_difference
 from .statistics import LEVEL, Interval, a12, fisher, mann_whitney, median_interval, share_interval
-from .traits import FRONT, structure
+from .traits import FRONT, SIDE, structure
 
 REDUNDANT = 0.6
 """The paper: six of ten."""
@@ -48,14 +48,14 @@ def configurations(table: pd.DataFrame) -> Finding:
     if len(own) < LEAST:
         return CONFIGURATIONS.missing(f"{LEAST} champions of mirrored designs, has {len(own)}")
     found = structure(own)
-    front = int((own.strategy == FRONT).sum())
+    front, side = (int((own.strategy == name).sum()) for name in (FRONT, SIDE))
     pair = found.count == 2 and own.groupby(found.labels).strategy.first().nunique() == 2
     if found.real:
         verdict = SUPPORTED if pair else NOT_SUPPORTED
     else:
         verdict = NOT_SUPPORTED if found.p >= 0.5 else UNKNOWN
     clusters = "1 cluster" if found.count == 1 else f"{found.count} clusters"
-    why = f"{clusters}; {front} front arrays and {len(own) - front} side mounts"
+    why = f"{clusters}; {front} front arrays and {side} side mounts"
     silhouette = Interval(found.silhouette, np.nan, np.nan)
     return CONFIGURATIONS.found(silhouette, len(own), verdict, why, found.expected, found.p)
 

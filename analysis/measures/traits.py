@@ -21,7 +21,7 @@ from .statistics import (
     share_interval,
 )
 
-FRONT, SIDE = "front array", "side mounts"
+FRONT, SIDE, NEITHER = "front array", "side mounts", "no sensors"
 ALL = "all"
 """In the column ``treatment``: the champions of all treatments together."""
 
@@ -36,8 +36,8 @@ def traits(
     """A row for each champion and each random design, of their sensors (``designs.py``).
 
     Columns: those of ``DESIGN``; ``random``, whether it is a random design; ``ahead``, see
-    ``coverage.py``; ``strategy``, ``FRONT`` or ``SIDE``; those of ``pairs.nearness``; and the
-    sensors that cover each heading, by the heading [deg].
+    ``coverage.py``; ``strategy``, ``FRONT``, ``SIDE`` or ``NEITHER``; those of
+    ``pairs.nearness``; and the sensors that cover each heading, by the heading [deg].
 
     A design is a front array where at least half of its sensors' openings lies within 30 deg of
     ahead. Champions that fall into clusters are named together, by the mean of their cluster.
@@ -67,6 +67,9 @@ def _measured(
 
 
 def _named(share_ahead: float) -> str:
+    """NaN is the share of a design that looks nowhere."""
+    if np.isnan(share_ahead):
+        return NEITHER
     return FRONT if share_ahead >= 0.5 else SIDE
 
 
