@@ -4,40 +4,16 @@ import argparse
 import io
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
-from typing import NoReturn, Protocol, cast
 
-from evoros.command import DONE, INPUT, INTERRUPTED, show
-from evoros.errors import EvorosError, InputError
-from evoros.log import LOGGER, logging_to_terminal
+from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result
+from evoros.base.errors import EvorosError, InputError
+from evoros.base.log import LOGGER, logging_to_terminal
 
-from . import SUBCOMMANDS
-from .drawing.style import KINDS, save
+from .drawing.style import save
 from .product import Product
+from .subcommands import NAME, module_of, parse
 from .tables.study import Study, load_study
-
-NAME = "evoros-analyze"
-ABOUT = """evoros-analyze turns the folders of runs and evaluations, or sweeps of them, into figures
-and the numbers behind them.
-
-What is unfinished or damaged is left out, and said. Exit status: 0 done; 2 input that cannot be
-used; 130 interrupted."""
-
-
-class Subcommand(Protocol):
-    """What a module of a subcommand has; ``arguments`` and ``FORMATS`` it may leave out."""
-
-    HELP: str  # one line
-
-    def product(self, study: Study, options: argparse.Namespace) -> Product:
-        """What it makes of a study."""
-        ...
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message}; see {self.prog} --help")
 
 
 def main() -> None:
@@ -51,7 +27,7 @@ def evoros_analyze(arguments: Sequence[str]) -> int:
         try:
             options = parse(arguments)
             for path in draw(options):
-                show(str(path))
+                print_result(str(path))
         except KeyboardInterrupt:
             LOGGER.error("%s: interrupted", NAME)
             return INTERRUPTED
@@ -59,41 +35,6 @@ def evoros_analyze(arguments: Sequence[str]) -> int:
             LOGGER.error("%s: %s", NAME, " ".join(str(error).split()))
             return INPUT
     return DONE
-
-
-def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """The options of one subcommand: also those that it alone has.
-
-    Raises:
-        InputError: there is no such subcommand or option.
-    """
-    chosen = [name for name in SUBCOMMANDS if name in arguments[:1]]
-    parser = _Parser(NAME, description=ABOUT, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--version", action="version", version=f"{NAME} {_version()}")
-    below = parser.add_subparsers(dest="subcommand", metavar="SUBCOMMAND", required=True)
-    for name in chosen or SUBCOMMANDS:
-        module = module_of(name)
-        each = below.add_parser(name, help=module.HELP, description=module.HELP)
-        _add_arguments(each, getattr(module, "FORMATS", KINDS))
-        getattr(module, "arguments", lambda parser: None)(each)
-    return parser.parse_args(list(arguments))
-
-
-def _add_arguments(parser: argparse.ArgumentParser, kinds: Sequence[str]) -> None:
-    parser.add_argument(
-        "folders", nargs="+", type=Path, metavar="FOLDER", help="a run, an evaluation, or a sweep"
-    )
-    parser.add_argument(
-        "--output",
-        type=Path,
-        metavar="FOLDER",
-        help="where the files go, and replace earlier ones; figures/ in the first folder",
-    )
-    parser.add_argument("--format", choices=kinds, default=kinds[0], help=f"{kinds[0]}")
-    if set(kinds) <= set(KINDS):
-        parser.add_argument(
-            "--columns", type=int, choices=(1, 2), help="how many columns of a page it spans"
-        )
 
 
 def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
@@ -117,7 +58,7 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
             f"--output {options.output}: cannot be written ({error.strerror}); choose another"
         ) from error
     for line in made.said:
-        show(line)
+        print_result(line)
     return [options.output / name for name in files]
 
 
@@ -141,14 +82,3 @@ def _files(name: str, made: Product, kind: str) -> dict[str, bytes]:
     if made.table is not None:
         files[f"{name}.csv"] = made.table.to_csv(index=False, lineterminator="\n").encode()
     return {**files, **made.files}
-
-
-def module_of(name: str) -> Subcommand:
-    """The module of a subcommand; matplotlib is imported only with it."""
-    return cast(Subcommand, import_module(f".{name}", __package__))
-
-
-def _version() -> str:
-    from importlib.metadata import version
-
-    return version("evoros")

@@ -9,14 +9,15 @@ Everything here is imported on first use, so that ``import evoros`` costs nothin
 """
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from evoros.api import Evaluator, evaluate, resume, run
-    from evoros.config import compose
-    from evoros.errors import EvorosError, InputError, RunStopped
-    from evoros.history import replay
-    from evoros.runs import Run, load_run
+    from evoros.base.errors import EvorosError, InputError, RunStopped
+    from evoros.config.compose import compose
+    from evoros.session.api import Evaluator, evaluate, resume, run
+    from evoros.session.replay import replay
+    from evoros.storage.reading import Run, load_run
 
 __all__ = [
     "Evaluator",
@@ -32,15 +33,29 @@ __all__ = [
     "run",
 ]
 
+_HOMES = {
+    "EvorosError": "base.errors",
+    "InputError": "base.errors",
+    "RunStopped": "base.errors",
+    "Run": "storage.reading",
+    "load_run": "storage.reading",
+    "compose": "config.compose",
+    "replay": "session.replay",
+    "Evaluator": "session.api",
+    "evaluate": "session.api",
+    "resume": "session.api",
+    "run": "session.api",
+}
+"""The module of each public name."""
 
-_HOMES = ("errors", "runs", "config", "history", "api")
-"""The modules that have these names; what is asked for is looked for in the lightest ones first."""
+_PACKAGE = Path(__file__).resolve().parent
+if not (_PACKAGE / "analysis").is_dir():
+    # In a checkout, analysis/ lies beside the package; a wheel has it inside. Either way it is
+    # imported as evoros.analysis, also where a script is started in the root of the checkout.
+    __path__.append(str(_PACKAGE.parent))
 
 
 def __getattr__(name: str) -> Any:
-    if name in __all__:
-        for home in _HOMES:
-            module = import_module(f"evoros.{home}")
-            if hasattr(module, name):
-                return getattr(module, name)
+    if name in _HOMES:
+        return getattr(import_module(f"evoros.{_HOMES[name]}"), name)
     raise AttributeError(f"module 'evoros' has no attribute {name!r}")

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 
-from evoros.types import Array
+from evoros.base.arrays import Array
 
 from ..measures.statistics import LEVEL, least_replicates, median_interval
 from .columns import SMALL_PT, height_in, write

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
-from evoros.types import Array
+from evoros.base.arrays import Array
 
 from ..measures.coverage import AHEAD_DEG, HEADINGS_DEG
-from ..measures.traits import FRONT
+from ..measures.design_features import FRONT
 from .style import PAGE_IN, STYLE, letter, treatment_colours
 
 RANDOM = "0.45"

@@ -5,10 +5,10 @@ import pandas as pd
 
 from .clusters import LEAST
 from .coverage import HEADINGS_DEG
+from .design_features import FRONT, SIDE, structure
 from .finding import NOT_SUPPORTED, NUMBER, SUPPORTED, UNKNOWN, Claim, Finding, above, enough
 from .spread import apart, mean_apart, relative_difference
 from .statistics import LEVEL, Interval, a12, fisher, mann_whitney, median_interval, share_interval
-from .traits import FRONT, SIDE, structure
 
 REDUNDANT = 0.6
 """The paper: six of ten."""

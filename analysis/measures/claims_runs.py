@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from ..fitness import lines
+from ..figures.fitness import lines
 from .claims_designs import RANDOM, SPATIAL
 from .finding import DEGREES, NOTHING, UNKNOWN, Claim, Finding, above, enough, within
 from .statistics import Interval, mean_interval, median_interval, ratio_interval

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.cluster.hierarchy import linkage
 from scipy.spatial.distance import pdist, squareform
 
-from evoros.types import Array
+from evoros.base.arrays import Array
 
 from .statistics import LEVEL, SEED
 

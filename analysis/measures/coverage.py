@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from evoros.types import Array
+from evoros.base.arrays import Array
 
 STEP_DEG = 5
 HEADINGS_DEG = np.arange(-180.0, 180.0, STEP_DEG)

@@ -6,9 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
+from evoros.base.arrays import Array
 from evoros.failure.spatial import SpatialFailure
-from evoros.setting import Ring
-from evoros.types import Array
+from evoros.storage.figure_context import Ring
 
 from .coverage import DESIGN
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evoros.setting import Setting
-from evoros.types import Array
+from evoros.base.arrays import Array
+from evoros.storage.figure_context import FigureContext
 
-from ..drawing.rover import Window, covered, window
+from ..drawing.robot import Window, covered, window
 
 CELLS = 300  # along a cone: about 0.1 mm each in print
 SPAN = ["treatment", "cut_m", "cell_m", "x_m", "y_low_m", "y_high_m"]
@@ -27,7 +27,7 @@ def counted(sensors: pd.DataFrame) -> str:
 
 
 def coverage(
-    sensors: pd.DataFrame, settings: Mapping[str, Setting], cuts_m: Sequence[float]
+    sensors: pd.DataFrame, settings: Mapping[str, FigureContext], cuts_m: Sequence[float]
 ) -> pd.DataFrame:
     """How many of what is ``counted`` cover each place: a row for each span of equal number.
 
@@ -50,7 +50,7 @@ def coverage(
     return pd.concat(spans, ignore_index=True)[order] if spans else pd.DataFrame(columns=order)
 
 
-def _spans(sensors: pd.DataFrame, setting: Setting, cut: float, unit: str) -> pd.DataFrame:
+def _spans(sensors: pd.DataFrame, setting: FigureContext, cut: float, unit: str) -> pd.DataFrame:
     cell = cut / CELLS
     x, y = cells(window([setting], sensors, cut), cell)
     along, across = np.meshgrid(x, y, indexing="ij")

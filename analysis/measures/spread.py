@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.distance import pdist, squareform
 
-from evoros.errors import InputError
-from evoros.types import Array
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError
 
 from ..tables.designs import candidate_mounts, sensors
 from .coverage import profiles, shares

@@ -12,7 +12,7 @@ from math import comb
 import numpy as np
 from scipy import stats
 
-from evoros.types import Array
+from evoros.base.arrays import Array
 
 LEVEL = 0.05
 """Below it a p is called significant; intervals cover 1 - LEVEL."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from evoros.errors import InputError
-from evoros.setting import Setting
+from evoros.base.errors import InputError
+from evoros.storage.figure_context import FigureContext
 
 if TYPE_CHECKING:
     from .records import Record
@@ -29,7 +29,7 @@ COLUMNS = (
 """``pair`` numbers the placed sensors: mirrored twins share it."""
 
 
-def sensors(mounts: pd.DataFrame, setting: Setting) -> pd.DataFrame:
+def sensors(mounts: pd.DataFrame, setting: FigureContext) -> pd.DataFrame:
     """The columns ``COLUMNS``, of mounts with the columns of ``champion/design.csv``.
 
     Angles are from -180 to 180. Rows of designs without sensors are left out.

@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from evoros.errors import InputError
-from evoros.finding import folders_below
-from evoros.log import LOGGER
+from evoros.base.errors import InputError
+from evoros.base.log import LOGGER
+from evoros.storage.discovery import folders_below
 
 
 def folders_of(paths: Sequence[Path]) -> list[Path]:

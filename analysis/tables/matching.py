@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from evoros.errors import InputError
+from evoros.base.errors import InputError
 
 if TYPE_CHECKING:
     from .records import Record, Scored

@@ -8,9 +8,9 @@ from typing import Any
 
 import pandas as pd
 
-from evoros.errors import InputError
-from evoros.runs import Run, load_run, read_table
-from evoros.setting import Setting
+from evoros.base.errors import InputError
+from evoros.storage.figure_context import FigureContext
+from evoros.storage.reading import Run, load_run, read_table
 
 from .values import read_values
 
@@ -24,7 +24,7 @@ class Record:
 
     name: str  # its folder, as short as it can be told from the others of the study
     run: Run
-    setting: Setting
+    setting: FigureContext
     values: Mapping[str, Any]  # of the configuration, by dotted key
     treatment: str = ""  # what it differs in from others of the study, its seed apart
 
@@ -80,4 +80,4 @@ def read_record(folder: Path, name: str) -> Record:
     if not isinstance(values.get("seed"), int):
         raise InputError(f"{folder / 'config.yaml'}: must have a whole number as seed; restore it")
     _ = run.status
-    return made(name, run, Setting.read(folder), values)
+    return made(name, run, FigureContext.read(folder), values)

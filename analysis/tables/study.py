@@ -12,8 +12,8 @@ from typing import TypeVar
 
 import pandas as pd
 
-from evoros.errors import InputError
-from evoros.log import LOGGER
+from evoros.base.errors import InputError
+from evoros.base.log import LOGGER
 
 from .designs import champion_sensors, generations, initial_sensors, number
 from .folders import folders_of, short_names

@@ -5,12 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from evoros.errors import InputError
-from evoros.runs import Run
-from evoros.setting import Setting
-from evoros.world import World, load_world
+from evoros.base.errors import InputError
+from evoros.storage.figure_context import FigureContext
+from evoros.storage.reading import Run
+from evoros.world.loading import load_world
+from evoros.world.model import World
 
-from ..fitness import bests
+from ..figures.fitness import bests
 
 NONE = "none"
 """The mode in which no layer of the controller decided."""
@@ -28,7 +29,7 @@ COLUMNS = (
 )
 
 
-def track(run: Run, setting: Setting, world: str) -> pd.DataFrame:
+def track(run: Run, setting: FigureContext, world: str) -> pd.DataFrame:
     """A row for each record of the mission, with the columns ``COLUMNS``.
 
     ``mode`` is the name of the layer that decided. ``failed_sensors`` are those that have failed
@@ -79,7 +80,7 @@ def champions_mission(run: Run, world: str) -> "pd.Series[str]":
     return chosen.sort_values("trial").iloc[0]
 
 
-def champions_worlds(run: Run, setting: Setting) -> Mapping[str, World]:
+def champions_worlds(run: Run, setting: FigureContext) -> Mapping[str, World]:
     """The worlds of these missions, as the run has kept them, by name.
 
     Raises:
@@ -88,7 +89,7 @@ def champions_worlds(run: Run, setting: Setting) -> Mapping[str, World]:
     return {name: champions_world(run, setting, name) for name in setting.courses}
 
 
-def champions_world(run: Run, setting: Setting, name: str) -> World:
+def champions_world(run: Run, setting: FigureContext, name: str) -> World:
     """One of them.
 
     Raises:

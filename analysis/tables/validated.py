@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from evoros.errors import InputError
-from evoros.folder import resume_command
+from evoros.base.errors import InputError
+from evoros.storage.mission_log import resume_command
 
 from .designs import number
 from .matching import champion_content, champion_genes, conditions, differing, scored_designs

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from evoros.errors import InputError
+from evoros.base.errors import InputError
 
 REFERENCE = re.compile(r"\$\{([\w.]+)\}")
 """What refers to another key. What refers to the environment is left as it is: it may be secret."""

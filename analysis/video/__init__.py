@@ -1,1 +1,1 @@
-"""A mission as a film: what is where, the pictures, their encoding."""
+"""A mission as a video."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evoros.types import Array
+from evoros.base.arrays import Array
 
 Pixels = NDArray[np.uint8]
 Floats = NDArray[np.float32]

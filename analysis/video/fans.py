@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evoros.types import Array
+from evoros.base.arrays import Array
 
 from .camera import Camera, Floats
 

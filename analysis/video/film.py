@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from evoros.errors import NOT_NEGATIVE, POSITIVE, InputError, Rule, check, is_whole, one_of
-from evoros.setting import Setting
-from evoros.types import Array
-from evoros.world import World
+from evoros.base.arrays import Array
+from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, check, is_whole, one_of
+from evoros.base.errors import InputError
+from evoros.storage.figure_context import FigureContext
+from evoros.world.model import World
 
 from .camera import Camera, above, chase
 from .captions import CLEAR, FAILED, NEAR, Caption
@@ -86,7 +87,7 @@ def _calm(values: Array, sigma: float) -> Array:
 
 
 def captions(
-    trajectory: pd.DataFrame, moves: Motion, world: World, setting: Setting, film: Film
+    trajectory: pd.DataFrame, moves: Motion, world: World, setting: FigureContext, film: Film
 ) -> Iterator[Caption]:
     """Of each picture, without the states of the sensors."""
     key = ((CLEAR, "clear"), (NEAR, "near"), (FAILED, "failed or silent"))

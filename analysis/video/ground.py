@@ -7,12 +7,12 @@ from copy import copy
 import numpy as np
 from PIL import Image, ImageChops, ImageDraw, ImageFilter
 
-from evoros.body import Body
-from evoros.geometry import convex_hull, footprint, highest
-from evoros.setting import Part
-from evoros.types import Array
+from evoros.base.arrays import Array
+from evoros.geometry.footprint import convex_hull, footprint, highest
+from evoros.geometry.shapes import Body
+from evoros.storage.figure_context import Part
 
-from ..drawing.rover import hull, outline
+from ..drawing.robot import hull, outline
 from .camera import Camera, Pixels
 
 Colour = tuple[int, int, int]

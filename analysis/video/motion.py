@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from evoros.errors import InputError
-from evoros.types import Array
-from evoros.urdf.tree import Urdf
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError
+from evoros.formats.urdf.tree import Urdf
 
 POSE = ("time_s", "x_m", "y_m", "yaw_rad")
 _SLOW_MPS = 0.02  # below, the direction of a wheel's velocity says nothing

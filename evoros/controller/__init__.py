@@ -1,1 +1,1 @@
-"""Controllers and their layers: one class a file."""
+"""Controllers and their layers: from readings and a pose to a command."""

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import Generator
 
-from evoros.types import Array, LayerRule
+from evoros.base.arrays import Array
+from evoros.controller.protocol import LayerRule
 
 if TYPE_CHECKING:
-    from evoros.robot import Robot
+    from evoros.robot.model import Robot
 
 
 def never(

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import Generator
 
-from evoros.errors import NOT_NEGATIVE, POSITIVE, check
-from evoros.types import (
+from evoros.base.arrays import (
     DRIVE_SPEED,
     FROM_X,
     FROM_Y,
@@ -24,13 +23,14 @@ from evoros.types import (
     YAW,
     YAW_RATE,
     Array,
-    LayerRule,
     X,
     Y,
 )
+from evoros.base.checks import NOT_NEGATIVE, POSITIVE, check
+from evoros.controller.protocol import LayerRule
 
 if TYPE_CHECKING:
-    from evoros.robot import Robot
+    from evoros.robot.model import Robot
 
 # The rule's parameters: a yaw rate [rad/s] becomes an output [deg], and LOCK makes it steering.
 (

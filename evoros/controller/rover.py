@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 from numpy.random import Generator
 
-from evoros.errors import POSITIVE, check, instance_of, mapping_of
-from evoros.types import Filter, Layer, StartedLayer
+from evoros.base.checks import POSITIVE, check, instance_of, mapping_of
+from evoros.controller.protocol import Layer, StartedLayer
+from evoros.filter.protocol import Filter
 
 if TYPE_CHECKING:
-    from evoros.robot import Robot
+    from evoros.robot.model import Robot
 
 LAYER = instance_of(Layer, "a layer of a controller (mode, rule and start)")
 

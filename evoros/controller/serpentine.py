@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import Generator
 
-from evoros.errors import POSITIVE, Rule, check, is_number
-from evoros.types import DRIVE_SPEED, STEERING, TO_X, TO_Y, YAW, Array, LayerRule, X, Y
+from evoros.base.arrays import DRIVE_SPEED, STEERING, TO_X, TO_Y, YAW, Array, X, Y
+from evoros.base.checks import POSITIVE, Rule, check, is_number
+from evoros.controller.protocol import LayerRule
 
 if TYPE_CHECKING:
-    from evoros.robot import Robot
+    from evoros.robot.model import Robot
 
 # The rule's parameters.
 SPEED, AMPLITUDE, FREQUENCY, PHASE, GAIN, FULL_LOCK = range(6)

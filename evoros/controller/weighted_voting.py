@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import Generator
 
-from evoros.errors import NOT_NEGATIVE, POSITIVE, Rule, check, invalid, is_number
-from evoros.types import DRIVE_SPEED, STEERING, Array, LayerRule
+from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
+from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, check, invalid, is_number
+from evoros.controller.protocol import LayerRule
 
 if TYPE_CHECKING:
-    from evoros.robot import Robot
+    from evoros.robot.model import Robot
 
 # The rule's parameters; the direction of each sensor's vote follows (1: left, -1: right).
 RANGE, MAX_RANGE, SPEED, FULL_LOCK, DEADLOCK_DIFFERENCE, DEADLOCK_SUM, DIRECTIONS = range(7)

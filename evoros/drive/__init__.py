@@ -1,1 +1,1 @@
-"""Drives: from a command to what each joint does; one file a kind."""
+"""Drives: from a command to the wheels of a robot."""

@@ -7,18 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from evoros.drive.protocol import (
-    ANGLE,
-    PAIR,
-    TOLERANCE_M,
-    UP,
-    axle,
-    driven_joint,
-    same_radius,
-    wheel,
-)
-from evoros.errors import NUMBER, POSITIVE, check, invalid
-from evoros.urdf.tree import Urdf
+from evoros.base.checks import NUMBER, POSITIVE, check, invalid
+from evoros.drive.wheels import ANGLE, PAIR, TOLERANCE_M, UP, axle, driven_joint, same_radius, wheel
+from evoros.formats.urdf.tree import Urdf
 
 
 @dataclass(frozen=True)

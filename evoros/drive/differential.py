@@ -4,10 +4,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from evoros.drive.protocol import ANGLE, PAIR, TOLERANCE_M, axle, same_radius, wheel
-from evoros.errors import NUMBER, POSITIVE, Rule, check
-from evoros.geometry import lowest
-from evoros.urdf.tree import Urdf
+from evoros.base.checks import NUMBER, POSITIVE, Rule, check
+from evoros.drive.wheels import ANGLE, PAIR, TOLERANCE_M, axle, same_radius, wheel
+from evoros.formats.urdf.tree import Urdf
+from evoros.geometry.footprint import lowest
 
 LINKS = Rule(
     "a list of the names of one or more links",

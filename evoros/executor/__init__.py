@@ -1,1 +1,1 @@
-"""Executors: where missions are computed. No result may depend on the choice."""
+"""Executors: where missions are computed."""

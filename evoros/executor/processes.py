@@ -13,9 +13,10 @@ from multiprocessing import resource_tracker
 from threading import Lock, Thread
 from typing import Any
 
-from evoros.errors import POSITIVE, WHOLE, InputError, Rule, WorkerLost, check, is_whole
-from evoros.executor.worker import LostError, Worker
-from evoros.types import Pool
+from evoros.base.checks import POSITIVE, WHOLE, Rule, check, is_whole
+from evoros.base.errors import InputError, WorkerLost
+from evoros.executor.protocol import Pool
+from evoros.executor.worker_handle import LostError, Worker
 
 # Read by the numeric libraries as they are imported. Not NUMBA_NUM_THREADS: numba would refuse
 # the change in a main process that has already started numba's threads.

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from evoros.types import Pool
+from evoros.executor.protocol import Pool
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""Failures: which sensors fail in a mission, when and how."""
+"""Failure models: which sensors fail, when and how."""

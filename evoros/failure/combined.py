@@ -5,9 +5,10 @@ from dataclasses import dataclass, field, replace
 
 from numpy.random import Generator
 
-from evoros import rng as randomness
-from evoros.errors import check, mapping_of
-from evoros.types import Channels, Failure, Fault
+from evoros.base import rng as randomness
+from evoros.base.checks import check, mapping_of
+from evoros.failure.protocol import Failure, Fault
+from evoros.filter.protocol import Channels
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 from numpy.random import Generator
 
-from evoros.types import Channels, Fault
+from evoros.failure.protocol import Fault
+from evoros.filter.protocol import Channels
 
 
 @dataclass(frozen=True)

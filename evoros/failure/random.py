@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.random import Generator
 
-from evoros.errors import COUNT, check, instance_of
-from evoros.failure.window import check_window, time_at
+from evoros.base.checks import COUNT, check, instance_of
+from evoros.failure.protocol import Fault
+from evoros.failure.timing import check_window, time_at
+from evoros.filter.protocol import Channels, Filter
 from evoros.filter.silence import Silence
-from evoros.types import Channels, Fault, Filter
 
 
 @dataclass(frozen=True)

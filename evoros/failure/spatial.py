@@ -7,10 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.random import Generator
 
-from evoros.errors import PROBABILITY, check, instance_of, invalid, is_number
-from evoros.failure.window import check_window, time_at
+from evoros.base.arrays import Array
+from evoros.base.checks import PROBABILITY, check, instance_of, invalid, is_number
+from evoros.failure.protocol import Fault
+from evoros.failure.timing import check_window, time_at
+from evoros.filter.protocol import Channels, Filter
 from evoros.filter.silence import Silence
-from evoros.types import Array, Channels, Fault, Filter
 
 
 @dataclass(frozen=True)

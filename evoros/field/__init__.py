@@ -1,1 +1,1 @@
-"""Worlds that are drawn: fields of obstacles around a course."""
+"""Generated worlds: random fields of obstacles with a way through them."""

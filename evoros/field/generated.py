@@ -9,29 +9,30 @@ from functools import lru_cache
 import numpy as np
 from numpy.random import Generator
 
-from evoros.body import Body, Pose, Shape
-from evoros.errors import (
+from evoros.base.arrays import Array
+from evoros.base.checks import (
     FLAG,
     NAME,
     NOT_NEGATIVE,
     POSITIVE,
     WHOLE,
-    InputError,
     check,
     instance_of,
     invalid,
     is_number,
     mapping_of,
 )
+from evoros.base.errors import InputError
+from evoros.base.rng import generator
 from evoros.field.kinds import Kind, moments
 from evoros.field.passage import MARGIN_M, Passage
-from evoros.field.placement import Crowd
-from evoros.geometry import footprint
-from evoros.rng import generator
-from evoros.sdf.reader import read_sdf
-from evoros.sdf.writer import write_sdf
-from evoros.types import Array
-from evoros.world import Course, World
+from evoros.field.placement import PlacedObstacles
+from evoros.formats.sdf.reader import read_sdf
+from evoros.formats.sdf.writer import write_sdf
+from evoros.geometry.footprint import footprint
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.world.course import Course
+from evoros.world.model import World
 
 FIXED = "fixed"
 """The key of the draws of a field that is not renewed."""
@@ -66,7 +67,7 @@ class Field:
     def __post_init__(self) -> None:
         check(
             self,
-            course=instance_of(Course, "a course (evoros.world.Course)"),
+            course=instance_of(Course, "a course (evoros.world.course.Course)"),
             density=NOT_NEGATIVE,
             kinds=mapping_of(Kind, "kinds of obstacles (share, mass_kg and draw)"),
             clearing_m=POSITIVE,
@@ -174,7 +175,7 @@ class Field:
             else:
                 yield Body(name, pose, (shape,), kind.mass_kg, 1.0, moments(shape, kind.mass_kg))
 
-    def _place(self, shape: Shape, crowd: Crowd, rng: Generator) -> Pose | None:
+    def _place(self, shape: Shape, crowd: PlacedObstacles, rng: Generator) -> Pose | None:
         """A pose on the ground that the others leave free."""
         height = shape.size[-1] / 2
         for _ in range(TRIES):
@@ -189,14 +190,16 @@ class Field:
                 return pose
         return None
 
-    def _crowd(self) -> Crowd:
+    def _crowd(self) -> PlacedObstacles:
         """Nothing but the wall, if there is one."""
         passage = self._passage()
         for wall in self._walls():
             passage.admits(footprint(wall.shapes[0], wall.pose))
         low, high = self.corners
         inset = self.gap_m if self.enclosed else 0.0
-        return Crowd(low + inset, high - inset, self._places, self.clearing_m, self.gap_m, passage)
+        return PlacedObstacles(
+            low + inset, high - inset, self._places, self.clearing_m, self.gap_m, passage
+        )
 
     def _passage(self) -> Passage:
         low, high = self.corners

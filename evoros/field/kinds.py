@@ -6,9 +6,9 @@ from typing import Protocol, runtime_checkable
 
 from numpy.random import Generator
 
-from evoros.body import Shape, Vector
-from evoros.errors import POSITIVE, Rule, check, is_number
-from evoros.genes import INTERVAL, ends, scaled
+from evoros.base.checks import POSITIVE, Rule, check, is_number
+from evoros.base.intervals import INTERVAL, bounds, scale
+from evoros.geometry.shapes import Shape, Vector
 
 Interval = float | Sequence[float]
 """A number, or [low, high]."""
@@ -17,7 +17,7 @@ LEAST_M = 0.001  # to which sizes are rounded
 
 SIZE = Rule(
     f"a number of at least {LEAST_M:g}, or [low, high] of such numbers with low at most high",
-    lambda v: INTERVAL.holds(v) and ends(v)[0] >= LEAST_M,
+    lambda v: INTERVAL.holds(v) and bounds(v)[0] >= LEAST_M,
 )
 MASS = Rule("a number greater than 0, or null", lambda v: v is None or (is_number(v) and v > 0))
 
@@ -93,4 +93,4 @@ def moments(shape: Shape, mass: float) -> Vector:
 
 
 def _drawn(interval: Interval, rng: Generator) -> float:
-    return round(scaled(float(rng.random()), *ends(interval)), 3)
+    return round(scale(float(rng.random()), *bounds(interval)), 3)

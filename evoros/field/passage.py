@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from evoros.geometry import Footprint, distances
-from evoros.types import Array
+from evoros.base.arrays import Array
+from evoros.geometry.footprint import Footprint, distances
 
 CELL_M = 0.2
 MARGIN_M = 0.1415

@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evoros.base.arrays import Array
 from evoros.field.passage import Passage
-from evoros.geometry import Footprint, distances
-from evoros.plane.polygon import gap
-from evoros.types import Array
+from evoros.geometry.footprint import Footprint, distances
+from evoros.geometry.polygon import gap
 
 
 @dataclass
-class Crowd:
+class PlacedObstacles:
     """The obstacles so far, and what the next one must leave free.
 
     ``low`` and ``high`` are opposite corners (2,) of the ground for obstacles [m]; ``places``

@@ -1,1 +1,1 @@
-"""Filters: noise, delay, faults. They stand between a source of values and the controller."""
+"""Filters: noise, delays and faults between a sensor and the controller."""

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 
-from evoros.errors import NOT_NEGATIVE, check
-from evoros.types import Array, Channels, FilterRule
+from evoros.base.arrays import Array
+from evoros.base.checks import NOT_NEGATIVE, check
+from evoros.filter.protocol import Channels, FilterRule
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 
-from evoros.errors import NOT_NEGATIVE, InputError, check
-from evoros.types import POSE_SIZE, Array, Channels, FilterRule
+from evoros.base.arrays import POSE_SIZE, Array
+from evoros.base.checks import NOT_NEGATIVE, check
+from evoros.base.errors import InputError
+from evoros.filter.protocol import Channels, FilterRule
 
 
 @dataclass(frozen=True)

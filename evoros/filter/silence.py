@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 
-from evoros.types import Array, Channels, FilterRule
+from evoros.base.arrays import Array
+from evoros.filter.protocol import Channels, FilterRule
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""Optimizers: what is asked to be evaluated, and what becomes of it."""
+"""Optimizers: search the unit cube by ask and tell."""

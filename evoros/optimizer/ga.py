@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import Generator
 
-from evoros.errors import COUNT, PROBABILITY, WHOLE, InputError, Rule, check, is_number, one_of
-from evoros.optimizer.told import check_told
-from evoros.search import Aspect, Candidate, Individual, Search, Space
-from evoros.types import Array
+from evoros.base.arrays import Array
+from evoros.base.checks import COUNT, PROBABILITY, WHOLE, Rule, check, is_number, one_of
+from evoros.base.errors import InputError
+from evoros.optimizer.protocol import Aspect, Candidate, Individual, Search, Space, check_fitness
 
 STEP = Rule("a number greater than 0, at most 1", lambda v: is_number(v) and 0 < v <= 1)
 
@@ -81,7 +81,7 @@ class _GeneticSearch:
 
     def tell(self, fitness: Sequence[float]) -> list[Candidate]:
         asked = self.ask()
-        check_told(fitness, asked)
+        check_fitness(fitness, asked)
         new = {individual.id for individual in asked}
         self._fitness |= {
             individual.id: float(value) for individual, value in zip(asked, fitness, strict=True)

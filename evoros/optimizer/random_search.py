@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 from numpy.random import Generator
 
-from evoros.errors import COUNT, WHOLE, check
-from evoros.optimizer.told import check_told
-from evoros.search import Candidate, Individual, Search, Space
-from evoros.types import Array
+from evoros.base.arrays import Array
+from evoros.base.checks import COUNT, WHOLE, check
+from evoros.optimizer.protocol import Candidate, Individual, Search, Space, check_fitness
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class _RandomSearch:
         return self._asked
 
     def tell(self, fitness: Sequence[float]) -> list[Candidate]:
-        check_told(fitness, self._asked)
+        check_fitness(fitness, self._asked)
         table = [] if self._best is None else [self._best]
         table += [
             Candidate(individual, individual.operator, value, 0)

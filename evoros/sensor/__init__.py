@@ -1,1 +1,1 @@
-"""Types of sensors: what a sensor sees, how often and how well."""
+"""Sensors: what they see, along which rays, how often and how well."""

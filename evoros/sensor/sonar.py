@@ -7,9 +7,19 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from evoros.errors import COUNT, NOT_NEGATIVE, POSITIVE, Rule, check, invalid, is_number, mapping_of
+from evoros.base.arrays import Array
+from evoros.base.checks import (
+    COUNT,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Rule,
+    check,
+    invalid,
+    is_number,
+    mapping_of,
+)
 from evoros.filter.gaussian_noise import GaussianNoise
-from evoros.types import Array, Filter
+from evoros.filter.protocol import Filter
 
 BOX = Rule(
     "a list of three lengths greater than 0",

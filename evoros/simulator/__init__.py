@@ -1,1 +1,1 @@
-"""Simulators: one file an engine; nothing else imports the engine's library."""
+"""Simulators: one robot in one world, step by step."""

@@ -12,10 +12,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evoros.compiled import compilable
-from evoros.errors import NOT_NEGATIVE, Rule, check, is_number
-from evoros.plane.index import GRID_SIZE, cell_at
-from evoros.plane.layout import (
+from evoros.base.arrays import (
+    CONTACT,
+    DRIVE_SPEED,
+    SPEED,
+    STATE_SIZE,
+    STEERING,
+    YAW,
+    YAW_RATE,
+    Array,
+    X,
+    Y,
+)
+from evoros.base.checks import NOT_NEGATIVE, Rule, check, is_number
+from evoros.base.compilation import compilable
+from evoros.geometry.grid import GRID_SIZE, cell_at
+from evoros.geometry.outlines import (
+    BEHIND,
+    CENTRE_X,
+    CENTRE_Y,
+    CIRCLE,
+    FIRST,
+    FOOTPRINT_SIZE,
+    ROUND,
+)
+from evoros.geometry.polygon import gap, place
+from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, OBSTACLE_SIZE, first_hit
+from evoros.robot.model import Robot
+from evoros.simulator.engines.planar_layout import (
     AT,
     AXLE,
     BEGINS,
@@ -47,32 +71,8 @@ from evoros.plane.layout import (
     WHEELBASE,
     parameters_of,
 )
-from evoros.plane.polygon import gap, place
-from evoros.plane.ray import AT_X, AT_Y, AT_Z, BOUND, OBSTACLE_SIZE, first_hit
-from evoros.plane.scene import (
-    BEHIND,
-    CENTRE_X,
-    CENTRE_Y,
-    CIRCLE,
-    FIRST,
-    FOOTPRINT_SIZE,
-    ROUND,
-)
-from evoros.robot import Robot
-from evoros.simulator.rules import Motion, RuleSimulation
-from evoros.types import (
-    CONTACT,
-    DRIVE_SPEED,
-    SPEED,
-    STATE_SIZE,
-    STEERING,
-    YAW,
-    YAW_RATE,
-    Array,
-    X,
-    Y,
-)
-from evoros.world import World
+from evoros.simulator.protocol import Motion, RuleSimulation
+from evoros.world.model import World
 
 TURN = 2.0 * math.pi
 

@@ -1,6 +1,6 @@
 """Rigid-body physics in PyBullet, in this process, without a display. Deterministic.
 
-The cheapest set-up that is faithful (``benchmarks/engine.py`` shows what each choice gains):
+The cheapest set-up that is faithful (``benchmarks/fidelity/engine.py`` shows what each choice gains):
 
 - wheels roll on the ground only; what meets obstacles is the chassis, which covers the wheels;
 - movable bodies sleep until something comes near them; links that cannot move are merged;
@@ -17,11 +17,12 @@ from functools import cache
 from importlib.util import find_spec
 from typing import Any
 
-from evoros.errors import COUNT, NOT_NEGATIVE, POSITIVE, InputError, Rule, check, is_number
-from evoros.robot import Robot
-from evoros.simulator.pybullet_model import Engine, Settings
-from evoros.simulator.pybullet_simulation import PyBulletSimulation
-from evoros.world import World
+from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, Rule, check, is_number
+from evoros.base.errors import InputError
+from evoros.robot.model import Robot
+from evoros.simulator.engines.pybullet_model import Engine, Settings
+from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
+from evoros.world.model import World
 
 LARGEST_STEP = 0.025  # [s]
 STEP = Rule(

@@ -1,0 +1,79 @@
+"""Worlds from above: obstacles by their height, the course, and the tracks of robots."""
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Patch, Polygon
+
+from evoros.base.arrays import Array
+from evoros.geometry.footprint import footprint, highest
+from evoros.world.course import Course
+from evoros.world.model import World
+
+from .robot import hull  # relative: installed, this is evoros.analysis
+from .style import COLUMN_IN, STYLE
+
+HEIGHTS_M = Normalize(0.0, 1.0)
+TRACK = "#d55e00"
+
+
+def worlds(
+    each: Mapping[str, World],
+    tracks: Mapping[str, Sequence[Array]] | None = None,
+    width: float = 2 * COLUMN_IN,
+) -> Figure:
+    """A panel a world, side by side; ``width`` is in inches.
+
+    ``tracks`` (n, 2) [m] are drawn as lines, by the name of their world.
+    """
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(width, 1.1 * width / len(each)), layout="constrained")
+        panels = figure.subplots(1, len(each), squeeze=False, sharex=True, sharey=True)[0]
+        for axes, (name, world) in zip(panels, each.items(), strict=True):
+            solids = draw_obstacles(axes, world)
+            for track in (tracks or {}).get(name, ()):
+                axes.plot(*track.T, color=TRACK, lw=0.7, alpha=0.8)
+            draw_course(axes, world.course)
+            axes.set_title(name, fontsize=8)
+            axes.set_xlabel("x [m]")
+            axes.set_aspect("equal")
+        panels[0].set_ylabel("y [m]")
+        bar = figure.colorbar(solids, ax=list(panels), shrink=0.8, pad=0.01, extend="max")
+        bar.set_label("height [m]")
+    return figure
+
+
+def draw_obstacles(
+    axes: Axes, world: World, cmap: str = "cividis_r", heights: Normalize = HEIGHTS_M
+) -> PatchCollection:
+    """All that stands in a world, coloured by its height [m]."""
+    patches: list[Patch] = []
+    tops: list[float] = []
+    for body in world.obstacles:
+        for shape in body.shapes:
+            pose = body.pose @ shape.pose
+            area = footprint(shape, pose)
+            if len(area.vertices) == 1:
+                patches.append(Circle((area.vertices[0, 0], area.vertices[0, 1]), area.radius))
+            else:  # a cylinder that leans, be it by rounding alone, has a segment and a radius
+                patches.append(Polygon(hull(area.vertices, area.radius)))
+            tops.append(highest(shape, pose))
+    solids = PatchCollection(patches, cmap=cmap, norm=heights, ec="black", lw=0.3)
+    solids.set_array(np.array(tops))
+    axes.add_collection(solids)
+    axes.autoscale()
+    return solids
+
+
+def draw_course(axes: Axes, course: Course) -> None:
+    """The route, the circles in which a corner counts as visited, and home, a star."""
+    route = np.array([course.home[:2], *course.waypoints, course.home[:2]])
+    axes.plot(*route.T, color="0.5", lw=0.7, ls=":")
+    for x, y in course.waypoints:
+        axes.add_patch(Circle((x, y), course.acceptance_m, fill=False, ec="0.5", lw=0.7))
+    axes.plot(*course.home[:2], marker="*", color="black", ms=6, ls="none")

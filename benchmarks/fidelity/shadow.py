@@ -1,0 +1,95 @@
+"""What the planar simulator would read and touch wherever a mission in PyBullet goes.
+
+The mission is PyBullet's; at every control step the planar robot is set to the same place, and
+both are asked what their sensors read.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from evoros.base.arrays import CONTACT, STATE_SIZE, Array
+from evoros.design.design import Design
+from evoros.evolution.experiment import Experiment
+from evoros.mission.mission import Mission
+from evoros.mission.rollout import run_mission
+from evoros.robot.model import Robot
+from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
+from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import RuleSimulation
+from evoros.simulator.pybullet import PyBullet
+from evoros.world.model import World
+
+
+@dataclass
+class Log:
+    """What happened in a mission, a row for each control step."""
+
+    states: list[Array] = field(default_factory=list)  # (STATE_SIZE,)
+    attitudes: list[tuple[float, float, float]] = field(default_factory=list)  # z [m], roll, pitch
+    readings: list[Array] = field(default_factory=list)  # PyBullet's [m]
+    shadows: list[Array] = field(default_factory=list)  # the planar simulator's [m]
+    commands: list[Array] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Shadowed:
+    """PyBullet, with the planar simulator beside it."""
+
+    log: Log
+    engine: PyBullet = field(default_factory=PyBullet)
+
+    @property
+    def time_step(self) -> float:
+        """The engine's."""
+        return self.engine.time_step
+
+    @contextmanager
+    def open(self, robot: Robot, world: World) -> Iterator["_Simulation"]:
+        """Both at the world's home."""
+        with self.engine.open(robot, world) as real, Planar().open(robot, world) as shadow:
+            yield _Simulation(self.log, real, shadow)
+
+
+@dataclass
+class _Simulation:
+    log: Log
+    real: PyBulletSimulation
+    shadow: RuleSimulation
+    state: Array = field(default_factory=lambda: np.zeros(STATE_SIZE))
+
+    def observe(self, state: Array) -> None:
+        self.real.observe(state)
+        self.state[:] = state
+
+    def sense(self, readings: Array) -> None:
+        self.real.sense(readings)
+        read = np.zeros(len(readings))
+        self.shadow.memory[:STATE_SIZE] = self.state
+        self.shadow.memory[CONTACT] = 0.0
+        self.shadow.sense(read)
+        self.log.states.append(self.state.copy())
+        self.log.attitudes.append(self._attitude())
+        self.log.readings.append(readings.copy())
+        self.log.shadows.append(read)
+
+    def _attitude(self) -> tuple[float, float, float]:
+        bullet, client, model = self.real._bullet, self.real._client, self.real._model
+        centre = bullet.getBasePositionAndOrientation(model.body, client)
+        position, facing = bullet.multiplyTransforms(*centre, *model.to_base)
+        roll, pitch, _ = bullet.getEulerFromQuaternion(facing)
+        return position[2], roll, pitch
+
+    def advance(self, command: Array, duration: float) -> None:
+        self.log.commands.append(command.copy())
+        self.real.advance(command, duration)
+
+
+def shadowed(experiment: Experiment, design: Design, world: str, draws: str) -> Log:
+    """The log of one mission in PyBullet."""
+    log = Log()
+    task = replace(experiment.task, simulator=Shadowed(log))
+    run_mission(task, Mission(0, 0, design, world, 0, "evaluation", draws))
+    return log

@@ -1,0 +1,217 @@
+"""Tables of benchmarks/original/as_run.py, from what it has left in its folder."""
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from as_logged import AT_HOME, HOME
+
+from evoros.storage.reading import load_run
+
+ROOT = Path(__file__).parents[2]
+DOCUMENT = ROOT / "docs" / "original.md"
+ORIGINAL: dict[str, Any] = json.loads(Path(__file__).with_name("original.json").read_text())
+BEGIN, END = "<!-- measured: {} -->", "<!-- end: {} -->"
+TREATMENTS, WORLDS = ("none", "random", "spatial"), ("boxes", "maze", "blocks")
+NAMES = {
+    "l1": "`l1`",
+    "again": "and flown again after 340 s",
+    "late": "and readings 1 s late",
+}
+POPULATION = 30
+PENALTY = 1.8  # of six sensors, in the recorded fitness of as_run and not in Eq. 1
+
+
+def read(folder: Path, name: str) -> pd.DataFrame:
+    """Missions with what they count: by Eq. 1, and by Eq. 1 where every mission ends at home."""
+    missions = pd.read_csv(folder / f"{name}.csv")
+    left = np.where(missions.completed, (2 - missions.time_s / missions.time_limit_s) ** 2, 0.0)
+    missions["whole"] = (1 + missions.progress) ** 2 + left
+    missions["to_home"] = (1 + missions.progress.clip(upper=AT_HOME)) ** 2
+    missions["home"] = missions.visited >= HOME
+    return missions
+
+
+def designs(missions: pd.DataFrame, score: str) -> pd.Series:
+    """The fitness of each design, in each trial where it has several."""
+    several = missions.duplicated(["design", "world"]).any()
+    return missions.groupby(["design", "trial"] if several else "design")[score].sum()
+
+
+def best_of(scores: pd.Series) -> float:
+    """Mean of the best of each thirty."""
+    whole = len(scores) // POPULATION * POPULATION
+    return float(scores.to_numpy()[:whole].reshape(-1, POPULATION).max(axis=1).mean())
+
+
+def share(missions: pd.DataFrame, column: str) -> list[str]:
+    return [f"{missions[missions.world == world][column].mean():.0%}" for world in WORLDS]
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    lines = ["| " + " | ".join(map(str, row)) + " |" for row in rows]
+    return "\n".join(["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *lines])
+
+
+def random_designs(folder: Path) -> str:
+    """Shares that get home and complete, and fitness, against the logs."""
+    rows: list[list[object]] = []
+    for treatment in TREATMENTS:
+        logs = ORIGINAL[treatment]
+        home = " / ".join(f"{logs['first'][world]['home']:.0%}" for world in WORLDS)
+        done = " / ".join(f"{logs['first'][world]['completed']:.1%}" for world in WORLDS)
+        best = float(np.mean(logs["first_best"]))
+        rows.append(
+            [treatment, "logs, 300 designs", home, done, f"{logs['first_mean']:.2f}", f"{best:.2f}"]
+        )
+        for name, label in {**NAMES, "serpentine": "`serpentine`"}.items():
+            missions = read(folder, f"{name}_{treatment}")
+            whole, to_home = (designs(missions, score) for score in ("whole", "to_home"))
+            rows.append(
+                [
+                    "",
+                    label,
+                    " / ".join(share(missions, "home")),
+                    " / ".join(share(missions, "completed")),
+                    f"{to_home.mean():.2f} ({whole.mean():.2f})",
+                    f"{best_of(to_home):.2f} ({best_of(whole):.2f})",
+                ]
+            )
+    head = ["treatment", "", "get home", "complete", "mean fitness", "best of 30"]
+    return table(head, rows)
+
+
+def ends(folder: Path) -> str:
+    """Where missions of random designs end, by waypoints."""
+    rows = []
+    for world in WORLDS:
+        logs = ORIGINAL["none"]["first"][world]
+        rows.append(
+            [world, "logs", *(f"{x:.0%}" for x in logs["waypoints"]), f"{logs['home']:.0%}"]
+        )
+        for name, label in NAMES.items():
+            missions = read(folder, f"{name}_none").query("world == @world")
+            counts = [float((missions.visited == n).mean()) for n in range(HOME)]
+            rows.append(["", label, *(f"{x:.0%}" for x in counts), f"{missions.home.mean():.0%}"])
+    return table(["world", "", "0", "1", "2", "3", "4", "home"], rows)
+
+
+def variants(folder: Path, names: Iterable[str]) -> str:
+    """One condition changed at a time."""
+    logs = ORIGINAL["none"]
+    rows: list[list[object]] = [
+        [
+            "**the logs**",
+            *(f"{logs['first'][world]['home']:.0%}" for world in WORLDS),
+            "0% / 0% / 0%",
+            f"{logs['first_mean']:.2f}",
+            "",
+        ]
+    ]
+    physics, all_designs = read(folder, "pybullet"), read(folder, "l1_none")
+    changed = {name: read(folder, name) for name in names}
+    last = max(missions.design.max() for missions in changed.values())
+    series = {"**as_run**": all_designs[all_designs.design <= last], **changed}
+    series["pybullet"] = physics
+    series["planar, the same 30 designs"] = all_designs[all_designs.design <= physics.design.max()]
+    for label, missions in series.items():
+        whole, to_home = (designs(missions, score) for score in ("whole", "to_home"))
+        rows.append(
+            [
+                label,
+                *share(missions, "home"),
+                " / ".join(share(missions, "completed")),
+                f"{to_home.mean():.2f}",
+                f"{whole.mean():.2f}",
+            ]
+        )
+    return table(["", *WORLDS, "complete", "counted to home", "Eq. 1"], rows)
+
+
+def curves(folder: Path, name: str, treatment: str) -> pd.DataFrame:
+    """Eq. 1 of every member, by generation and run."""
+    found = []
+    for path in sorted((folder / "runs").glob(f"{name}_{treatment}_*")):
+        run = load_run(path).generations
+        found.append(run.assign(run=path.name))
+    members = pd.concat(found, ignore_index=True)
+    members["fitness"] += 0.0 if name == "logged" else PENALTY
+    return members
+
+
+def evolved(folder: Path) -> str:
+    """The curve of a run in four numbers."""
+    rows: list[list[object]] = []
+    for treatment in TREATMENTS:
+        logs = ORIGINAL[treatment]
+        rows.append(
+            [
+                treatment,
+                "logs",
+                f"{np.mean(logs['first_best']):.2f}",
+                f"{logs['final_best']:.2f}",
+                f"{logs['highest']:.2f}",
+                f"{logs['last_improvement']:.1f}",
+                f"{logs['drops']} of {logs['runs']}",
+            ]
+        )
+        for name, label in (
+            ("logged", "`l1`, counted as logged"),
+            ("l1", "`l1`"),
+            ("serpentine", "`serpentine`"),
+        ):
+            per = curves(folder, name, treatment).groupby(["generation", "run"]).fitness
+            best = per.max().unstack()
+            drops = int((best.diff() < -1e-9).any().sum())
+            rows.append(
+                [
+                    "",
+                    label,
+                    f"{best.iloc[0].mean():.2f}",
+                    f"{best.iloc[-1].mean():.2f}",
+                    f"{best.max().max():.2f}",
+                    f"{best.cummax().idxmax().mean():.1f}",
+                    f"{drops} of {best.shape[1]}",
+                ]
+            )
+    head = ["treatment", "", "first best", "final best", "highest", "last improvement", "drops"]
+    return table(head, rows)
+
+
+def spread(folder: Path) -> str:
+    """The same designs again, under fresh draws."""
+    missions = read(folder, "repeated")
+    return table(
+        ["", "standard deviation of a design's fitness over five trials, mean of 60 designs"],
+        [
+            [label, f"{designs(missions, score).groupby('design').std().mean():.2f}"]
+            for score, label in (("to_home", "counted to home"), ("whole", "Eq. 1"))
+        ],
+    )
+
+
+def write(parts: dict[str, str]) -> None:
+    """Put each table between its marks."""
+    text = DOCUMENT.read_text()
+    for name, content in parts.items():
+        begin, end = BEGIN.format(name), END.format(name)
+        before, _, rest = text.partition(begin)
+        text = f"{before}{begin}\n{content}\n{end}{rest.partition(end)[2]}"
+    DOCUMENT.write_text(text)
+
+
+def main(folder: Path, names: Iterable[str]) -> None:
+    parts: dict[str, Callable[[Path], str]] = {
+        "designs": random_designs,
+        "ends": ends,
+        "variants": lambda where: variants(where, names),
+        "runs": evolved,
+        "repeated": spread,
+    }
+    found = {name: make(folder) for name, make in parts.items()}
+    for name, content in found.items():
+        print(f"\n{name}\n{content}")
+    write(found)

@@ -1,0 +1,119 @@
+"""What the logs of the original runs say, world by world; writes benchmarks/original/original.json.
+
+The 30 logs are in the study's public workspace, github.com/gsimon2/ros_catkin_ws_src at 4d56eb3,
+as evo_ros/GA/logs/6_sonar_symmetric_placement_*.dat. Each row has the result of three missions:
+the share of time that was left (or less than 0) and the progress in percent. Needs a clone:
+
+    python benchmarks/original/original_logs.py FOLDER_OF_THE_LOGS
+"""
+
+import json
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+TREATMENTS = {
+    "without_failure": "none",
+    "with_complete_failure": "random",
+    "with_aoe_failure": "spatial",
+}
+WORLDS = ("boxes", "maze", "blocks")
+TARGET = Path(__file__).with_name("original.json")
+NAME = re.compile(r"6_sonar_symmetric_placement_(\w+)_run(\d+)\.dat")
+SENSORS = 6
+PENALTY = 1.8  # that the logs subtract from Eq. 1
+HOME, TENTH = 60.0, 10.0  # [%]: at home, as reported; a waypoint
+FROM_HOME = 50.0  # what follows was driven in the second phase, but for HOME itself
+
+
+def rows(folder: Path) -> Iterator[dict[str, object]]:
+    """A row for each individual in each generation in which it stands."""
+    for file in sorted(folder.iterdir()):
+        if not (match := NAME.fullmatch(file.name)) or match[1] not in TREATMENTS:
+            continue
+        for line in file.read_text(errors="replace").splitlines():
+            cells = [cell.strip() for cell in line.rstrip(", ").split(",")]
+            results = 4 + 3 * SENSORS
+            if len(cells) < results + 2 * len(WORLDS) or not cells[0].isdigit():
+                continue
+            numbers = list(map(float, cells))
+            row: dict[str, object] = {
+                "treatment": TREATMENTS[match[1]],
+                "run": int(match[2]),
+                "generation": int(numbers[0]),
+                "id": int(numbers[1]),
+                "fitness": numbers[2] + PENALTY,
+                "genes": tuple(numbers[4:results]),
+            }
+            for i, world in enumerate(WORLDS):
+                row[f"left_{world}"], row[f"progress_{world}"] = numbers[results + 2 * i :][:2]
+            yield row
+
+
+def worlds(designs: pd.DataFrame) -> dict[str, dict[str, object]]:
+    """For each world, the shares of the designs."""
+    found: dict[str, dict[str, object]] = {}
+    for world in WORLDS:
+        progress, left = designs[f"progress_{world}"], designs[f"left_{world}"]
+        done = left >= 0
+        stood = np.isclose(progress, HOME)
+        # Nearly five tenths and more are also the way home, which ends below them.
+        on = (progress > FROM_HOME) & ~stood
+        found[world] = {
+            "home": float((stood | on).mean()),
+            "ended_at_home": float(stood.mean()),
+            "went_on": float(on.sum() / max((stood | on).sum(), 1)),
+            "completed": float(done.mean()),
+            "time_limit": float(np.isclose(left, -3).mean()),
+            "waypoints": [  # 0, 1 ... 4 of them when the mission ended, before home
+                float((~stood & ~on & (progress // TENTH).clip(upper=4).eq(n)).mean())
+                for n in range(5)
+            ],
+        }
+    return found
+
+
+def curves(table: pd.DataFrame) -> dict[str, object]:
+    """Of the runs of one treatment, as case_study.md tells them and by generation."""
+    per = table.groupby(["generation", "run"]).fitness
+    best, mean = per.max().unstack(), per.mean().unstack()
+    spread = table.drop_duplicates(["run", "id"]).groupby(["run", "genes"]).fitness.std()
+    return {
+        "final_best": float(best.ffill().iloc[-1].mean()),
+        "highest": float(best.max().max()),
+        "last_improvement": float(best.cummax().idxmax().mean()),
+        "drops": int((best.diff() < -1e-9).any().sum()),
+        "best": [round(value, 3) for value in best.mean(axis=1)],
+        "mean": [round(value, 3) for value in mean.mean(axis=1)],
+        "again_sd": float(spread.mean()),
+    }
+
+
+def main(folder: Path) -> None:
+    table = pd.DataFrame(rows(folder))
+    found: dict[str, object] = {}
+    for treatment, each in table.groupby("treatment"):
+        first = each[each.generation == 0]
+        found[str(treatment)] = {
+            "runs": each.run.nunique(),
+            "random_designs": len(first),
+            "first": worlds(first),
+            "logged": worlds(each.drop_duplicates(["run", "id"])),
+            "quantiles": list(first.fitness.quantile(np.linspace(0, 1, 21)).round(3)),
+            "first_mean": float(first.fitness.mean()),
+            "first_best": list(first.groupby("run").fitness.max().round(3)),
+            **curves(each),
+        }
+    table = table.drop_duplicates(["treatment", "run", "id"])
+    times = (1 - table.left_blocks[table.left_blocks >= 0]) * 540
+    found["completed_s"] = [float(times.min()), float(times.median()), float(times.max())]
+    TARGET.write_text(json.dumps(found, indent=1) + "\n")
+    print(TARGET.read_text())
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,141 @@
+"""What a mission costs besides the engine: its time against that of the bare calls it makes.
+
+Flies random designs through the three worlds of the case study. Each mission is timed as a whole
+(``run_mission``: robot, building, filters, controller, metrics), and then its calls of
+``stepSimulation`` and ``rayTestBatch`` are repeated and timed alone: the same robot under the same
+commands, hence in the same poses to the last bit, which is checked. The two alternate, so that a
+busy machine slows both:  python benchmarks/performance/overhead.py [designs]
+"""
+
+import sys
+from dataclasses import replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from evoros.base.arrays import STATE_SIZE, Array, X, Y
+from evoros.config.compose import build, compose
+from evoros.evolution.experiment import Experiment
+from evoros.mission.mission import Mission
+from evoros.mission.outcome import AT_X, AT_Y
+from evoros.mission.rollout import run_mission
+from evoros.mission.scenario import Scenario
+from evoros.robot.model import Robot
+from evoros.simulator.engines.pybullet_model import SEEN
+from evoros.simulator.pybullet import PyBullet, forget_models
+from evoros.world.model import World
+
+Command = tuple[Array, float]
+
+
+class Recorder:
+    """A simulator that notes the commands that its simulation is given."""
+
+    def __init__(self, simulator: PyBullet) -> None:
+        self.simulator, self.time_step = simulator, simulator.time_step
+        self.commands: list[Command] = []
+
+    def open(self, robot: Robot, world: World) -> Any:
+        """As its simulator."""
+        self.commands = []
+        return _Noting(self.simulator.open(robot, world), self.commands)
+
+
+class _Noting:
+    """A simulation that notes what it is told."""
+
+    def __init__(self, opened: Any, commands: list[Command]) -> None:
+        self.opened, self.commands = opened, commands
+
+    def __enter__(self) -> "_Noting":
+        simulation = self.opened.__enter__()
+        self.observe, self.sense = simulation.observe, simulation.sense
+        self._advance = simulation.advance
+        return self
+
+    def __exit__(self, *error: Any) -> Any:
+        return self.opened.__exit__(*error)
+
+    def advance(self, command: Array, duration: float) -> None:
+        """Note it and do it."""
+        self.commands.append((command.copy(), duration))
+        self._advance(command, duration)
+
+
+def bare(
+    task: Scenario, robot: Robot, world: World, commands: list[Command], sense_every: int
+) -> tuple[float, Array]:
+    """Seconds in the engine's two calls alone, and the state at the end."""
+    state = np.zeros(STATE_SIZE)
+    spent = 0.0
+    with task.simulator.open(robot, world) as opened:
+        simulation: Any = opened
+        bullet, client, body = simulation._bullet, simulation._client, simulation._model.body
+        rays = [(starts, ends) for starts, ends, _ in simulation._beams]
+        step = task.simulator.time_step
+        for number, (command, duration) in enumerate(commands):
+            if number % sense_every == 0:
+                begin = perf_counter()
+                for starts, ends in rays:
+                    bullet.rayTestBatch(
+                        starts,
+                        ends,
+                        parentObjectUniqueId=body,
+                        parentLinkIndex=-1,
+                        collisionFilterMask=SEEN,
+                        physicsClientId=client,
+                    )
+                spent += perf_counter() - begin
+            simulation.advance(command, 0.0)
+            begin = perf_counter()
+            for _ in range(round(duration / step)):
+                bullet.stepSimulation(client)
+            spent += perf_counter() - begin
+        simulation.observe(state)
+    return spent, state
+
+
+def pair(experiment: Experiment, recorder: Recorder, mission: Mission) -> tuple[float, ...]:
+    """Seconds of the mission, of its bare calls, and simulated."""
+    task = experiment.task
+    _, track = run_mission(replace(task, simulator=recorder), mission)
+    forget_models()  # so that building counts, as for every new design
+    begin = perf_counter()
+    outcome, _ = run_mission(task, mission)
+    whole = perf_counter() - begin
+    embodied = task.embody(mission.design)
+    spent, state = bare(task, embodied.robot, task.world[mission.world], recorder.commands, 1)
+    assert (track[-1, [AT_X, AT_Y]] == state[[X, Y]]).all(), "the bare calls went another way"
+    return whole, spent, outcome.time_s
+
+
+def main(designs: int) -> None:
+    experiment = build(compose(["failure=random"]))
+    assert isinstance(experiment.simulator, PyBullet)
+    recorder = Recorder(experiment.simulator)
+    rng = np.random.default_rng(1)
+    rows: dict[str, list[tuple[float, ...]]] = {world: [] for world in experiment.world}
+    for number in range(designs):
+        design = experiment.space.decode(rng.random(experiment.space.size))
+        for world in experiment.world:
+            mission = Mission(0, number, design, world, 0, "evaluation", f"overhead:{number}")
+            rows[world].append(pair(experiment, recorder, mission))
+    print(
+        "world     missions  simulated [s]  ratio: median, least, greatest, of the sums   sim s/s"
+    )
+    for world, measured in [
+        *rows.items(),
+        ("all", [row for each in rows.values() for row in each]),
+    ]:
+        whole, spent, simulated = np.array(measured).T
+        ratio = whole / spent
+        print(
+            f"{world:<10}{len(measured):>8}{simulated.sum():>15.0f}{np.median(ratio):>16.3f}"
+            f"{ratio.min():>7.3f}{ratio.max():>10.3f}{whole.sum() / spent.sum():>13.3f}"
+            f"{simulated.sum() / whole.sum():>10.0f}"
+        )
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 8)

@@ -1,0 +1,119 @@
+"""What a control tick of the planar simulator costs: against sensors, rays and obstacles.
+
+Sensing and five steps of 20 ms with their contacts, compiled, along a walk through a field at the
+density of the case study's boxes. Used by ``performance.py``; alone it prints its table:
+
+    python benchmarks/performance/tick_cost.py
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+from numba import njit
+
+from evoros.base.compilation import MOTION, compile_rule
+from evoros.config.compose import build, compose
+from evoros.evolution.experiment import Experiment
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.robot.model import Robot
+from evoros.sensor.protocol import Mount
+from evoros.sensor.sonar import Sonar
+from evoros.simulator.protocol import RuleSimulation
+from evoros.world.model import World
+
+DENSITY = 0.19  # obstacles for each square metre: nineteen boxes on ten by ten metres
+TICK_S, TICKS, REPEATS = 0.1, 100_000, 5
+SENSORS = (1, 3, 6, 12, 24, 48)
+RAYS_PER_AXIS = (1, 3, 5, 7, 10, 15)
+OBSTACLES = (20, 200, 2_000, 20_000)
+
+Point = tuple[int, float]  # number, microseconds a tick
+
+
+@njit
+def fly(sense, advance, parameters, memory, walk, readings, command):  # type: ignore[no-untyped-def]
+    """Sense and advance from each pose of a walk (n, 3)."""
+    for k in range(len(walk)):
+        memory[:3] = walk[k]
+        sense(parameters, memory, readings)
+        advance(parameters, memory, command, TICK_S)
+
+
+def rover(experiment: Experiment, sensors: int, rays_per_axis: int) -> Robot:
+    """The rover with sensors all around."""
+    sonar = Sonar(rays_per_axis=rays_per_axis)
+    around = [360.0 * i / sensors for i in range(sensors)]
+    mounts = [Mount("sonar", "base_link", 0.1, 0.0, 0.166, yaw, 12.5) for yaw in around]
+    return experiment.robot.equipped(mounts, {"sonar": sonar})
+
+
+def field(experiment: Experiment, obstacles: int) -> World:
+    """A square of boxes, seeded; home lies outside of it."""
+    rng, side = np.random.default_rng(1), math.sqrt(obstacles / DENSITY)
+    places = rng.uniform(
+        (-side / 2, -side / 2, 0.0), (side / 2, side / 2, math.tau), (obstacles, 3)
+    )
+    boxes = [
+        Body(f"box_{i}", Pose.from_rpy((x, y, 0.2), 0.0, 0.0, yaw), (Shape("box", (0.4,) * 3),))
+        for i, (x, y, yaw) in enumerate(places.tolist())
+    ]
+    world = experiment.world["boxes"]
+    ground = [body for body in world.bodies if body.is_ground]
+    course = replace(world.course, home_x_m=2.0 * side, waypoints=((2.0 * side, side),))
+    return World("field", (*ground, *boxes), course, "field", f"{obstacles}")
+
+
+def walk(obstacles: int) -> "np.ndarray[tuple[int, int], np.dtype[np.float64]]":
+    """(TICKS, 3) poses 3 cm apart from each to the next, inside of the field."""
+    rng, side = np.random.default_rng(2), math.sqrt(obstacles / DENSITY) - 2.0
+    yaw = np.cumsum(rng.normal(0.0, 0.2, TICKS))
+    steps = 0.03 * np.column_stack([np.cos(yaw), np.sin(yaw)])
+    inside = (np.cumsum(steps, axis=0) + side / 2) % side - side / 2
+    return np.column_stack([inside, yaw])
+
+
+def cost(experiment: Experiment, robot: Robot, obstacles: int) -> float:
+    """Microseconds a tick: the least of some repeats, for other programs only add to it."""
+    world, poses = field(experiment, obstacles), walk(obstacles)
+    with experiment.simulator.open(robot, world) as simulation:
+        assert isinstance(simulation, RuleSimulation)
+        _, sense, advance = map(compile_rule, simulation.rules, MOTION)
+        readings, command = np.zeros(len(robot.mounts)), np.array([0.3, 0.2])
+        arguments = (sense, advance, simulation.parameters, simulation.memory)
+        fly(*arguments, poses[:10], readings, command)
+        times = []
+        for _ in range(REPEATS):
+            begin = perf_counter()
+            fly(*arguments, poses, readings, command)
+            times.append(perf_counter() - begin)
+    return 1e6 * min(times) / TICKS
+
+
+def curves() -> dict[str, list[Point]]:
+    """The cost of a tick by what makes it dearer; the rest as in the case study."""
+    experiment = build(compose(["simulator=planar"]))
+    six = rover(experiment, 6, 5)
+    return {
+        "sensors": [(n, cost(experiment, rover(experiment, n, 5), 200)) for n in SENSORS],
+        "rays of a sensor": [
+            (n * n, cost(experiment, rover(experiment, 6, n), 200)) for n in RAYS_PER_AXIS
+        ],
+        "obstacles": [(n, cost(experiment, six, n)) for n in OBSTACLES],
+    }
+
+
+def table(curves: dict[str, Sequence[Point]]) -> str:
+    """As Markdown."""
+    lines = ["| against | number | us a tick | ratio to the first |", "|---|---|---|---|"]
+    for name, points in curves.items():
+        for number, value in points:
+            ratio = value / points[0][1]
+            lines.append(f"| {name} | {number:,} | {value:.2f} | {ratio:.2f} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    print(table(curves()))  # type: ignore[arg-type]

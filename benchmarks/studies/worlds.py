@@ -1,0 +1,42 @@
+"""Pictures of worlds from above for docs/worlds.md.
+
+    python benchmarks/studies/worlds.py [run]
+
+Writes docs/img/generated.png and, with the folder of a run with world=dense, docs/img/dense.png
+with the tracks of its champion.
+"""
+
+import sys
+from pathlib import Path
+
+from evoros.analysis.drawing.style import save
+from evoros.analysis.drawing.worlds import worlds
+
+import evoros
+from evoros.config.compose import build, compose
+from evoros.world.model import World
+
+IMAGES = Path(__file__).parents[2] / "docs" / "img"
+EXAMPLES = {
+    "density 0.08, gap 1.3 m": [],
+    "density 0.16, gap 0.6 m": ["density=0.16", "gap_m=0.6"],
+    "density 0.3, gap 0.2 m, open": ["density=0.3", "gap_m=0.2", "enclosed=false"],
+}
+
+
+def generated(overrides: list[str]) -> World:
+    keys = [f"world.generated.{each}" for each in overrides]
+    return build(compose(["world=generated", *keys])).world["generated"]
+
+
+def main(folders: list[str]) -> None:
+    examples = {name: generated(overrides) for name, overrides in EXAMPLES.items()}
+    save(worlds(examples), IMAGES / "generated.png", "png")
+    for folder in folders:
+        run, dense = evoros.load_run(folder), build(compose(["world=dense"])).world
+        tracks = {name: [run.trajectory(name)[["x_m", "y_m"]].to_numpy()] for name in dense}
+        save(worlds(dense, tracks), IMAGES / "dense.png", "png")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

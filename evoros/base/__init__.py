@@ -1,0 +1,1 @@
+"""What every room needs: errors, checks, arrays, random draws, messages, compiled rules."""

@@ -1,0 +1,61 @@
+"""The command ``evoros-world``: writes the world of a configuration as an SDF file."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from evoros.base.console import DONE, INPUT
+from evoros.base.errors import EvorosError, InputError
+from evoros.base.log import LOGGER, logging_to_terminal
+
+USAGE = """evoros-world writes a world as an SDF file, for Gazebo and for world=... of your own.
+
+evoros-world FILE [key=value ...] [--config-dir FOLDER]
+
+FILE must not exist. The keys are those of evoros, with world=generated chosen:
+  evoros-world field.sdf world.generated.seed=3 world.generated.density=0.3"""
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    sys.exit(evoros_world(sys.argv[1:]))
+
+
+def evoros_world(arguments: Sequence[str]) -> int:
+    """Run the command; returns its exit status: 0, or 2 for input that cannot be used."""
+    if not arguments or {"-h", "--help"} & set(arguments):
+        print(USAGE)
+        return DONE if arguments else INPUT
+    with logging_to_terminal():
+        try:
+            print(_write(arguments[0], arguments[1:]))
+        except EvorosError as error:
+            LOGGER.error("evoros-world: %s", " ".join(str(error).split()))
+            return INPUT
+    return DONE
+
+
+def _write(name: str, rest: Sequence[str]) -> str:
+    """Write the file; returns what is said of it."""
+    from evoros.config.compose import build, compose
+    from evoros.config.jobs import options_of
+
+    if "=" in name or name.startswith("-"):
+        raise InputError(f"{name}: must be the name of a new file; evoros-world FILE key=value ...")
+    options = options_of(list(rest))
+    chosen = ["world=generated", *options.overrides]
+    worlds = build(compose(chosen, options.config_dir)).world
+    if len(worlds) > 1:
+        raise InputError(
+            f"world: must be one world, not {len(worlds)} ({', '.join(worlds)}); choose one of them"
+        )
+    (world,) = worlds.values()
+    path = Path(name).expanduser()
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(world.sdf)
+    except FileExistsError as error:
+        raise InputError(f"{path}: must be a new file, and it exists; choose another") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another") from error
+    return f"{path}: {len(world.obstacles)} obstacles"

@@ -1,0 +1,1 @@
+"""Designs: what evolves, and where it may lie."""

@@ -1,0 +1,112 @@
+"""Where on a robot a sensor may be, and where it may face."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from evoros.base.checks import NOT_NEGATIVE, TEXT, Rule, check
+from evoros.base.errors import InputError
+from evoros.base.intervals import INTERVAL, bounds
+
+if TYPE_CHECKING:
+    from evoros.robot.model import Robot
+
+
+def _within(limit: float, text: str) -> Rule:
+    def holds(value: object) -> bool:
+        return INTERVAL.holds(value) and all(abs(end) <= limit for end in bounds(value))
+
+    return Rule(f"{INTERVAL.text}, {text}", holds)
+
+
+HEADING = _within(360, "from -360 to 360")
+ELEVATION = _within(90, "from -90 to 90")
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where a sensor may be and where it may face: each a number, or [low, high]."""
+
+    x_m: float | Sequence[float]  # in the frame of ``link``
+    y_m: float | Sequence[float]
+    yaw_deg: float | Sequence[float]  # left positive
+    z_m: float | Sequence[float] | None = None  # None: as high as the robot's default mount
+    pitch_deg: float | Sequence[float] | None = None  # nose up positive; None: the default mount's
+    link: str | None = None  # None: the link of the robot's default mount
+    overhang_m: float = 0.05  # how far a sensor may stand out from the robot: on a bracket
+
+    def __post_init__(self) -> None:
+        check(self, x_m=INTERVAL, y_m=INTERVAL, yaw_deg=HEADING, overhang_m=NOT_NEGATIVE)
+        optional = {"z_m": INTERVAL, "pitch_deg": ELEVATION, "link": TEXT}
+        check(self, **{k: rule for k, rule in optional.items() if getattr(self, k) is not None})
+
+    def on(self, robot: "Robot", mirrored: bool, where: str) -> "Region":
+        """This region with the default mount of ``robot`` wherever it leaves a value to it.
+
+        ``where`` is its place in the configuration, for messages.
+
+        Raises:
+            InputError: the region, or its mirror image where ``mirrored``, is off the robot.
+        """
+        link = robot.mount_link if self.link is None else self.link
+        self._check_link(link, robot, mirrored, where)
+        bound = replace(
+            self,
+            z_m=robot.mount_z_m if self.z_m is None else self.z_m,
+            pitch_deg=robot.mount_pitch_deg if self.pitch_deg is None else self.pitch_deg,
+            link=link,
+        )
+        bound._check_outline(link, robot, mirrored, where)
+        bound._check_height(link, robot, where)
+        return bound
+
+    def _check_link(self, link: str, robot: "Robot", mirrored: bool, where: str) -> None:
+        if link not in robot.places:
+            raise InputError(
+                f"{where}.link: must be a link of {robot.name} that can carry sensors, "
+                f"not {link!r}; choose one of {', '.join(robot.places)}"
+            )
+        if self.z_m is None and link != robot.mount_link:
+            raise InputError(
+                f"{where}.z_m: must be a number on the link {link}, not null; "
+                f"give it, for the robot's default height is that on {robot.mount_link}"
+            )
+        _, y, _, yaw = robot.places[link]
+        if mirrored and (y, yaw) != (0, 0):
+            raise InputError(
+                f"{where}.link: must lie on the robot's x axis and face along it where sensors "
+                f"are mirrored, not {link!r} at y {y:g} m, yaw {yaw:g} rad; "
+                f"choose another link or set mirrored to false"
+            )
+
+    def _check_outline(self, link: str, robot: "Robot", mirrored: bool, where: str) -> None:
+        x, y, _, yaw = robot.places[link]
+        sides = (1, -1) if mirrored else (1,)
+        corners = [
+            (a, side * b) for a in bounds(self.x_m) for b in bounds(self.y_m) for side in sides
+        ]
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        in_frame = [(x + cos * a - sin * b, y + sin * a + cos * b) for a, b in corners]
+        least, most = robot.outline.min(axis=0), robot.outline.max(axis=0)
+        for axis, name in enumerate(("x", "y")):
+            low, high = (end([corner[axis] for corner in in_frame]) for end in (min, max))
+            if low < least[axis] - self.overhang_m or high > most[axis] + self.overhang_m:
+                raise InputError(
+                    f"{where}: {name} must be at most {self.overhang_m} m outside the outline of "
+                    f"{robot.name} ({least[axis]:g} to {most[axis]:g} m), not {low:g} to {high:g} "
+                    f"m; move the region onto the robot, or raise its overhang_m"
+                )
+
+    def _check_height(self, link: str, robot: "Robot", where: str) -> None:
+        base = robot.places[link][2]
+        low, high = (base + end for end in bounds(self.z_m))
+        # What cannot touch obstacles may reach higher: a mast, the robot's place for sensors.
+        mount = robot.places[robot.mount_link][2] + robot.mount_z_m
+        top = max(robot.height_m, base, mount)
+        if low < 0 or high > top + self.overhang_m:
+            raise InputError(
+                f"{where}: z must be above the ground and at most {self.overhang_m} m above "
+                f"{robot.name} ({top:g} m), not {low:g} to {high:g} m; "
+                f"move the region onto the robot, or raise its overhang_m"
+            )

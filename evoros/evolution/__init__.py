@@ -1,0 +1,1 @@
+"""The evolution: an experiment, checked, and its loop of ask, evaluate and tell."""

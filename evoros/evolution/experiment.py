@@ -1,0 +1,167 @@
+"""All that a run is, as one description: the parts, checked against each other."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+
+from evoros.base.arrays import POSE_SIZE
+from evoros.base.checks import COUNT, NAME, WHOLE, check, instance_of, one_of
+from evoros.base.errors import InputError
+from evoros.base.log import LOGGER
+from evoros.base.rng import generator
+from evoros.controller.protocol import Controller
+from evoros.design.design import Design
+from evoros.design.genes import check_genes
+from evoros.design.space import DesignSpace, SensorDesign
+from evoros.evolution.confirmation import Confirmation
+from evoros.executor.protocol import Executor
+from evoros.failure.protocol import Failure
+from evoros.fitness.protocol import Fitness
+from evoros.mission.compiled_loop import explain_interpreted, prepare
+from evoros.mission.loop import LayerStage, LoopInputs, loop_inputs
+from evoros.mission.pipeline import localization_chain, sensor_chain, sensor_channels
+from evoros.mission.plan import CONFIRMATION, POLICIES, STOP, VALIDATION, WORST, Plan
+from evoros.mission.scenario import Scenario
+from evoros.optimizer.protocol import Optimizer
+from evoros.robot.model import Robot
+from evoros.session.figures import DRAWABLE
+from evoros.simulator.protocol import RuleSimulation, RuleSimulator, Simulator
+from evoros.world.course import Course
+from evoros.world.model import World
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """All that a run is: a pure function from this to a run folder.
+
+    The field names are the keys and groups of ``conf/config.yaml``.
+
+    Raises:
+        InputError: a value out of range, a part of the wrong kind, parts that do not fit.
+    """
+
+    robot: Robot
+    world: Mapping[str, World]
+    design: SensorDesign
+    failure: Failure
+    controller: Controller
+    simulator: Simulator
+    fitness: Fitness
+    optimizer: Optimizer
+    executor: Executor
+    seed: int = 0
+    trials: int = 1  # missions of a design in each world
+    draws: str = "generation"  # who meets the same random draws: generation, individual or run
+    lost_missions: str = STOP  # a mission that crashes or hangs: stop the run, or worst
+    confirmation: Confirmation | None = None  # of each generation's best, in another simulator
+    figures: Sequence[str] = ()  # that a finished run draws of itself: evoros-analyze's subcommands
+    course: Course | None = None  # to whose values those of the worlds' courses may refer
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            fitness=instance_of(Fitness, "a fitness (score and worst)"),
+            optimizer=instance_of(Optimizer, "an optimizer (generations and start)"),
+            executor=instance_of(Executor, "an executor (workers and open)"),
+            seed=WHOLE,
+            trials=COUNT,
+            draws=one_of(*POLICIES),
+            lost_missions=one_of(STOP, WORST),
+            confirmation=instance_of(
+                Confirmation | None, "a confirmation (evoros.evolution.confirmation.Confirmation)"
+            ),
+            figures=DRAWABLE,
+            course=instance_of(Course | None, "a course (evoros.world.course.Course)"),
+        )
+        parts = {"robot": self.robot, "controller": self.controller, "design": self.design}
+        check_genes(self.task.design.genes, parts)
+        for name in self.world:
+            if not NAME.holds(name):
+                raise InputError(
+                    f"world: the key of each world must be {NAME.text}, not {name!r}; rename it"
+                )
+        _ = self.confirming
+        self._try_out()
+
+    def _try_out(self) -> None:
+        """All that a mission needs before its engine, once: a run must not break in its middle.
+
+        The design lies in the middle of the search space, with a sensor of each type.
+        """
+        rng = partial(generator, "try out")
+        _ = self.optimizer.start(self.space, rng("optimizer"))
+        middle = self.space.decode(np.full(self.space.size, 0.5))
+        places = middle.mounts[:1]  # none where no sensors are placed
+        mounts = tuple(replace(at, sensor=name) for at in places for name in self.design.sensors)
+        task = self.task.embody(Design(mounts, middle.values))
+        faults = self.failure.draw(sensor_channels(task.robot), rng("failure"))
+        values, tick = np.zeros(len(mounts)), self.simulator.time_step
+        filters = sensor_chain(task.robot, faults, values, values, tick, rng)
+        controller, pose = task.controller, np.zeros(POSE_SIZE)
+        localization = localization_chain(controller.localization, pose, controller.period_s, rng)
+        try:
+            with controller.open(task.robot, rng) as layers:
+                steps = [LayerStage(layer.rule, layer.parameters, layer.memory) for layer in layers]
+        except InputError as error:
+            raise InputError(f"controller: {error}") from None
+        simulators = (self.task.simulator, self.confirming.simulator)
+        made = dict.fromkeys(each.rules for each in simulators if isinstance(each, RuleSimulator))
+        for rules in made:
+            simulation = RuleSimulation(rules, np.zeros(0), np.zeros(0))
+            self._compile(loop_inputs(simulation, filters, localization, steps))
+
+    def _compile(self, parts: LoopInputs) -> None:
+        """Here and once, so that the workers find everything on disk; what cannot be is said."""
+        prepare(parts)
+        fewer = len(parts.filters)  # designs without sensors of some type, or without faults
+        while fewer:
+            fewer //= 2
+            prepare(parts._replace(filters=parts.filters[:fewer]))
+        for line in explain_interpreted(parts):
+            LOGGER.warning("%s; missions are flown step by step, several times slower", line)
+
+    @cached_property
+    def task(self) -> Scenario:
+        """What a mission needs of the experiment."""
+        return Scenario(
+            self.robot, self.world, self.design, self.failure, self.controller, self.simulator
+        )
+
+    @cached_property
+    def confirming(self) -> Scenario:
+        """The task in the confirming simulator; the run's own without a confirmation.
+
+        Raises:
+            InputError: the time step of that simulator does not fit the periods.
+        """
+        if self.confirmation is None:
+            return self.task
+        try:
+            return replace(self.task, simulator=self.confirmation.simulator)
+        except InputError as error:
+            raise InputError(f"confirmation.simulator: {error}") from None
+
+    def task_of(self, purpose: str) -> Scenario:
+        """The task of the missions of a purpose: what is to be trusted is flown in the confirming.
+
+        So validated and confirmed fitness compare, as they do without a confirmation.
+        """
+        return self.confirming if purpose in (CONFIRMATION, VALIDATION) else self.task
+
+    @cached_property
+    def space(self) -> DesignSpace:
+        """The search space."""
+        return self.design.space(self.robot)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """Which missions score a design."""
+        return Plan(
+            self.seed,
+            tuple(self.world),
+            self.trials,
+            self.optimizer.validation_trials,
+            self.draws,
+        )

@@ -1,0 +1,154 @@
+"""One worker process, as the main process holds it.
+
+Each has a Pebble pool of its own, which is given one call at a time. In a pool that several
+processes share, Pebble (5.2) can blame a crash on the wrong call, or give up the whole pool with
+the calls that wait in it: it did so in 4 of 24 trials in which calls crashed as they began while
+the main process was busy.
+"""
+
+import os
+import signal
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from contextlib import suppress
+from multiprocessing.context import SpawnContext, SpawnProcess
+from typing import Any
+
+from pebble import ProcessExpired, ProcessPool
+
+from evoros.executor.worker_main import perform, prepare
+
+START_LIMIT_S = 120.0
+"""A process that is not ready by then is given up: it imports the main script, no more."""
+GRACE_S = 10.0
+"""Pebble enforces the limits; an answer that is still missing so much later never comes."""
+
+
+class LostError(Exception):
+    """An attempt at a call got no answer."""
+
+    def __init__(self, what: str, cure: str) -> None:
+        super().__init__(what, cure)
+        self.what = what
+        self.cure = cure
+
+
+class _Spawn(SpawnContext):
+    """Spawns as usual, and keeps hold of the newest process, which Pebble does not show."""
+
+    newest: SpawnProcess | None = None
+
+    def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # type: ignore[override]  # noqa: N802
+        self.newest = SpawnProcess(*args, **kwargs)
+        return self.newest
+
+
+class Worker:
+    """A process that is replaced when a call crashed it or hung. Used by one thread."""
+
+    def __init__(
+        self, closing: "Future[None]", time_limit_s: float, calls_per_process: int | None
+    ) -> None:
+        self._closing = closing
+        self._time_limit_s = time_limit_s
+        self._calls_per_process = calls_per_process
+        self._answered = 0
+        self._spawn = _Spawn()
+        self._pool: Any = None
+        self._leader: Future[int] | None = None  # the id of the process, once it is prepared
+
+    def start(self) -> None:
+        """Start a process without waiting for it.
+
+        Raises:
+            OSError, RuntimeError: the system or Pebble could not.
+        """
+        self._answered = 0
+        if self._pool is None or not self._pool.active:
+            self.stop()
+            self._pool = ProcessPool(1, context=self._spawn)
+        self._leader = self._pool.schedule(prepare, timeout=START_LIMIT_S)
+
+    def answer(self, payload: bytes) -> bytes:
+        """What ``inside.perform`` answers to the pickled call.
+
+        Raises:
+            LostError: the process crashed or hung.
+            CancelledError: the pool is being closed.
+        """
+        if self._answered == self._calls_per_process:
+            self.stop()
+        try:
+            self._await_start()
+            answer = self._attempt(payload)
+        except LostError:
+            self._kill_group()  # Pebble has replaced the process, or its pool is broken
+            raise
+        self._answered += 1
+        return answer
+
+    def stop(self) -> None:
+        """Kill the process, and those that it has started."""
+        if self._pool is None:
+            return
+        self._pool.stop()
+        self._kill_group()
+        if self._spawn.newest is not None and self._spawn.newest.pid is not None:
+            # It may still be starting, and would complain of the locks that join() takes away.
+            self._spawn.newest.kill()
+            self._spawn.newest.join()
+        self._pool.join()
+        self._pool = None
+
+    def _kill_group(self) -> None:
+        if self._leader is not None and self._leader.done() and not self._leader.exception():
+            with suppress(ProcessLookupError, PermissionError):  # nobody is left of the group
+                os.killpg(self._leader.result(), signal.SIGKILL)
+        self._leader = None
+
+    def _await_start(self) -> None:
+        try:
+            if self._leader is None:
+                self.start()
+            assert self._leader is not None
+            self._result(self._leader, START_LIMIT_S)
+        except (OSError, RuntimeError) as error:
+            self.stop()
+            raise LostError(
+                "its worker process ended or hung as it started",
+                "read what that process printed; a script that runs evoros must do so under "
+                "if __name__ == '__main__'",
+            ) from error
+
+    def _attempt(self, payload: bytes) -> bytes:
+        limit = self._time_limit_s
+        try:
+            attempt = self._pool.schedule(perform, (payload,), timeout=limit)
+            answer: bytes = self._result(attempt, limit)
+            return answer
+        except TimeoutError as error:
+            raise LostError(
+                f"it ran longer than executor.time_limit_s = {limit:g} s",
+                "raise that limit, or look where it hangs with executor=serial",
+            ) from error
+        except ProcessExpired as error:
+            raise _crash(error.exitcode) from error
+        except RuntimeError as error:  # Pebble's pool broke, before it replaced the process
+            newest = self._spawn.newest
+            raise _crash(newest.exitcode if newest is not None else None) from error
+
+    def _result(self, attempt: "Future[Any]", limit: float) -> Any:
+        wait((attempt, self._closing), limit + GRACE_S, FIRST_COMPLETED)
+        if self._closing.done():
+            raise CancelledError
+        return attempt.result(timeout=0)
+
+
+def _crash(code: int | None) -> LostError:
+    how = "" if code is None else f" with exit code {code}"
+    if code is not None and code < 0:
+        how = f" by signal {-code} ({signal.strsignal(-code)})"
+    return LostError(
+        f"its worker process ended{how}",
+        "read what that process printed, take fewer executor.workers if memory ran out, or "
+        "debug it with executor=serial",
+    )

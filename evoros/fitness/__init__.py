@@ -1,0 +1,1 @@
+"""Fitness: from the outcomes of a design to one number."""

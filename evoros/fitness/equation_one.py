@@ -1,0 +1,43 @@
+"""The fitness of the 2018 paper (Evo-ROS), its Eq. 1."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from evoros.base.checks import NOT_NEGATIVE, check
+from evoros.mission.outcome import Outcome
+
+NOTHING_DONE = 1.0
+"""What Eq. 1 gives for one mission without any progress."""
+
+
+@dataclass(frozen=True)
+class EquationOne:
+    """Eq. 1 of the 2018 paper: sum over worlds of (1 + progress)^2 + C (1 + time left)^2.
+
+    C is 1 for a completed mission, else 0; time left is a share of the time limit. From 1 for
+    nothing done to 8 in each world.
+    """
+
+    sensor_penalty: float = 0.0  # subtracted once for each sensor; 0.3 in the original runs
+
+    def __post_init__(self) -> None:
+        check(self, sensor_penalty=NOT_NEGATIVE)
+
+    def score(self, outcomes: Sequence[Outcome]) -> float:
+        """Sum of the missions, less the penalty for the sensors that the design carries."""
+        return sum(map(equation_one, outcomes)) - self._penalty(outcomes)
+
+    def worst(self, outcomes: Sequence[Outcome]) -> float:
+        """Nothing done in any world: 1 for each of them, less the penalty."""
+        return len(outcomes) * NOTHING_DONE - self._penalty(outcomes)
+
+    def _penalty(self, outcomes: Sequence[Outcome]) -> float:
+        return self.sensor_penalty * outcomes[0].sensors if outcomes else 0.0
+
+
+def equation_one(outcome: Outcome) -> float:
+    """Eq. 1 for one mission, 1..8."""
+    done = (1.0 + outcome.progress) ** 2
+    if not outcome.completed:
+        return done
+    return done + (2.0 - outcome.time_s / outcome.time_limit_s) ** 2

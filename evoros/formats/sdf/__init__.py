@@ -1,0 +1,1 @@
+"""SDF worlds: reads and writes them."""

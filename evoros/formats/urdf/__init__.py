@@ -1,0 +1,1 @@
+"""URDF and xacro robot descriptions: reads them and merges their fixed links."""

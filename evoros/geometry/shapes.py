@@ -1,0 +1,188 @@
+"""Solid bodies and where they are: poses, shapes and what is made of them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.base.checks import (
+    NOT_NEGATIVE,
+    TEXT,
+    Rule,
+    check,
+    invalid,
+    is_number,
+    one_of,
+    sequence_of,
+)
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+def _numbers(count: int) -> Rule:
+    return Rule(
+        f"{count} numbers",
+        lambda v: isinstance(v, tuple | list) and len(v) == count and all(map(is_number, v)),
+    )
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A frame in another frame: ``a_to_c = a_to_b @ b_to_c``."""
+
+    position: Vector = (0.0, 0.0, 0.0)  # x, y, z [m]
+    quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)  # x, y, z, w, of length 1
+
+    def __post_init__(self) -> None:
+        check(self, position=_numbers(3), quaternion=_numbers(4))
+        length = math.sqrt(sum(q * q for q in self.quaternion))
+        if abs(length - 1.0) > 1e-6:
+            raise invalid(self, "quaternion", self.quaternion, "must have length 1")
+
+    @classmethod
+    def from_rpy(cls, position: Vector, roll: float, pitch: float, yaw: float) -> "Pose":
+        """Rotation Rz(yaw) Ry(pitch) Rx(roll), angles in radians, as SDF and URDF have it."""
+        cr, sr = math.cos(roll / 2), math.sin(roll / 2)
+        cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
+        cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
+        return cls(
+            position,
+            (
+                sr * cp * cy - cr * sp * sy,
+                cr * sp * cy + sr * cp * sy,
+                cr * cp * sy - sr * sp * cy,
+                cr * cp * cy + sr * sp * sy,
+            ),
+        )
+
+    @classmethod
+    def from_matrix(cls, position: Sequence[float], rotation: Array) -> "Pose":
+        """``rotation`` (3, 3) is orthonormal and right-handed."""
+        m = rotation.tolist()
+        trace = m[0][0] + m[1][1] + m[2][2]
+        # The largest of the four components is the one that can be found without cancellation.
+        squares = (*(1 - trace + 2 * m[i][i] for i in range(3)), 1 + trace)
+        largest = max(range(4), key=squares.__getitem__)
+        q = [0.0, 0.0, 0.0, 0.0]
+        q[largest] = squares[largest]
+        skew = (m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1])
+        for i in range(3):
+            if largest == 3:
+                q[i] = skew[i]
+            elif i != largest:
+                q[i] = m[i][largest] + m[largest][i]
+        if largest != 3:
+            q[3] = skew[largest]
+        x, y, z = (float(p) for p in position)
+        return cls((x, y, z), normalized(q))
+
+    def __matmul__(self, other: "Pose") -> "Pose":
+        x1, y1, z1, w1 = self.quaternion
+        x2, y2, z2, w2 = other.quaternion
+        return Pose(
+            self.point(other.position),
+            normalized(
+                (
+                    w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+                    w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+                    w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+                    w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+                )
+            ),
+        )
+
+    def inverse(self) -> "Pose":
+        """The pose of the other frame in this one."""
+        x, y, z, w = self.quaternion
+        back = Pose(quaternion=(-x, -y, -z, w))
+        px, py, pz = back.point(self.position)
+        return Pose((-px, -py, -pz), back.quaternion)
+
+    def point(self, point: Vector) -> Vector:
+        """A point of this frame [m], seen from the frame that this pose is in."""
+        x, y, z = (self.rotation @ np.array(point) + self.position).tolist()
+        return (x, y, z)
+
+    @property
+    def rotation(self) -> Array:
+        """(3, 3): the columns are this frame's axes."""
+        x, y, z, w = self.quaternion
+        return np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+
+    @property
+    def yaw(self) -> float:
+        """Heading of the x axis in the plane [rad]."""
+        x, y, z, w = self.quaternion
+        return math.atan2(2 * (x * y + z * w), 1 - 2 * (y * y + z * z))
+
+
+def normalized(quaternion: Sequence[float]) -> Quaternion:
+    """The quaternion with length 1; it must not be zero."""
+    length = math.sqrt(sum(q * q for q in quaternion))
+    x, y, z, w = (q / length for q in quaternion)
+    return (x, y, z, w)
+
+
+_SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "plane": 3}
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A primitive, centred on its frame.
+
+    ``size`` [m] is, of a box, its full lengths along x, y and z; of a cylinder, its radius and its
+    length along z; of a sphere, its radius; of a plane, its normal (no size: it is infinite).
+    """
+
+    kind: str  # box, cylinder, sphere or plane
+    size: tuple[float, ...]
+    pose: Pose = Pose()  # in the frame of the body
+
+    def __post_init__(self) -> None:
+        check(self, kind=one_of(*_SIZES))
+        check(self, size=_numbers(_SIZES[self.kind]))
+        if self.kind == "plane":
+            if math.sqrt(sum(n * n for n in self.size)) < 1e-9:
+                raise invalid(self, "size", self.size, "the normal of a plane must not be 0")
+        elif min(self.size) <= 0:
+            raise invalid(self, "size", self.size, f"all sizes of a {self.kind} must be above 0")
+
+
+@dataclass(frozen=True)
+class Body:
+    """Shapes that move as one. The frame of a movable body is the one of its inertia."""
+
+    name: str
+    pose: Pose  # in the world; of a movable body: at its centre of mass, along its principal axes
+    shapes: tuple[Shape, ...]
+    mass: float | None = None  # [kg]; None: fixed to the ground
+    friction: float = 1.0  # coefficient mu of this body's surface
+    inertia: Vector | None = None
+    """Principal moments [kg m2] about the axes of ``pose``; None: that of the shapes, filled."""
+
+    def __post_init__(self) -> None:
+        check(self, name=TEXT, friction=NOT_NEGATIVE, shapes=sequence_of(Shape, "shapes"))
+        if not self.shapes:
+            raise invalid(self, "shapes", self.shapes, "must not be empty")
+        if self.mass is not None and not (is_number(self.mass) and self.mass > 0):
+            raise invalid(self, "mass", self.mass, "must be greater than 0 kg, or null if fixed")
+        if self.mass is not None and any(shape.kind == "plane" for shape in self.shapes):
+            raise invalid(self, "mass", self.mass, "a body with a plane must be fixed")
+        if self.inertia is not None:
+            check(self, inertia=_numbers(3))
+            if min(self.inertia) <= 0:
+                raise invalid(self, "inertia", self.inertia, "all moments must be above 0")
+
+    @property
+    def is_ground(self) -> bool:
+        """A plane is ground to drive on; everything else is an obstacle."""
+        return all(shape.kind == "plane" for shape in self.shapes)

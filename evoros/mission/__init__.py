@@ -1,0 +1,1 @@
+"""One mission: from a design, a world and random draws to an outcome."""

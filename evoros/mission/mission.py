@@ -1,0 +1,26 @@
+"""One mission of one design, and the key of its random draws."""
+
+from dataclasses import dataclass
+
+from evoros.design.design import Design
+
+
+@dataclass(frozen=True)
+class Mission:
+    """Which design in which world under which draws: with the task, all that an outcome needs."""
+
+    generation: int
+    design_id: int
+    design: Design
+    world: str
+    trial: int
+    purpose: str  # selection, confirmation, validation or evaluation
+    draws: str  # the key of all random draws
+
+    @property
+    def place(self) -> "MissionKey":
+        """What identifies the mission in its run."""
+        return (self.generation, self.design_id, self.world, self.trial)
+
+
+MissionKey = tuple[int, int, str, int]  # generation, design, world, trial

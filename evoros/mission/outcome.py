@@ -1,0 +1,66 @@
+"""The outcome of one mission: how it ended, and its metrics."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+# How a mission ended.
+COMPLETED, COLLISION, TIME_LIMIT = "completed", "collision", "time_limit"
+SIMULATION_FAILURE, LOST, REFUSED = "simulation_failure", "lost", "refused"
+NOT_RUN = (SIMULATION_FAILURE, LOST, REFUSED)
+
+# Columns of a trajectory; the readings of the sensors [m] follow, NaN where silent.
+TRAJECTORY = (
+    "time_s",
+    "x_m",
+    "y_m",
+    "yaw_rad",
+    "speed_mps",
+    "steering_rad",
+    "mode",
+    "visited",
+    "contact",
+)
+TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJECTORY))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The metrics of one mission, in the order of the columns of ``missions.csv``.
+
+    A mission whose simulation failed, whose worker was lost, or whose design some part refused,
+    has done nothing: progress 0, and NaN where nothing was measured.
+    """
+
+    ended: str  # completed, collision, time_limit, or one of NOT_FLOWN
+    reason: str  # of a failure; otherwise empty
+    completed: bool
+    progress: float  # 0..1
+    time_s: float
+    time_limit_s: float
+    sensors: int
+    visited: int  # waypoints reached, in order
+    mean_speed_mps: float
+    max_speed_mps: float
+    distance_m: float
+    least_waypoint_distances_m: tuple[float, ...]  # to each distinct waypoint, home last
+    collisions: int
+    first_collision_s: float  # NaN: none
+    avoiding: float  # share of time, 0..1
+    least_clearance_m: float
+    failed_sensors: tuple[int, ...]
+    failed_at_s: tuple[float, ...]  # NaN-free, in the order of failed_sensors
+    failed_by: tuple[str, ...]  # the effect: silence, stuck ...
+
+    @classmethod
+    def failure(cls, ended: str, reason: str, time_limit: float, sensors: int) -> "Outcome":
+        """Nothing done, because of ``reason``."""
+        empty: dict[str, Any] = {
+            "ended": ended,
+            "reason": " ".join(reason.split()),
+            "time_limit_s": time_limit,
+            "sensors": sensors,
+        }
+        blank: dict[Any, Any] = {bool: False, int: 0, float: float("nan"), str: ""}
+        for field in fields(cls):
+            empty.setdefault(field.name, blank.get(field.type, ()))
+        return cls(**(empty | {"progress": 0.0, "time_s": 0.0, "distance_m": 0.0}))

@@ -1,0 +1,99 @@
+"""What a mission needs besides its design and draws: the parts, and that they fit together."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from evoros.base.checks import check, instance_of
+from evoros.base.errors import InputError
+from evoros.controller.protocol import Controller
+from evoros.design.design import Design
+from evoros.design.genes import replace_values
+from evoros.design.space import SensorDesign
+from evoros.failure.protocol import Failure
+from evoros.robot.model import Robot
+from evoros.simulator.protocol import Simulator
+from evoros.world.model import World
+
+
+@dataclass(frozen=True, eq=False)  # so it can be the key of what is computed from it once
+class Scenario:
+    """All that a mission needs besides the design, the world's name and the draws.
+
+    The field names are the groups of the configuration, so that the key of an evolved value
+    (``controller.avoidance.range_m``) is its place in here.
+
+    Raises:
+        InputError: a part of the wrong kind, a period that is no multiple of the time step, or a
+            time limit that is no multiple of the controller's period.
+    """
+
+    robot: Robot
+    world: Mapping[str, World]
+    design: SensorDesign
+    failure: Failure
+    controller: Controller
+    simulator: Simulator
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            robot=instance_of(Robot, "a robot"),
+            world=instance_of(Mapping, "a mapping from names to worlds"),
+            design=instance_of(SensorDesign, "a sensor design"),
+            failure=instance_of(Failure, "a failure model (draw)"),
+            controller=instance_of(Controller, "a controller (period_s, localization and open)"),
+            simulator=instance_of(Simulator, "a simulator (time_step and open)"),
+        )
+        if not self.world:
+            raise InputError("world: must have at least one world, not none; add world=case_study")
+        for name, world in self.world.items():
+            if not isinstance(world, World):
+                raise InputError(
+                    f"world.{name}: must be a world, and some of its keys are missing; choose it "
+                    f"with world=[...], or remove world.{name}"
+                )
+        self.steps_of("controller.period_s", self.controller.period_s)
+        for name, sensor in self.design.sensors.items():
+            self.steps_of(f"design.sensors.{name}.period_s", sensor.period_s)
+        for name, world in self.world.items():
+            self._check_limit(name, world.course.time_limit_s)
+
+    def _check_limit(self, world: str, limit: float) -> None:
+        """A mission that ended later than its limit would have used more time than there is.
+
+        Every tick of a mission's clock divides the controller's period, whatever sensors it has.
+        """
+        period = self.controller.period_s
+        count = max(1, round(limit / period))
+        if not math.isclose(count * period, limit, rel_tol=1e-9):
+            raise InputError(
+                f"world.{world}.course.time_limit_s: must be a whole multiple of "
+                f"controller.period_s ({period:g} s), not {limit:g} s; set it to "
+                f"{count * period:g}"
+            )
+
+    def steps_of(self, key: str, period: float) -> int:
+        """How many time steps a period has.
+
+        Raises:
+            InputError: it is no whole multiple.
+        """
+        step = self.simulator.time_step
+        count = round(period / step)
+        if count < 1 or not math.isclose(count * step, period, rel_tol=1e-9):
+            nearest = max(1, count) * step
+            raise InputError(
+                f"{key}: must be a whole multiple of simulator.time_step ({step:g} s), "
+                f"not {period:g} s; set it to {nearest:g}, or choose another step"
+            )
+        return count
+
+    def embody(self, design: Design) -> "Scenario":
+        """This task with the robot carrying the design's sensors and its evolved values applied.
+
+        Raises:
+            InputError: a value that the part refuses, a sensor that cannot be mounted.
+        """
+        task = replace_values(self, design.values)
+        return replace(task, robot=task.robot.equipped(design.mounts, task.design.sensors))

@@ -1,1 +1,0 @@
-"""What is where on the plane: obstacles as arrays, rays and outlines against them. Compiles."""

@@ -1,0 +1,1 @@
+"""Robots: their outline, their drive and the sensors they carry."""

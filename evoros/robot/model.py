@@ -1,0 +1,146 @@
+"""The robot: its outline, its drive and the sensors it carries."""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.base.checks import is_number
+from evoros.base.errors import InputError
+from evoros.drive.protocol import Drive
+from evoros.sensor.protocol import Mount, Sensor
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot, with or without sensors. Its frame is that of the root link: on the ground at
+    rest, x forward, y left.
+    """
+
+    name: str
+    base_urdf: str  # without sensors
+    drive: Drive
+    outline: Array  # (k, 2) [m] convex, counter-clockwise: footprint of what can touch obstacles
+    height_m: float  # top of what can touch obstacles, above the ground
+    mount_link: str
+    mount_z_m: float
+    mount_pitch_deg: float
+    places: Mapping[str, tuple[float, float, float, float]]
+    """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot's frame."""
+    taken: frozenset[str] = frozenset()  # names of links and joints
+    mounts: tuple[Mount, ...] = ()  # those of one sensor type are contiguous
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
+
+    @property
+    def urdf(self) -> str:
+        """The whole description: with a link, a joint and a Gazebo sensor for every mount."""
+        head, _, _ = self.base_urdf.rpartition("</robot>")
+        parts = [
+            _sensor_xml(f"{mount.sensor}_{i}", mount, self.sensors[mount.sensor])
+            for i, mount in enumerate(self.mounts)
+        ]
+        return "".join((head, *parts, "</robot>\n"))
+
+    def equipped(self, mounts: Sequence[Mount], sensors: Mapping[str, Sensor]) -> "Robot":
+        """This robot with these sensors instead of its own, ordered by the types in ``sensors``.
+
+        Raises:
+            InputError: an unknown sensor type or link, a number that is not finite, or a name
+                that the robot already has.
+        """
+        order = {name: place for place, name in enumerate(sensors)}
+        for mount in mounts:
+            self._check(mount, order)
+        ordered = tuple(sorted(mounts, key=lambda mount: order[mount.sensor]))
+        for i, mount in enumerate(ordered):
+            if f"{mount.sensor}_{i}" in self.taken:
+                raise InputError(
+                    f"robot {self.name}: link {mount.sensor}_{i} must not exist before the sensor "
+                    f"is added; rename the sensor type"
+                )
+        return replace(self, mounts=ordered, sensors=dict(sensors))
+
+    def sensor_poses(self) -> Array:
+        """(n, 5): x, y, z [m], yaw (left positive), pitch (nose up positive) [rad]."""
+        poses = np.empty((len(self.mounts), 5))
+        for i, mount in enumerate(self.mounts):
+            x, y, z, yaw = self.places[mount.link]
+            cos, sin = math.cos(yaw), math.sin(yaw)
+            poses[i] = (
+                x + cos * mount.x_m - sin * mount.y_m,
+                y + sin * mount.x_m + cos * mount.y_m,
+                z + mount.z_m,
+                yaw + math.radians(mount.yaw_deg),
+                math.radians(mount.pitch_deg),
+            )
+        return poses
+
+    def sensor_frames(self) -> Array:
+        """(n, 4, 4): the frame of each sensor, x along its beam, in the robot's frame [m]."""
+        frames = np.empty((len(self.mounts), 4, 4))
+        for i, (x, y, z, yaw, pitch) in enumerate(self.sensor_poses().tolist()):
+            cy, sy, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
+            frames[i] = (
+                (cy * cp, -sy, -cy * sp, x),
+                (sy * cp, cy, -sy * sp, y),
+                (sp, 0.0, cp, z),
+                (0.0, 0.0, 0.0, 1.0),
+            )
+        return frames
+
+    def _check(self, mount: Mount, known: Mapping[str, int]) -> None:
+        if mount.sensor not in known:
+            raise InputError(
+                f"mount on {mount.link}: sensor must be one of {', '.join(known) or 'none'}, "
+                f"not {mount.sensor!r}; define that sensor type or rename it"
+            )
+        if not _NAME.fullmatch(mount.sensor):
+            raise InputError(
+                f"sensor {mount.sensor!r}: names must consist of letters, digits and _; rename it"
+            )
+        if mount.link not in self.places:
+            raise self._no_place(mount.link)
+        for entry in fields(mount):
+            value = getattr(mount, entry.name)
+            if entry.name not in ("sensor", "link") and not is_number(value):
+                raise InputError(
+                    f"mount of {mount.sensor}: {entry.name} must be a number, not {value!r}; set it"
+                )
+
+    def _no_place(self, link: str) -> InputError:
+        return InputError(
+            f"robot {self.name}: mount link must be fixed to the root link and upright, "
+            f"not {link!r}; name one of {', '.join(self.places)}"
+        )
+
+
+def _sensor_xml(name: str, mount: Mount, sensor: Sensor) -> str:
+    # A positive rotation about y lowers the nose.
+    xyz = f"{float(mount.x_m)!r} {float(mount.y_m)!r} {float(mount.z_m)!r}"
+    rpy = f"0 {-math.radians(mount.pitch_deg)!r} {math.radians(mount.yaw_deg)!r}"
+    return (
+        f'  <link name="{name}">{_sensor_body(sensor)}</link>\n'
+        f'  <joint name="{name}_joint" type="fixed">'
+        f"<parent link={quoteattr(mount.link)}/>"
+        f'<child link="{name}"/><origin xyz="{xyz}" rpy="{rpy}"/></joint>\n'
+        f'  <gazebo reference="{name}">{sensor.gazebo(name)}</gazebo>\n'
+    )
+
+
+def _sensor_body(sensor: Sensor) -> str:
+    """A homogeneous box to see and to weigh, without a collision shape."""
+    mass, (x, y, z) = float(sensor.mass_kg), map(float, sensor.size_m)
+    moments = (y * y + z * z, x * x + z * z, x * x + y * y)
+    xx, yy, zz = (mass * moment / 12.0 for moment in moments)
+    return (
+        f'<inertial><mass value="{mass}"/><origin xyz="0 0 0" rpy="0 0 0"/>'
+        f'<inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/></inertial>'
+        f'<visual><origin xyz="0 0 0" rpy="0 0 0"/><geometry><box size="{x} {y} {z}"/></geometry>'
+        f'<material name="sensor"><color rgba="0.1 0.3 0.8 1"/></material></visual>'
+    )

@@ -1,1 +1,0 @@
-"""SDF worlds: our own reader, which drops nothing in silence."""

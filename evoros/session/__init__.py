@@ -1,0 +1,1 @@
+"""Runs and evaluations: started, resumed, replayed, from commands and from Python."""

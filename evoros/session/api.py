@@ -1,0 +1,167 @@
+"""evoros in scripts and notebooks: what the commands do, as functions.
+
+Example: an optimizer that is not ours drives the evaluation (any ask-tell library; here ``cma``).
+
+    import cma
+    import evoros
+
+    if __name__ == "__main__":  # worker processes import this script
+        with evoros.Evaluator(["failure=random", "trials=2"]) as evaluator:
+            space = evaluator.space
+            search = cma.CMAEvolutionStrategy(space.size * [0.5], 0.3, {"bounds": [0, 1]})
+            for generation in range(10):
+                genomes = search.ask()
+                designs = [space.decode(genome) for genome in genomes]
+                fitness = evaluator.score(designs, generation)
+                search.tell(genomes, [-value for value in fitness])
+                print(generation, max(fitness))
+"""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import pandas as pd
+from omegaconf import DictConfig
+
+from evoros.base.errors import InputError
+from evoros.config import compose as configuration
+from evoros.design.design import Design
+from evoros.design.space import DesignSpace
+from evoros.evolution.dispatch import compute
+from evoros.evolution.experiment import Experiment
+from evoros.executor.protocol import Pool
+from evoros.fitness.scoring import fitness_of, scores
+from evoros.mission.mission import Mission, MissionKey
+from evoros.mission.outcome import Outcome
+from evoros.session import run as session
+from evoros.session.status import Display, NoDisplay
+from evoros.storage.reading import Run, load_run
+from evoros.storage.tables import MISSIONS_HEADER, mission_row
+
+Configuration = DictConfig | Sequence[str]
+"""A composed configuration, or the overrides that one would type behind ``evoros``."""
+
+
+def run(config: Configuration, folder: str | Path, display: Display | None = None) -> Run:
+    """Evolve as the command ``evoros`` does, into a new or empty folder.
+
+    Raises:
+        InputError: something cannot be used; nothing was changed.
+        RunStopped: a mission was lost; ``resume(folder)`` goes on.
+    """
+    session.create_run(_composed(config), Path(folder)).run(display or NoDisplay())
+    return load_run(folder)
+
+
+def resume(
+    folder: str | Path,
+    overrides: Sequence[str] = (),
+    display: Display | None = None,
+    config_dir: str | Path | None = None,
+) -> Run:
+    """Go on with a run, as ``evoros resume=FOLDER`` does.
+
+    ``config_dir`` is the folder of your own parts, as with ``compose`` when the run was started.
+
+    Raises:
+        InputError: no run there, or an override that resuming does not accept.
+        RunStopped: a mission was lost.
+    """
+    session.open_run(Path(folder), overrides, config_dir).run(display or NoDisplay())
+    return load_run(folder)
+
+
+def evaluate(designs: Sequence[Design], config: Configuration, generation: int = 0) -> pd.DataFrame:
+    """Score designs under draws that no run is selected on: a row for each design.
+
+    Columns: design (its position), fitness_mean, fitness_sd (over the trials, NaN for one),
+    trials, and for each world the share completed and the mean progress. For many calls keep an
+    ``Evaluator`` open instead: it keeps its workers.
+    """
+    with Evaluator(config) as evaluator:
+        return evaluator.evaluate(designs, generation)
+
+
+class Evaluator:
+    """Scores designs with workers that stay; a context manager.
+
+    ``config.trials``, the worlds, the failure and so on are those of the configuration; its
+    optimizer is not used.
+    """
+
+    def __init__(self, config: Configuration) -> None:
+        self.experiment: Experiment = configuration.build(_composed(config))
+        self._stack = ExitStack()
+        self._pool: Pool | None = None
+
+    @property
+    def space(self) -> DesignSpace:
+        """Decodes vectors of the unit cube, (space.size,), into designs."""
+        return self.experiment.space
+
+    def __enter__(self) -> Self:
+        self._pool = self._stack.enter_context(self.experiment.executor.open())
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._pool = None
+        self._stack.__exit__(kind, error, trace)
+
+    def score(self, designs: Sequence[Design], generation: int = 0) -> list[float]:
+        """The fitness of each design. Another ``generation`` means fresh random draws.
+
+        Raises:
+            InputError: a design cannot be built, or the evaluator is not open.
+            RunStopped: a mission was lost.
+        """
+        missions, outcomes = self._fly(designs, generation)
+        fitness = self.experiment.fitness
+        return [fitness_of(fitness, each, outcomes) for each in missions]
+
+    def evaluate(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
+        """The table that the function ``evaluate`` returns."""
+        missions, outcomes = self._fly(designs, generation)
+        rows = [
+            {"design": i} | scores(self.experiment.fitness, each, outcomes)
+            for i, each in enumerate(missions)
+        ]
+        return pd.DataFrame(rows)
+
+    def missions(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
+        """A row for each mission, with the columns of a run's ``missions.csv``."""
+        missions, outcomes = self._fly(designs, generation)
+        rows = [mission_row(m, outcomes[m.place]) for each in missions for m in each]
+        return pd.DataFrame(rows, columns=list(MISSIONS_HEADER))
+
+    def _fly(
+        self, designs: Sequence[Design], generation: int
+    ) -> tuple[list[list[Mission]], dict[MissionKey, Outcome]]:
+        if self._pool is None:
+            raise InputError(
+                "Evaluator: must be open; use it as `with Evaluator(...) as evaluator:`"
+            )
+        experiment = self.experiment
+        for design in designs:  # made by hand, maybe: what is wrong is said and not scored
+            experiment.task.embody(design)
+        missions = [
+            experiment.plan.evaluation(generation, i, design) for i, design in enumerate(designs)
+        ]
+        wanted = [mission for each in missions for mission in each]
+        workers, lost = experiment.executor.workers, experiment.lost_missions
+        flown = compute(experiment.task, wanted, self._pool, workers, lost)
+        return missions, {mission.place: outcome for each in flown for mission, outcome in each}
+
+
+def _composed(config: Configuration) -> DictConfig:
+    return config if isinstance(config, DictConfig) else configuration.compose(list(config))
+
+
+__all__ = ["Evaluator", "Run", "evaluate", "load_run", "resume", "run"]

@@ -1,0 +1,1 @@
+"""How each simulator represents a robot and a world."""

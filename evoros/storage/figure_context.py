@@ -1,0 +1,199 @@
+"""What figures need to know of an experiment, as plain numbers: ``setting.json``.
+
+It stands in the folder, so that a figure needs neither the code nor the files of a run.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from lxml import etree
+
+from evoros.base.errors import EvorosError, InputError
+from evoros.base.intervals import bounds
+from evoros.base.rng import generator
+from evoros.design.region import Region
+from evoros.failure.protocol import Failure
+from evoros.formats.strict_xml import name_of
+from evoros.formats.urdf.parts import read_looks
+from evoros.formats.urdf.tree import read_tree
+from evoros.geometry.footprint import footprint, highest
+from evoros.robot.model import Robot
+from evoros.sensor.protocol import Sensor
+from evoros.world.course import Course
+
+if TYPE_CHECKING:
+    from evoros.evolution.experiment import Experiment
+
+SETTING = "setting.json"
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one shape of the robot covers, seen from above."""
+
+    link: str
+    vertices: tuple[Point, ...]  # [m] convex, in the robot's frame: x forward, y left
+    radius_m: float  # all points within it of the vertices' polygon belong to the part
+    top_m: float  # above the ground
+    wheel: bool
+
+
+@dataclass(frozen=True)
+class Beam:
+    """What a type of sensor sees."""
+
+    fov_deg: float  # between its outermost rays, horizontally
+    range_min_m: float
+    range_max_m: float
+
+
+@dataclass(frozen=True)
+class Area:
+    """Where a sensor may be, and where it may face, in the robot's frame."""
+
+    corners: tuple[Point, ...]  # (4) [m]
+    yaw_deg: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Ring:
+    """How likely a sensor fails that is nearer to the centre of damage than a radius."""
+
+    radius_m: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class FigureContext:
+    """What an experiment looks like."""
+
+    robot: str
+    parts: tuple[Part, ...]
+    places: Mapping[str, tuple[float, float, float, float]]
+    """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot's frame."""
+    beams: Mapping[str, Beam]  # by the type of the sensor
+    regions: Mapping[str, Area]
+    mirrored: bool
+    rings: tuple[Ring, ...]  # of spatial damage, from the least; empty: there is none
+    modes: tuple[str, ...]  # what the column ``mode`` of a trajectory stands for, from 1
+    courses: Mapping[str, Course]  # by the world's name
+
+    @property
+    def text(self) -> str:
+        """The content of ``setting.json``."""
+        return json.dumps(asdict(self), indent=1) + "\n"
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """What a folder has recorded.
+
+        Raises:
+            InputError: there is none, or it is damaged.
+        """
+        path = folder / SETTING
+        try:
+            return cls(**_fields(json.loads(path.read_text())))
+        except FileNotFoundError as error:
+            raise InputError(
+                f"{path}: must be there, with what figures need, and is missing; restore it, or "
+                f"make the folder again with this version of evoros"
+            ) from error
+        except (EvorosError, OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+            said = " ".join(str(error).split())
+            raise InputError(f"{path}: must be as evoros wrote it ({said}); restore it") from error
+
+
+def _fields(raw: Mapping[str, Any]) -> dict[str, Any]:
+    """The arguments of a setting, of what JSON has of them."""
+    made = {
+        "parts": tuple(
+            Part(**{**part, "vertices": tuple(map(_point, part["vertices"]))})
+            for part in raw["parts"]
+        ),
+        "places": {link: _numbers(place, 4) for link, place in raw["places"].items()},
+        "beams": {name: Beam(**beam) for name, beam in raw["beams"].items()},
+        "regions": {
+            name: Area(tuple(map(_point, area["corners"])), _point(area["yaw_deg"]))
+            for name, area in raw["regions"].items()
+        },
+        "rings": tuple(Ring(**ring) for ring in raw["rings"]),
+        "modes": tuple(raw["modes"]),
+        "courses": {name: Course(**course) for name, course in raw["courses"].items()},
+    }
+    return {**raw, **made}
+
+
+def _point(raw: Any) -> Point:
+    x, y = _numbers(raw, 2)
+    return x, y
+
+
+def _numbers(raw: Any, count: int) -> tuple[Any, ...]:
+    if len(raw) != count:
+        raise ValueError(f"{raw} must be {count} numbers")
+    return tuple(float(value) for value in raw)
+
+
+def describe_experiment(experiment: "Experiment") -> FigureContext:
+    """The setting of an experiment."""
+    robot, regions = experiment.robot, experiment.space.regions
+    with experiment.controller.open(robot, lambda name: generator("setting", name)) as layers:
+        modes = tuple(layer.mode for layer in layers)
+    return FigureContext(
+        robot=robot.name,
+        parts=tuple(_parts(robot)),
+        places=dict(robot.places),
+        beams={name: _beam(sensor) for name, sensor in experiment.design.sensors.items()},
+        regions={name: _area(region, robot) for name, region in regions.items()},
+        mirrored=experiment.design.mirrored,
+        rings=tuple(_rings(experiment.failure)),
+        modes=modes,
+        courses={name: world.course for name, world in experiment.world.items()},
+    )
+
+
+def _parts(robot: Robot) -> Iterator[Part]:
+    root = etree.fromstring(robot.base_urdf)
+    urdf = read_tree(root, robot.name)
+    wheels = {urdf.joints[name].child for name in robot.drive.wheel_joints}
+    wheels |= set(robot.drive.caster_links)
+    for element in root.findall("link"):
+        link = name_of(element)
+        for shape in read_looks(element):
+            pose = urdf.poses[link] @ shape.pose
+            area, top = footprint(shape, pose), highest(shape, pose)
+            corners = tuple(map(_point, area.vertices.tolist()))
+            yield Part(link, corners, float(area.radius), float(top), link in wheels)
+
+
+def _beam(sensor: Sensor) -> Beam:
+    rays = np.asarray(sensor.rays())
+    opening = math.degrees(float(np.ptp(np.arctan2(rays[:, 1], rays[:, 0]))))
+    return Beam(round(opening, 9), float(sensor.range_min_m), float(sensor.range_max_m))
+
+
+def _area(region: Region, robot: Robot) -> Area:
+    """Of a region that is bound to the robot."""
+    assert region.link is not None
+    x, y, _, yaw = robot.places[region.link]
+    (a, b), (c, d) = bounds(region.x_m), bounds(region.y_m)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    corners = tuple(
+        (x + cos * p - sin * q, y + sin * p + cos * q) for p, q in ((a, c), (b, c), (b, d), (a, d))
+    )
+    low, high = (end + math.degrees(yaw) for end in bounds(region.yaw_deg))
+    return Area(corners, (low, high))
+
+
+def _rings(failure: Failure) -> Iterator[Ring]:
+    """Of any failure that has radii with probabilities, and of those that it combines."""
+    radii, chances = (getattr(failure, name, ()) for name in ("radii_m", "probabilities"))
+    yield from (Ring(float(r), float(p)) for r, p in zip(radii, chances, strict=True))
+    for part in getattr(failure, "failures", {}).values():
+        yield from _rings(part)

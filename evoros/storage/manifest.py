@@ -1,0 +1,168 @@
+"""What a run was made from: versions, machine, and hashes of everything that it depends on."""
+
+import hashlib
+import json
+import platform
+import subprocess
+import sys
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from evoros.base.errors import InputError
+from evoros.base.log import LOGGER
+from evoros.evolution.experiment import Experiment
+from evoros.storage.mission_log import FORMAT_VERSION
+
+PACKAGES = ("evoros", "numpy", "numba", "pybullet", "hydra-core", "omegaconf", "xacro", "lxml")
+DECISIVE = ("evoros", "numpy", "numba", "pybullet")
+"""Of these packages another version may fly a mission differently."""
+
+
+def manifest(
+    experiment: Experiment,
+    config: str,
+    values: str,
+    command: str = "evoros",
+    files: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
+    """The content of ``manifest.json`` for a new folder whose ``config.yaml`` is ``config``.
+
+    ``values`` is the configuration with its references resolved; ``command`` makes the folder,
+    from the experiment and from further ``files``, by name.
+    """
+    return {
+        "format_version": FORMAT_VERSION,
+        "command": command,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "working_directory": str(Path.cwd()),
+        "seed": experiment.seed,
+        "commit": _commit(),
+        "packages": {name: _version(name) for name in PACKAGES},
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "processor": processor(),
+        "sha256": hashes(experiment, config, values, files or {}),
+    }
+
+
+def hashes(
+    experiment: Experiment, config: str, values: str, files: Mapping[str, str]
+) -> dict[str, str]:
+    """Of all that the experiment was built from."""
+    worlds = {f"world.{name}": world.source_sha256 for name, world in experiment.world.items()}
+    own = {f"module {name}": _sha256_of(name) for name in sorted(_modules(json.loads(values)))}
+    return {
+        "configuration": _sha256(config),
+        "configuration (what its ${...} refer to)": _sha256(values),
+        "robot": _sha256(experiment.robot.urdf),
+        **worlds,
+        **own,
+        **{name: _sha256(content) for name, content in files.items()},
+    }
+
+
+def check_unchanged(
+    folder: Path,
+    recorded: Mapping[str, Any],
+    experiment: Experiment,
+    config: str,
+    values: str,
+    files: Mapping[str, str],
+) -> None:
+    """Before resuming: the run must be made of what it was made of when it began.
+
+    The arguments are those of ``manifest``. Packages of other versions are said: the replay shows
+    whether they make a difference.
+
+    Raises:
+        InputError: a file has changed, or the run is of another format.
+    """
+    if recorded.get("format_version") != FORMAT_VERSION:
+        raise InputError(
+            f"{folder / 'manifest.json'}: format_version must be {FORMAT_VERSION}, not "
+            f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
+        )
+    _warn_of_versions(folder, recorded.get("packages", {}))
+    now = hashes(experiment, config, values, files)
+    for name, value in recorded.get("sha256", {}).items():
+        if now.get(name) != value:
+            raise InputError(
+                f"{folder}: {name} must be as it was when the run began, and it has changed; "
+                f"restore it, or start a new run"
+            )
+
+
+def _warn_of_versions(folder: Path, recorded: Mapping[str, Any]) -> None:
+    for name in DECISIVE:
+        before, now = recorded.get(name), _version(name)
+        if before != now:
+            LOGGER.warning(
+                "%s: made with %s %s, and this is %s; new missions may differ from those on disk",
+                folder,
+                name,
+                before or "(not installed)",
+                now or "not installed",
+            )
+
+
+def _modules(values: Any) -> set[str]:
+    """The imported modules, evoros's own and built-in ones apart, that ``values`` name.
+
+    Those of the executor do not count: no result depends on it, and resuming may change it.
+    """
+    if isinstance(values, list):
+        return set().union(*map(_modules, values))
+    if not isinstance(values, dict):
+        return set()
+    found = set().union(*(_modules(each) for key, each in values.items() if key != "executor"))
+    name = str(values.get("_target_", ""))
+    while name and name not in sys.modules:  # from the class up to its module
+        name = name.rpartition(".")[0]
+    own = name.partition(".")[0] != "evoros" and _file(name)
+    return {*found, name} if own else found
+
+
+def _file(module: str) -> str | None:
+    """The source file of an imported module, where it has one."""
+    return getattr(sys.modules.get(module), "__file__", None)
+
+
+def _sha256_of(module: str) -> str:
+    return hashlib.sha256(Path(_file(module) or "").read_bytes()).hexdigest()
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _commit() -> str | None:
+    """The commit of the checkout that evoros runs from, marked where files differ from it."""
+    here = Path(__file__).resolve().parent
+    if not (here.parent / ".git").exists():
+        return None
+    command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=40"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() or None
+
+
+def processor() -> str:
+    """The model of the processor, where the system tells."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    models = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(models, platform.processor())

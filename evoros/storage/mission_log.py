@@ -1,0 +1,246 @@
+"""A folder of missions on disk, of a run or an evaluation: made whole, written by one process.
+
+Every finished mission is on disk before it is used, and nothing is ever overwritten with other
+content, so that what was killed goes on with the first mission that is missing.
+"""
+
+import csv
+import fcntl
+import json
+import os
+import shlex
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO, Self, TypeVar
+
+from evoros.base.errors import InputError
+from evoros.storage.tables import to_csv
+
+FORMAT_VERSION = 1
+CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
+LOG = "evoros.base.log"
+Row = TypeVar("Row")
+
+
+def resume_command(path: Path) -> str:
+    """What to type to continue what is in the folder."""
+    return f"{command_of(path)} resume={shlex.quote(str(path))}"
+
+
+def command_of(path: Path) -> str:
+    """The command that made the folder."""
+    return str(read_json(path / MANIFEST).get("command", "evoros"))
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The mapping in a file; empty where there is none."""
+    try:
+        content = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
+def require_unused(path: Path) -> None:
+    """What is started needs a folder that does not exist or is empty.
+
+    Raises:
+        InputError: the folder holds a run, or other files.
+    """
+    if not path.exists() or (path.is_dir() and not any(path.iterdir())):
+        return
+    require_whole(path)
+    if any((path / name).exists() for name in (CONFIG, MANIFEST, MISSIONS)):
+        raise InputError(
+            f"{path}: this folder already holds a run, and a run is never overwritten; "
+            f"to continue it type: {resume_command(path)}"
+        )
+    raise InputError(
+        f"{path}: a run needs a new or an empty folder; choose another with hydra.run.dir"
+    )
+
+
+def require_whole(path: Path) -> None:
+    """The missions are the last of a new folder's files: without them it has never begun.
+
+    Raises:
+        InputError: a kill came while the folder was made.
+    """
+    if (path / CONFIG).exists() and not (path / MISSIONS).exists():
+        raise InputError(
+            f"{path}: must be a whole run or empty: it has {CONFIG} and no {MISSIONS}, so its run "
+            f"was killed before its first mission; delete what is in the folder and start again"
+        )
+
+
+class MissionLog:
+    """An open folder: the only writer of its files, as long as it is open.
+
+    ``header`` are the columns of its missions.
+    """
+
+    def __init__(self, path: Path, header: Sequence[str]) -> None:
+        self.path, self._header = path, tuple(header)
+        self._missions: BinaryIO = self._lock()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Others may write from now on."""
+        self.sync()
+        self._missions.close()
+
+    def append(self, rows: Sequence[Sequence[object]]) -> None:
+        """Put finished missions on disk. They survive the end of this process at any time."""
+        self._missions.write(to_csv(rows).encode())
+        self._missions.flush()
+
+    def sync(self) -> None:
+        """Ask the system to bring the missions to the disk itself, against a loss of power."""
+        self._missions.flush()
+        os.fsync(self._missions.fileno())
+
+    def read(self, parse: Callable[[Mapping[str, str]], Row]) -> Iterator[Row]:
+        """All whole rows, to be read to the end before any is added.
+
+        A last row that a kill has cut short is removed. ``parse`` raises KeyError, ValueError,
+        TypeError or AttributeError where a row is damaged.
+
+        Raises:
+            InputError: a row is damaged, or the columns are others.
+        """
+        self._missions.seek(0)
+        rows = csv.DictReader(self._whole_lines())
+        if tuple(rows.fieldnames or ()) != self._header:
+            raise InputError(
+                f"{self.path / MISSIONS}: line 1: must be the columns of format {FORMAT_VERSION}; "
+                f"the file is damaged or of another version; restore it, or start a new run"
+            )
+        for row in rows:
+            try:
+                parsed = parse(row)
+            except (KeyError, ValueError, TypeError, AttributeError) as error:
+                raise InputError(
+                    f"{self.path / MISSIONS}: line {rows.line_num}: must be a whole row, not a "
+                    f"damaged one ({error}); delete the line, and its mission is flown again"
+                ) from error
+            yield parsed
+
+    def _whole_lines(self) -> Iterator[str]:
+        end = 0
+        for line in self._missions:
+            if not line.endswith(b"\n"):
+                break
+            end += len(line)
+            yield line.decode(errors="replace").rstrip("\n")
+        self._missions.seek(end)
+        self._missions.truncate()
+
+    def write_once(self, name: str, content: str) -> None:
+        """A table that follows from the missions; made again, it must equal what is on disk.
+
+        Raises:
+            InputError: it does not.
+        """
+        path = self.path / name
+        if path.exists() and path.read_text() != content:
+            raise InputError(
+                f"{path}: replaying the run gives another table than the recorded one: the run was "
+                f"made by another version or has been edited; start a new run"
+            )
+        if not path.exists():
+            path.parent.mkdir(exist_ok=True)
+            write_atomically(path, content)
+
+    def write_status(self, status: Mapping[str, Any]) -> None:
+        """How far it is; the one file that changes all the time."""
+        write_atomically(self.path / STATUS, json.dumps(status, indent=2) + "\n")
+
+    def read_status(self) -> dict[str, Any]:
+        """The last status; empty where there is none."""
+        return read_json(self.path / STATUS)
+
+    def _lock(self) -> BinaryIO:
+        path = self.path / MISSIONS
+        require_whole(self.path)
+        if not path.is_file():
+            raise InputError(
+                f"{self.path}: no run to resume: it has no {MISSIONS}; give the folder of a run"
+            )
+        missions = path.open("r+b")
+        try:
+            fcntl.flock(missions, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            missions.close()
+            raise InputError(
+                f"{self.path}: another process is running in this folder; wait for it, or end it"
+            ) from error
+        return missions
+
+
+def create_folder(path: Path, files: Mapping[str, str]) -> None:
+    """Make a folder, or fill an empty one, with these files: first ``CONFIG``, last ``MISSIONS``.
+
+    A new folder comes into being whole; in an empty one the last file is the mark of the whole.
+    An empty folder stays itself: it may be somebody's current folder, or a mount point.
+
+    Raises:
+        InputError: the folder cannot be made; nothing was changed.
+    """
+    try:
+        _create_folder(path.resolve(), files)  # of a link, what it leads to
+    except OSError as error:
+        raise InputError(
+            f"{path}: the folder of the run cannot be made ({error.strerror}); choose another "
+            f"with hydra.run.dir"
+        ) from error
+
+
+def _create_folder(path: Path, files: Mapping[str, str]) -> None:
+    if path.exists():
+        _fill(path, files)
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+    try:
+        draft.chmod(0o755)
+        _fill(draft, files)
+        draft.replace(path)
+    except BaseException:
+        shutil.rmtree(draft, ignore_errors=True)
+        raise
+
+
+def _fill(path: Path, files: Mapping[str, str]) -> None:
+    """Write the first files into an empty folder; leave it empty where one cannot be."""
+    (first, content), *others = files.items()
+    with (path / first).open("x") as file:  # of two processes at the same time, one is refused
+        try:
+            file.write(content)
+            file.flush()
+            for name, rest in others:
+                write_atomically(path / name, rest)
+        except BaseException:
+            for name in reversed(list(files)):
+                (path / name).unlink(missing_ok=True)
+            raise
+
+
+def write_atomically(path: Path, content: str) -> None:
+    """The file has either its old content or the new one, whenever the process is killed."""
+    draft = path.with_name(f".{path.name}.part")
+    try:
+        with draft.open("w") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())  # before the name: a loss of power must leave no empty file
+        draft.replace(path)
+    except BaseException:  # a full disk, Ctrl-C
+        draft.unlink(missing_ok=True)
+        raise

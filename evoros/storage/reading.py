@@ -1,0 +1,136 @@
+"""Reading run folders: tables as pandas frames. Knows the files, not the loop that writes them."""
+
+import io
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from evoros.base.errors import InputError
+
+FILES = {"config.yaml", "manifest.json", "status.json", "missions.csv"}
+MISSION_NUMBERS = ("generation", "design", "trial", "progress", "time_s")
+CANDIDATE_NUMBERS = ("generation", "id", "fitness", "validated_fitness")
+SENSOR_NUMBERS = ("design", "sensor", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
+RECORD_NUMBERS = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "mode", "visited", "contact")
+"""Columns that a table must have, with nothing but numbers and empty cells."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run folder, whole or unfinished. ``docs/run_folder.md`` documents the columns."""
+
+    path: Path
+
+    @cached_property
+    def manifest(self) -> dict[str, Any]:
+        """What the run was made from."""
+        return self._json("manifest.json")
+
+    @cached_property
+    def status(self) -> dict[str, Any]:
+        """How far the run is; ``state`` is running, finished or stopped."""
+        return self._json("status.json")
+
+    @cached_property
+    def missions(self) -> pd.DataFrame:
+        """A row for each finished mission, sorted by generation, design, world and trial."""
+        frame = read_table(self.path / "missions.csv", MISSION_NUMBERS, growing=True)
+        return frame.sort_values(["generation", "design", "world", "trial"], ignore_index=True)
+
+    @cached_property
+    def generations(self) -> pd.DataFrame:
+        """A row for each candidate of each finished generation; empty where none is finished."""
+        files = sorted((self.path / "generations").glob("[0-9]*.csv"))
+        frames = [read_table(file, CANDIDATE_NUMBERS) for file in files]
+        return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+    @cached_property
+    def champion(self) -> pd.DataFrame:
+        """A row for each sensor of the champion; the run must be finished."""
+        return read_table(self.path / "champion" / "design.csv", SENSOR_NUMBERS)
+
+    @cached_property
+    def genes(self) -> pd.DataFrame:
+        """A row for each other evolved value of the champion; the run must be finished."""
+        return read_table(self.path / "champion" / "genes.csv", ("value",))
+
+    def trajectory(self, world: str) -> pd.DataFrame:
+        """The champion's first mission in the world; the run must be finished."""
+        return read_table(self.path / "champion" / f"trajectory_{world}.csv", RECORD_NUMBERS)
+
+    def _json(self, name: str) -> dict[str, Any]:
+        def read(path: Path) -> Any:
+            return json.loads(path.read_text())
+
+        content = _read(self.path / name, read)
+        if not isinstance(content, dict):
+            raise InputError(f"{self.path / name}: must be a JSON object; restore the file")
+        return content
+
+
+def load_run(path: str | Path) -> Run:
+    """The run in a folder.
+
+    Raises:
+        InputError: the folder holds no run.
+    """
+    folder = Path(path).expanduser()
+    missing = sorted(name for name in FILES if not (folder / name).is_file())
+    if missing:
+        raise InputError(
+            f"{folder}: must be a run folder, and {', '.join(missing)} is missing; "
+            f"give the path that evoros printed as run folder"
+        )
+    return Run(folder)
+
+
+def read_table(path: Path, numbers: Sequence[str], growing: bool = False) -> pd.DataFrame:
+    """A CSV file with these columns of numbers, whose cells may be empty, and any others.
+
+    Of a ``growing`` file a last row without its end counts as not yet written.
+
+    Raises:
+        InputError: it is not there, or it is damaged.
+    """
+
+    def read(file: Path) -> pd.DataFrame:
+        whole, end, rest = file.read_text().rpartition("\n")
+        if rest and not growing:
+            raise ValueError("its last line is cut short")
+        return pd.read_csv(io.StringIO(whole + end))
+
+    frame: pd.DataFrame = _read(path, read)
+    for name in numbers:
+        if name not in frame.columns:
+            raise InputError(
+                f"{path}: line 1: must have the column {name}, not only "
+                f"{', '.join(map(str, frame.columns))}; restore the file"
+            )
+        values = pd.to_numeric(frame[name], errors="coerce")
+        odd = frame[name].notna() & values.isna()
+        if odd.any():
+            line, value = int(odd.to_numpy().argmax()) + 2, frame.loc[odd, name].iloc[0]
+            raise InputError(
+                f"{path}: line {line}: {name} must be a number, not {value!r}; restore the file"
+            )
+        frame[name] = values
+    return frame
+
+
+def _read(path: Path, reader: Callable[[Path], Any]) -> Any:
+    try:
+        return reader(path)
+    except FileNotFoundError as error:
+        made = next((each for each in path.parents if (each / "manifest.json").is_file()), path)
+        command = Run(made).manifest.get("command", "evoros") if made != path else "evoros"
+        raise InputError(
+            f"{path}: must be there, and is missing: it is not finished, or the file was deleted; "
+            f"type: {command} resume={made}"
+        ) from error
+    except (ValueError, OSError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error

@@ -1,0 +1,160 @@
+"""The CSV files of a run: how a mission, a generation and a trajectory become text and back.
+
+Numbers are written in full (``repr``), so that what is read equals what was computed. An empty
+cell is a number that was not measured; lists are separated by semicolons. ``docs/run_folder.md``
+documents every column.
+"""
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any, get_type_hints
+
+from evoros.base.arrays import Array
+from evoros.design.design import Design
+from evoros.mission.mission import Mission, MissionKey
+from evoros.mission.outcome import TRAJECTORY, Outcome
+from evoros.optimizer.protocol import Candidate
+
+MISSION_COLUMNS = ("generation", "design", "world", "trial", "purpose", "draws")
+CANDIDATE_COLUMNS = (
+    "generation",
+    "id",
+    "parents",
+    "operator",
+    "survived",
+    "fitness",
+)
+VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
+MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two with a confirmation only
+DESIGN_COLUMNS = (
+    "design",
+    "sensor",
+    "type",
+    "link",
+    "x_m",
+    "y_m",
+    "z_m",
+    "yaw_deg",
+    "pitch_deg",
+)
+GENE_COLUMNS = ("design", "gene", "key", "value")
+
+_TYPES = get_type_hints(Outcome)
+OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome))
+MISSIONS_HEADER = (*MISSION_COLUMNS, *OUTCOME_COLUMNS)
+
+
+def to_csv(rows: Iterable[Sequence[object]]) -> str:
+    """CSV text of the rows."""
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows([cell(v) for v in row] for row in rows)
+    return buffer.getvalue()
+
+
+def cell(value: object) -> str:
+    """One value as text."""
+    if isinstance(value, tuple | list):
+        return ";".join(map(cell, value))
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return "" if math.isnan(value) else repr(float(value))
+    return "" if value is None else str(value)
+
+
+def mission_row(mission: Mission, outcome: Outcome) -> list[object]:
+    """One row of ``missions.csv``."""
+    place = [mission.generation, mission.design_id, mission.world, mission.trial]
+    return [*place, mission.purpose, mission.draws, *outcome_cells(outcome)]
+
+
+def outcome_cells(outcome: Outcome) -> list[object]:
+    """The cells of ``OUTCOME_COLUMNS``."""
+    return [getattr(outcome, name) for name in OUTCOME_COLUMNS]
+
+
+def read_mission(row: Mapping[str, str]) -> tuple[MissionKey, str, Outcome]:
+    """The place, the key of the draws and the outcome of one row.
+
+    Raises:
+        ValueError, KeyError: the row is damaged.
+    """
+    place = (int(row["generation"]), int(row["design"]), row["world"], int(row["trial"]))
+    return place, row["draws"], read_outcome(row)
+
+
+def read_outcome(row: Mapping[str, str]) -> Outcome:
+    """What ``outcome_cells`` put into a row.
+
+    Raises:
+        ValueError, KeyError: the row is damaged.
+    """
+    return Outcome(**{name: _parse(row[name], _TYPES[name]) for name in OUTCOME_COLUMNS})
+
+
+def _parse(content: str, kind: Any) -> Any:
+    if kind is str:
+        return content
+    if kind is bool:
+        return {"true": True, "false": False}[content]
+    if kind is float:
+        return float(content) if content else math.nan
+    if kind is int:
+        return int(content)
+    inner = kind.__args__[0]
+    return tuple(_parse(item, inner) for item in content.split(";")) if content else ()
+
+
+def generation_table(
+    generation: int,
+    candidates: Sequence[Candidate],
+    measured: Mapping[str, Mapping[int, float]],
+    genes: Sequence[Mapping[str, object]],
+) -> str:
+    """The text of ``generations/NNNNN.csv``: a row for each candidate of the pool.
+
+    ``measured`` has further numbers by column and individual; not every individual has one.
+    """
+    names = list(genes[0]) if genes else []
+    rows: list[Sequence[object]] = [(*CANDIDATE_COLUMNS, *measured, *names)]
+    for candidate, values in zip(candidates, genes, strict=True):
+        one = candidate.individual
+        head = (generation, one.id, one.parents, candidate.operator, candidate.survived)
+        known = [numbers.get(one.id, math.nan) for numbers in measured.values()]
+        rows.append([*head, candidate.fitness, *known, *(values[name] for name in names)])
+    return to_csv(rows)
+
+
+def design_table(designs: Mapping[int, Design]) -> str:
+    """The text of ``design.csv``: a row for each sensor of each design."""
+    rows: list[Sequence[object]] = [DESIGN_COLUMNS]
+    for name, design in designs.items():
+        for i, m in enumerate(design.mounts):
+            pose = (m.x_m, m.y_m, m.z_m, m.yaw_deg, m.pitch_deg)
+            rows.append([name, i, m.sensor, m.link, *pose])
+    return to_csv(rows)
+
+
+def gene_table(design_id: int, design: Design, names: Mapping[str, str]) -> str:
+    """The text of ``genes.csv``: every other evolved value; ``names`` maps keys to gene names."""
+    rows = [[design_id, names[key], key, value] for key, value in design.values.items()]
+    return to_csv([GENE_COLUMNS, *rows])
+
+
+def trajectory_table(trajectory: Array) -> str:
+    """The text of a trajectory: a row for each record, a column for each sensor at the end."""
+    whole = {TRAJECTORY.index(name) for name in ("mode", "visited", "contact")}
+    rows = (
+        [int(value) if i in whole else value for i, value in enumerate(row)]
+        for row in trajectory.tolist()
+    )
+    return to_csv([trajectory_columns(trajectory), *rows])
+
+
+def trajectory_columns(trajectory: Array) -> list[str]:
+    """The names of the columns of a trajectory."""
+    sensors = trajectory.shape[1] - len(TRAJECTORY)
+    return [*TRAJECTORY, *(f"range_{i}_m" for i in range(sensors))]

@@ -1,1 +1,0 @@
-"""Robot descriptions: xacro expansion, and a strict reading of URDF."""

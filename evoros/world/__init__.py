@@ -1,0 +1,1 @@
+"""Worlds: bodies on level ground, and the course among them."""

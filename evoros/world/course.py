@@ -1,0 +1,76 @@
+"""The route through a world."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base.arrays import Array
+from evoros.base.checks import (
+    FLAG,
+    NOT_NEGATIVE,
+    NUMBER,
+    POSITIVE,
+    check,
+    invalid,
+    is_number,
+    one_of,
+    sequence_of,
+)
+
+
+@dataclass(frozen=True)
+class Course:
+    """A route in two phases: the corners and home again, then the same backwards and home."""
+
+    home_x_m: float
+    home_y_m: float
+    home_z_m: float  # height of the robot's base frame when it is set down
+    home_yaw_rad: float
+    waypoints: Sequence[Sequence[float]]  # the corners [[x, y], ...] [m]; home is appended
+    acceptance_m: float  # a waypoint counts within this distance
+    time_limit_s: float
+    direction: str  # of the first phase: random, forward, backward, parity (of the generation)
+    end_on_collision: bool
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            home_x_m=NUMBER,
+            home_y_m=NUMBER,
+            home_z_m=NOT_NEGATIVE,
+            home_yaw_rad=NUMBER,
+            acceptance_m=POSITIVE,
+            time_limit_s=POSITIVE,
+            direction=one_of("random", "forward", "backward", "parity"),
+            end_on_collision=FLAG,
+            waypoints=sequence_of((list, tuple), "waypoints [x, y]"),
+        )
+        if not self.waypoints:
+            raise invalid(self, "waypoints", self.waypoints, "must have at least one waypoint")
+        for point in self.waypoints:
+            if len(point) != 2 or not all(map(is_number, point)):
+                raise invalid(self, "waypoints", point, "each must be two numbers [x, y]")
+        # Tuples, so that a frozen course cannot change and equal courses compare equal.
+        corners = tuple((float(x), float(y)) for x, y in self.waypoints)
+        object.__setattr__(self, "waypoints", corners)
+
+    @property
+    def home(self) -> tuple[float, float, float, float]:
+        """x, y, z [m] and yaw [rad] where the robot starts."""
+        return (self.home_x_m, self.home_y_m, self.home_z_m, self.home_yaw_rad)
+
+    def goes_forward(self, generation: int, rng: Generator) -> bool:
+        """Whether the first phase takes the corners in their order; draws only if random."""
+        if self.direction == "random":
+            return bool(rng.random() < 0.5)
+        if self.direction == "parity":
+            return generation % 2 == 0
+        return self.direction == "forward"
+
+    def route(self, forward: bool) -> Array:
+        """The goals of all legs in order, (2 * (corners + 1), 2) [m]."""
+        home = (self.home_x_m, self.home_y_m)
+        there = self.waypoints if forward else self.waypoints[::-1]
+        return np.array([*there, home, *there[::-1], home], dtype=np.float64)

@@ -1,0 +1,121 @@
+"""Worlds: bodies on level ground, and a course among them."""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from evoros.base.checks import TEXT, check, instance_of, invalid, sequence_of
+from evoros.base.errors import InputError
+from evoros.formats.sdf.writer import write_sdf
+from evoros.geometry.footprint import contains, footprint, highest, lowest
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.world.course import Course
+from evoros.world.loading import load_world
+
+__all__ = ["Body", "Course", "Pose", "Shape", "World", "load_world"]
+
+LOW_M = 0.3
+"""An obstacle whose underside is higher than this above the ground may stand over a waypoint."""
+
+
+@runtime_checkable
+class WorldSampler(Protocol):
+    """Draws worlds."""
+
+    def world(self, draws: str) -> "World":
+        """The world under this key of random draws, always with the same course."""
+        ...
+
+
+@dataclass(frozen=True)
+class World:
+    """Bodies and a course among them. Every world has level ground at z = 0.
+
+    A world that is renewed is another one under each mission's draws, and itself an example.
+    """
+
+    name: str
+    bodies: tuple[Body, ...]
+    course: Course
+    source: str  # the file, as the configuration names it
+    source_sha256: str  # of its content
+    renewal: WorldSampler | None = None  # None: always the same
+    note: str = ""  # what its SDF says of it: where it comes from
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            name=TEXT,
+            bodies=sequence_of(Body, "bodies"),
+            course=instance_of(Course, "a course (evoros.world.course.Course)"),
+            source=TEXT,
+            renewal=instance_of(WorldSampler | None, "what draws worlds (world)"),
+        )
+        _check_names(self)
+        _check_ground(self)
+        _check_course(self)
+
+    def __hash__(self) -> int:
+        # Not of all bodies: what is computed from a world is kept by it.
+        return hash((self.name, self.source_sha256))
+
+    def at(self, draws: str) -> "World":
+        """The world that a mission under this key of random draws meets."""
+        return self if self.renewal is None else self.renewal.world(draws)
+
+    @property
+    def sdf(self) -> str:
+        """The bodies as an SDF file."""
+        return write_sdf(self.name, self.bodies, self.note)
+
+    @property
+    def obstacles(self) -> tuple[Body, ...]:
+        """All bodies but the ground."""
+        return tuple(body for body in self.bodies if not body.is_ground)
+
+
+def _check_names(world: World) -> None:
+    seen: set[str] = set()
+    for body in world.bodies:
+        if body.name in seen:
+            raise invalid(world, "bodies", body.name, "names must differ", "rename one of the two")
+        seen.add(body.name)
+
+
+def _check_ground(world: World) -> None:
+    heights = []
+    for body in world.bodies:
+        for shape in body.shapes if body.is_ground else ():
+            pose = body.pose @ shape.pose
+            normal = pose.rotation @ np.array(shape.size) / np.linalg.norm(shape.size)
+            if math.hypot(normal[0], normal[1]) > 1e-6 or normal[2] < 0:
+                raise InputError(
+                    f"{world.source}: the ground plane {body.name!r} must be level and face up, "
+                    f"not {np.round(normal, 6).tolist()}; use a box for anything else"
+                )
+            heights.append(pose.position[2])
+    if not heights or abs(max(heights)) > 1e-6:
+        found = f"its highest is at {max(heights):g}" if heights else "it has none"
+        raise InputError(
+            f"{world.source}: a world must have ground at z = 0 m; {found}: put it there"
+        )
+
+
+def _check_course(world: World) -> None:
+    course = world.course
+    places = {f"waypoint {i} {point}": point for i, point in enumerate(course.waypoints)}
+    places[f"home ({course.home_x_m}, {course.home_y_m})"] = (course.home_x_m, course.home_y_m)
+    for body in world.obstacles:
+        for shape in body.shapes:
+            pose = body.pose @ shape.pose
+            if lowest(shape, pose) > LOW_M or highest(shape, pose) <= 0.0:
+                continue
+            outline = footprint(shape, pose)
+            for place, (x, y) in places.items():
+                if contains(outline, (x, y)):
+                    raise InputError(
+                        f"{world.source}: {place} of the course lies inside the obstacle "
+                        f"{body.name!r}; move one of the two"
+                    )

@@ -1,0 +1,408 @@
+"""Champions are validated by what flew under their conditions; treatments are compared by it."""
+
+import io
+import json
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.drawing.style import save
+from evoros.analysis.figures.compare import compare, comparisons, conclusions
+from evoros.analysis.measures.statistics import holm, mann_whitney, median_interval
+from evoros.analysis.tables.matching import champion_content
+from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.validated import validates, validations
+from helpers import scored, texts, tiny
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from evoros.base.console import DONE, INPUT
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two treatments of two seeds, and all champions scored under the conditions of one."""
+    folder = tmp_path_factory.mktemp("study")
+    for seed in (1, 2):
+        for name, more in (("silent", ()), ("stuck", ("filter@failure.effect=stuck",))):
+            run = folder / "runs" / f"{name}_seed-{seed}"
+            assert tiny(run, f"seed={seed}", "optimizer.generations=1", *more) == DONE
+    scored(folder / "silent", folder / "runs", "trials=3")
+    return folder
+
+
+@pytest.fixture
+def copied(study: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(study, tmp_path / "elsewhere"))
+
+
+def table(*folders: Path) -> pd.DataFrame:
+    found: pd.DataFrame = validations(load_study(folders)).set_index("run")
+    return found
+
+
+# Which evaluation validates which run --------------------------------------------------------
+
+
+def test_a_champion_is_validated_under_the_conditions_of_its_run_and_no_others(
+    study: Path,
+) -> None:
+    runs = table(study)
+    fresh = pd.read_csv(study / "silent" / "designs.csv")
+    for name, row in runs.iterrows():
+        status = json.loads((study / "runs" / str(name) / "status.json").read_text())
+        assert row["recorded"] == status["best_fitness"]
+        assert row["in_run"] == status["best_validated_fitness"]
+        if str(name).startswith("silent"):
+            own = fresh[fresh["source"].str.endswith(str(name))].iloc[0]
+            assert (row["validated"], row["fresh_sd"]) == (own["fitness_mean"], own["fitness_sd"])
+            assert (row["validated_by"], row["evaluation"]) == ("evaluation", "silent")
+            assert row["fresh_trials"] == 3
+        else:
+            assert (row["validated"], row["validated_by"]) == (row["in_run"], "run")
+            assert np.isnan(row["fresh"])
+
+
+def test_moved_renamed_and_reordered_folders_give_the_same(study: Path, copied: Path) -> None:
+    (copied / "runs").rename(copied / "moved")
+    (copied / "silent").rename(copied / "again")
+    numbers = ["recorded", "validated", "in_run", "fresh", "fresh_sd"]
+    assert table(copied)[numbers].equals(table(study)[numbers])
+    names = [f"stuck_seed-{seed}" for seed in (2, 1)] + [f"silent_seed-{seed}" for seed in (2, 1)]
+    shutil.rmtree(copied / "again")
+    sources = ",".join(str(study / "runs" / name) for name in names)
+    scored(copied / "other", f"[{sources}]", "trials=3")
+    assert table(copied)[numbers].equals(table(study)[numbers])
+
+
+def test_of_several_evaluations_that_with_most_trials_counts(copied: Path) -> None:
+    scored(copied / "a", copied / "runs", "trials=4", "seed=5", "optimizer.generations=9")
+    scored(copied / "z", copied / "runs", "trials=2")
+    row = table(copied).loc["silent_seed-1"]
+    assert (row["evaluation"], row["fresh_trials"]) == ("a", 4)
+
+
+EDITS: list[tuple[str, Any, bool]] = [
+    ("seed", 99, True),
+    ("trials", 99, True),
+    ("lost_missions", "worst", True),
+    ("executor.workers", 7, True),
+    ("optimizer.generations", 99, True),
+    ("design.number", 2, True),  # which designs there can be; this one is given
+    ("figures", ["fitness"], True),
+    ("failure.earliest_s", 1.0, False),
+    ("failure.effect._target_", "evoros.filter.stuck.Stuck", False),
+    ("simulator.time_step", 0.07, False),
+    ("controller.avoidance.range_m", 1.0, False),
+    ("design.sensors.sonar.range_max_m", 3.0, False),
+    ("world.near.course.time_limit_s", 10.0, False),
+    ("world.third.sdf", "maze.sdf", False),
+    ("robot.mount.z_m", 0.2, False),
+    ("fitness.sensor_penalty", 1.0, False),
+]
+
+
+def test_all_that_a_mission_consists_of_must_agree(study: Path) -> None:
+    found = load_study([study])
+    (evaluation,) = found.evaluations
+    (record,) = (each for each in found.records if each.name == "silent_seed-1")
+    for key, value, same in EDITS:
+        edited = replace(evaluation, values={**evaluation.values, key: value})
+        assert edited.values != evaluation.values
+        assert validates(edited, record) is same, key
+
+
+@pytest.mark.parametrize("column", ["yaw_deg", "link"])
+def test_designs_that_differ_a_little_are_others(column: str, copied: Path) -> None:
+    file = copied / "silent" / "designs_in.csv"
+    given = pd.read_csv(file)
+    given[column] = "lidar" if column == "link" else np.nextafter(given[column], 1000.0)
+    given.to_csv(file, index=False)
+    assert set(table(copied)["validated_by"]) == {"run"}
+
+
+def test_other_evolved_values_belong_to_the_design(tmp_path: Path) -> None:
+    """Whatever the configuration of the evaluation has in their place."""
+    key = "controller.avoidance.range_m"
+    gene = f"{{_target_: evoros.design.genes.Gene, key: {key}, low: 1, high: 2}}"
+    run = tmp_path / "run"
+    assert tiny(run, f"+design.genes.reach={gene}", "optimizer.generations=1") == DONE
+    scored(tmp_path / "again", run, "trials=2", f"{key}=1.25")
+    assert table(tmp_path)["validated_by"].item() == "evaluation"
+    file = tmp_path / "again" / "genes_in.csv"
+    genes = pd.read_csv(file)
+    genes.assign(value=genes["value"] + 0.01).to_csv(file, index=False)
+    assert table(tmp_path)["validated_by"].item() == "run"
+
+
+def test_a_confirmed_run_is_validated_in_the_confirming_simulator(tmp_path: Path) -> None:
+    small = ("optimizer.population_size=4", "optimizer.generations=1")
+    assert tiny(tmp_path / "run", "confirmation=strict", *small) == DONE
+    scored(tmp_path / "own", tmp_path / "run", "trials=2")
+    assert table(tmp_path)["validated_by"].item() == "run"
+    config = yaml.safe_load((tmp_path / "run" / "config.yaml").read_text())
+    simulator = {**config["confirmation"]["simulator"]}
+    file = tmp_path / "own" / "config.yaml"
+    confirming = yaml.safe_load(file.read_text()) | {"simulator": simulator}
+    file.write_text(yaml.safe_dump(confirming))
+    assert table(tmp_path)["validated_by"].item() == "evaluation"
+
+
+def test_a_champion_without_sensors_is_a_design_too(copied: Path) -> None:
+    name = "runs/silent_seed-1"
+    header = (copied / name / "champion/design.csv").read_text().splitlines()[0]
+    (copied / name / "champion/design.csv").write_text(header + "\n")
+    (copied / "runs").rename(copied / "bare")
+    shutil.rmtree(copied / "silent")
+    scored(copied / "silent", copied / "bare", "trials=2")
+    study = load_study([copied])
+    assert champion_content(study.records[0]) == ((), ())
+    assert table(copied).loc["silent_seed-1", "validated_by"] == "evaluation"
+
+
+def test_all_champions_can_be_compared_under_the_same_conditions(
+    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["compare", str(study), "--output", str(tmp_path / "out"), "--format", "svg"]
+    assert evoros_analyze(arguments) == DONE
+    assert "the runs differ in failure, and each is measured under its own" in (
+        capsys.readouterr().out
+    )
+    assert evoros_analyze([*arguments, "--under", "silent"]) == DONE
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "fitness under silent is known of 4 of 4 champions"
+    assert said[1].startswith('fitness under silent, "silence" against "stuck": too few')
+    fresh = pd.read_csv(study / "silent" / "designs.csv")
+    means = dict(zip(fresh["source"], fresh["fitness_mean"], strict=True))
+    runs = pd.read_csv(tmp_path / "out" / "compare_runs.csv")
+    for run, value in zip(runs["run"], runs["under silent"], strict=True):
+        assert value == means[str(study / "runs" / run)]
+    assert evoros_analyze([*arguments, "--under", "nothing"]) == INPUT
+    assert "--under: must be what" in capsys.readouterr().err
+
+
+def test_an_evaluation_of_none_of_the_champions_compares_nothing(
+    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "one.csv").write_text("design,sensor,x_m,y_m,yaw_deg\na,0,0.2,0.05,7\n")
+    scored(tmp_path / "else", tmp_path / "one.csv")
+    capsys.readouterr()
+    folders = [str(study / "runs"), str(tmp_path / "else"), "--output", str(tmp_path / "out")]
+    assert evoros_analyze(["compare", *folders, "--under", "else"]) == INPUT
+    err = capsys.readouterr().err
+    assert "--under else: must have scored a champion of these runs" in err
+    assert err.count("\n") == 1
+
+
+def test_what_is_unfinished_or_damaged_is_left_out_in_one_line(
+    copied: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (copied / "silent" / "designs.csv").unlink()
+    status = json.loads((copied / "runs/stuck_seed-1/status.json").read_text())
+    stopped = json.dumps(status | {"state": "stopped"})
+    (copied / "runs/stuck_seed-1/status.json").write_text(stopped)
+    (copied / "runs/stuck_seed-2/champion/design.csv").write_text("design,sensor\n1,one\n")
+    arguments = ["compare", str(copied), "--output", str(copied / "out"), "--format", "svg"]
+    assert evoros_analyze(arguments) == DONE
+    out, err = capsys.readouterr()
+    assert [line.endswith("left out") for line in err.splitlines()] == [True] * 3
+    for name in ("silent/designs.csv", "stuck_seed-1: must be a finished", "stuck_seed-2/champion"):
+        assert name in err
+    assert "2 of 2 runs: by the runs themselves, 1 trials" in out
+    assert "evoros-evaluate designs=SWEEP" in out
+
+
+def test_no_finished_run_is_one_clear_line(
+    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = ["--output", str(tmp_path / "out")]
+    assert evoros_analyze(["compare", str(study / "silent"), *output]) == INPUT
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_writes_the_same_files_each_time(study: Path, tmp_path: Path) -> None:
+    for place in ("one", "two"):
+        output = ["--output", str(tmp_path / place)]
+        assert evoros_analyze(["compare", str(study), *output]) == DONE
+    names = {"compare.pdf", "compare.csv", "compare_runs.csv"}
+    assert {path.name for path in (tmp_path / "one").iterdir()} == names
+    for name in names:
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+# What is compared ----------------------------------------------------------------------------
+
+FIVE = {"low": [1.0, 2.0, 3.0, 4.0, 5.0], "high": [6.0, 7.0, 8.0, 9.0, 10.0], "mid": [4.5] * 5}
+
+
+def runs_of(values: dict[str, list[float]], validated: float = 0.0) -> pd.DataFrame:
+    rows = [(name, value, value - validated) for name, some in values.items() for value in some]
+    return pd.DataFrame(rows, columns=["treatment", "recorded", "validated"])
+
+
+def test_the_comparisons_are_those_of_the_statistics() -> None:
+    found = comparisons(runs_of(FIVE, 0.5))
+    assert list(found["measure"]) == ["recorded"] * 3 + ["validated"] * 3
+    assert list(zip(found["a"], found["b"], strict=True))[:3] == list(combinations(FIVE, 2))
+    first = found.iloc[0]
+    assert first["p"] == pytest.approx(2 / 252)  # the least of C(10, 5) splits, twice
+    assert (first["a12"], first["magnitude"]) == (0.0, "large")
+    assert (first["n_a"], first["median_a"], first["median_b"]) == (5, 3.0, 8.0)
+    middle = median_interval(FIVE["low"])
+    assert (first["median_low_a"], first["median_high_a"]) == (middle.low, middle.high)
+    p = [mann_whitney(FIVE[a], FIVE[b]) for a, b in combinations(FIVE, 2)]
+    assert list(found["p_holm"])[:3] == holm(p)
+    assert found["least_p_holm"].to_numpy() == pytest.approx(3 * 2 / 252)
+    later = found.iloc[3:].reset_index(drop=True)
+    assert later[["p", "p_holm", "a12"]].equals(found.iloc[:3][["p", "p_holm", "a12"]])
+    assert list(later["median_a"]) == [2.5, 2.5, 7.5]
+
+
+def test_each_conclusion_is_one_plain_sentence() -> None:
+    said = conclusions(comparisons(runs_of(FIVE)))[:3]
+    assert said[0] == (
+        'recorded fitness, "low" against "high": "high" is higher: p = 0.024 (Holm), '
+        "A12 = 0.00 (large)"
+    )
+    assert '"low" against "mid": no difference shown at the 5 % level: p = ' in said[1]
+    assert '"high" against "mid": "high" is higher' in said[2]
+
+
+def test_too_few_replicates_are_said() -> None:
+    few = {name: values[:3] for name, values in FIVE.items()}
+    said = conclusions(comparisons(runs_of(few)))
+    assert all("too few replicates (3 and 3) for any conclusion: at least 5" in s for s in said)
+    two = {name: values[:4] for name, values in list(FIVE.items())[:2]}
+    assert '"high" is higher: p = 0.029' in conclusions(comparisons(runs_of(two)))[0]
+    uneven = {"low": FIVE["low"] * 2, "high": FIVE["high"][:1]}
+    said = conclusions(comparisons(runs_of(uneven)))
+    assert "too few replicates (10 and 1)" in said[0]
+
+
+def test_one_treatment_has_its_interval_and_nothing_to_compare() -> None:
+    found = comparisons(runs_of({"low": FIVE["low"]}))
+    assert list(found["b"]) == ["", ""]
+    assert (found["median_a"][0], found["n_a"][0]) == (3.0, 5)
+    assert found[["p", "a12", "median_b"]].isna().all().all()
+    assert all("nothing to compare" in line for line in conclusions(found))
+
+
+def test_runs_without_a_validation_have_none_compared() -> None:
+    runs = runs_of(FIVE)
+    runs.loc[runs["treatment"] == "mid", "validated"] = nan
+    found = comparisons(runs)
+    assert [(row.a, row.b) for row in found[found["measure"] == "validated"].itertuples()] == [
+        ("low", "high")
+    ]
+
+
+# The picture ---------------------------------------------------------------------------------
+
+
+def drawn(runs: pd.DataFrame, width: float = 3.5) -> Figure:
+    figure: Figure = compare(runs, comparisons(runs), width)
+    return figure
+
+
+def dots(axes: Axes) -> Iterator[tuple[list[float], list[float]]]:
+    for item in axes.collections:
+        if isinstance(item, PathCollection):
+            places = np.asarray(item.get_offsets())
+            yield sorted(places[:, 0]), list(places[:, 1])
+
+
+def test_every_run_is_a_dot_in_the_row_of_its_treatment() -> None:
+    figure = drawn(runs_of(FIVE, 0.5))
+    assert [axes.get_xlabel() for axes in figure.axes] == ["recorded fitness", "validated fitness"]
+    for axes, less in zip(figure.axes, (0.0, 0.5), strict=True):
+        for row, ((values, places), some) in enumerate(zip(dots(axes), FIVE.values(), strict=True)):
+            assert values == [value - less for value in sorted(some)]
+            assert all(row < y < row + 0.5 for y in places)
+        assert [tick.get_text() for tick in axes.get_yticklabels()] == list(FIVE)
+
+
+def test_boxes_are_quartiles_and_whiskers_end_within_one_and_a_half_of_them() -> None:
+    """Of 1 ... 5 and 30: quartiles 2.25 and 4.75, so that 30 lies beyond."""
+    (axes, _) = drawn(runs_of({"one": [*FIVE["low"], 30.0]})).axes
+    (box,) = (patch for patch in axes.patches if isinstance(patch, Rectangle))
+    assert (box.get_x(), box.get_x() + box.get_width()) == (2.25, 4.75)
+    lines = [item for item in axes.collections if isinstance(item, LineCollection)]
+    ends = [tuple(segment[:, 0]) for line in lines for segment in line.get_segments()]
+    assert ends == [(1.0, 2.25), (4.75, 5.0), (3.5, 3.5)]
+
+
+@pytest.mark.parametrize("width", [3.5, 7.0])
+def test_the_numbers_of_the_table_stand_in_the_picture(width: float) -> None:
+    runs = runs_of(FIVE, 0.25)
+    there = [text.get_text() for text in texts(drawn(runs, width))]
+    for row in comparisons(runs).itertuples():
+        assert {f"{row.a} vs {row.b}", f"{row.p_holm:.3f}", f"{row.a12:.2f}"} <= set(there)
+        side = f"{row.median_a:.2f} [{row.median_low_a:.2f}, {row.median_high_a:.2f}], n = 5"
+        assert side in there
+    assert drawn(runs, width).get_figwidth() == width
+
+
+LONG = {
+    "none, population_size=30, number=[1, 2]": FIVE["low"][:3],
+    "random, population_size=100, mirrored=false": FIVE["high"],
+    "spatial": FIVE["mid"],
+}
+
+
+@pytest.mark.parametrize("width", [3.5, 7.0])
+@pytest.mark.parametrize("values", [FIVE, LONG])
+def test_no_text_overlaps_another_or_leaves_the_page(
+    values: dict[str, list[float]], width: float
+) -> None:
+    figure = drawn(runs_of(values, 0.5), width)
+    FigureCanvasAgg(figure).draw()  # type: ignore[no-untyped-call]
+    page = figure.bbox
+    boxes = [text.get_window_extent() for text in texts(figure) if text.get_visible()]
+    for box in boxes:
+        assert page.x0 <= box.x0 <= box.x1 <= page.x1
+        assert page.y0 <= box.y0 <= box.y1 <= page.y1
+    for one, other in combinations(boxes, 2):
+        assert not one.padded(-1).overlaps(other.padded(-1))
+    assert min(float(text.get_fontsize()) for text in texts(figure)) >= 6.5
+
+
+def test_long_names_get_letters_and_too_few_a_mark() -> None:
+    there = [text.get_text() for text in texts(drawn(runs_of(LONG)))]
+    assert {"A vs B*", "A vs C*", "B vs C"} <= set(there)
+    assert any(text.startswith("*too few replicates") and "5 or more" in text for text in there)
+
+
+def test_very_many_comparisons_are_left_to_the_table() -> None:
+    many = {f"t{i}": FIVE["low"] for i in range(9)}
+    figure = drawn(runs_of(many))
+    assert not any(" vs " in text.get_text() for text in texts(figure))
+    assert len(comparisons(runs_of(many))) == 2 * 36
+
+
+def test_without_any_validation_there_is_one_panel() -> None:
+    figure = drawn(runs_of(FIVE).assign(validated=nan))
+    assert [axes.get_xlabel() for axes in figure.axes] == ["recorded fitness"]
+
+
+def test_the_same_runs_in_any_order_give_the_same_bytes() -> None:
+    def saved(runs: pd.DataFrame) -> bytes:
+        file = io.BytesIO()
+        save(drawn(runs), file, "svg")
+        return file.getvalue()
+
+    runs = runs_of(FIVE)
+    mixed = runs.iloc[[4, 3, 2, 1, 0, *range(5, 15)]]
+    assert saved(runs) == saved(mixed)

@@ -1,0 +1,564 @@
+"""Figures of designs on the robot: the numbers behind them, and that they show these numbers."""
+
+import argparse
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.drawing import rover
+from evoros.analysis.drawing.sheet import Sheet
+from evoros.analysis.drawing.style import CATEGORIES
+from evoros.analysis.figures import failure, overlay, panel, regions
+from evoros.analysis.measures import raster
+from evoros.analysis.product import Product
+from evoros.analysis.tables.study import load_study
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection, PolyCollection
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from evoros.base.console import DONE, INPUT
+from evoros.failure.spatial import SpatialFailure
+from evoros.filter.protocol import Channels
+from evoros.storage.figure_context import Area, Beam, FigureContext, Part, Ring
+
+RINGS = (Ring(0.03, 1.0), Ring(0.06, 2 / 3), Ring(0.09, 1 / 3))
+SETTING = FigureContext(
+    robot="box",
+    parts=(
+        Part("base", ((-0.2, -0.1), (0.2, -0.1), (0.2, 0.1), (-0.2, 0.1)), 0.0, 0.15, False),
+        Part("wheel", ((0.1, 0.12),), 0.05, 0.1, True),
+    ),
+    places={"base": (0.0, 0.0, 0.0, 0.0)},
+    beams={"sonar": Beam(30.0, 0.06, 1.0)},
+    regions={
+        "left": Area(((0.0, 0.05), (0.2, 0.05), (0.2, 0.1), (0.0, 0.1)), (40.0, 90.0)),
+        "front": Area(((0.15, -0.05), (0.2, -0.05), (0.2, 0.05), (0.15, 0.05)), (-30.0, 30.0)),
+    },
+    mirrored=True,
+    rings=RINGS,
+    modes=("avoiding", "navigating"),
+    courses={},
+)
+NAN = math.nan
+
+
+def sensor(x: float, y: float, yaw: float, run: str = "a", **more: object) -> dict[str, object]:
+    """A sonar of 30 degrees and 1 m, by itself a pair."""
+    place = {"x_m": x, "y_m": y, "z_m": 0.1, "yaw_deg": yaw, "pitch_deg": 0.0}
+    beam = {"fov_deg": 30.0, "range_m": 1.0, "type": "sonar"}
+    known = {"run": run, "treatment": "all runs", "seed": 0, "design": 7, "sensor": 0, "pair": 0}
+    return {**known, **place, **beam, "fitness": 18.04, "validated_fitness": 16.96, **more}
+
+
+def bare(run: str, **more: object) -> dict[str, object]:
+    """A champion without sensors."""
+    row = sensor(NAN, NAN, NAN, run)
+    return {**row, "sensor": None, "pair": None, "type": None, "range_m": NAN, **more}
+
+
+def table(*rows: dict[str, object]) -> pd.DataFrame:
+    frame = pd.DataFrame(list(rows))
+    return frame.astype({"sensor": "Int64", "pair": "Int64"})
+
+
+def areas(cover: pd.DataFrame) -> dict[int, float]:
+    """Square metres by the number of champions that cover them."""
+    area = (cover.y_high_m - cover.y_low_m) * cover.cell_m
+    total = area.groupby(cover.iloc[:, -1]).sum()
+    return dict(zip(total.index.tolist(), total.tolist(), strict=True))
+
+
+def covers(*rows: dict[str, object], cut: float = 1.0) -> dict[int, float]:
+    return areas(raster.coverage(table(*rows), {"all runs": SETTING}, (cut,)))
+
+
+def sector(opening_deg: float, radius_m: float = 1.0) -> float:
+    return math.radians(opening_deg) / 2 * radius_m**2
+
+
+# The counts of an overlay.
+
+
+def test_a_cone_covers_the_area_of_its_sector() -> None:
+    assert covers(sensor(0, 0, 20)) == pytest.approx({1: sector(30)}, rel=0.01)
+    assert covers(sensor(0, 0, 20), cut=0.5) == pytest.approx({1: sector(30, 0.5)}, rel=0.01)
+
+
+def test_two_champions_count_twice_where_their_cones_coincide() -> None:
+    assert covers(sensor(0, 0, 0, "a"), sensor(0, 0, 15, "b")) == pytest.approx(
+        {1: 2 * sector(15), 2: sector(15)}, rel=0.02
+    )
+
+
+def test_a_champion_counts_once_wherever_its_own_cones_coincide() -> None:
+    both = covers(sensor(0, 0, 0), sensor(0, 0, 15, sensor=1, pair=1), bare("b"))
+    assert both == pytest.approx({1: sector(45)}, rel=0.01)
+
+
+def test_a_beam_of_one_ray_is_seen() -> None:
+    one = covers(sensor(0.5 / raster.CELLS, 0, 90, fov_deg=0.0))
+    assert one == pytest.approx({1: 1.0 / raster.CELLS}, rel=0.02)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.lists(
+        st.tuples(
+            st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-180, 180), st.sampled_from("abc")
+        ),
+        min_size=1,
+        max_size=5,
+    )
+)
+def test_the_mirror_image_of_the_champions_covers_the_mirror_image(
+    mounts: list[tuple[float, float, float, str]],
+) -> None:
+    own = table(*(sensor(x, y, yaw, run) for x, y, yaw, run in mounts))
+    image = own.assign(y_m=-own.y_m, yaw_deg=-own.yaw_deg)
+    one, other = (raster.coverage(each, {"all runs": SETTING}, (0.4,)) for each in (own, image))
+    swapped = other.assign(y_low_m=-other.y_high_m, y_high_m=-other.y_low_m)
+    order = ["x_m", "y_low_m"]
+    pd.testing.assert_frame_equal(
+        one.sort_values(order, ignore_index=True), swapped.sort_values(order, ignore_index=True)
+    )
+
+
+def test_cones_are_cut_at_the_robots_length_and_shown_whole() -> None:
+    assert overlay.cuts(table(sensor(0, 0, 0)), {"all runs": SETTING}) == (0.4, 1.0)
+    assert overlay.cuts(table(sensor(0, 0, 0)), {"all runs": SETTING}, 0.7) == (0.7, 1.0)
+    assert overlay.cuts(table(sensor(0, 0, 0)), {"all runs": SETTING}, 2.0) == (1.0,)
+    assert overlay.cuts(table(bare("a")), {"all runs": SETTING}) == ()
+
+
+# What is drawn of them.
+
+
+def drawn(*rows: dict[str, object], width: float = 3.5) -> tuple[pd.DataFrame, Figure]:
+    sensors = table(*rows)
+    chosen = dict.fromkeys(sensors.treatment, SETTING)
+    cover = raster.coverage(sensors, chosen, overlay.cuts(sensors, chosen))
+    return cover, overlay.overlay(cover, sensors, chosen, width)
+
+
+def test_the_shades_are_the_counts_of_the_table() -> None:
+    cover, figure = drawn(sensor(0.1, 0, 10, "a"), sensor(0, 0.1, 15, "b"))
+    for axes, cut in zip(figure.axes, (0.4, 1.0), strict=False):
+        (image,) = axes.get_images()
+        shown = image.get_array()
+        assert isinstance(shown, np.ma.MaskedArray)
+        counts = np.asarray(shown.filled(0))
+        own = cover[cover.cut_m == cut]
+        cells = {count: int((counts == count).sum()) for count in (1, 2)}
+        assert {k: n * float(own.cell_m.iloc[0]) ** 2 for k, n in cells.items()} == pytest.approx(
+            areas(own)
+        )
+        left, right, bottom, top = image.get_extent()
+        across = left + (np.arange(counts.shape[1]) + 0.5) / counts.shape[1] * (right - left)
+        along = bottom + (np.arange(counts.shape[0]) + 0.5) / counts.shape[0] * (top - bottom)
+        span = own.iloc[len(own) // 2]
+        row = counts[np.abs(along - span.x_m).argmin()]
+        within = (across > span.y_low_m) & (across < span.y_high_m)
+        assert set(row[within]) == {span.champions}
+
+
+def test_every_sensor_is_a_dot_at_its_place_left_is_left_and_ahead_is_up() -> None:
+    _, figure = drawn(sensor(0.1, 0.05, 10, "a"), sensor(-0.1, -0.02, 15, "b"))
+    axes = figure.axes[0]
+    (dots,) = (each for each in axes.collections if isinstance(each, PathCollection))
+    assert np.asarray(dots.get_offsets()).tolist() == [[0.05, 0.1], [-0.02, -0.1]]
+    across, up = axes.transData.transform([[0.05, 0.1], [-0.02, -0.1]]).T
+    assert across[0] < across[1]
+    assert up[0] > up[1]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("y, left [m]", "x, forward [m]")
+    assert axes.get_aspect() == 1.0
+
+
+def test_treatments_stand_side_by_side_at_one_scale() -> None:
+    rows = [sensor(0.1, 0, 10 * i, f"r{i}", treatment=f"t{i}") for i in range(3)]
+    _, figure = drawn(*rows, width=7.0)
+    near = [axes for axes in figure.axes if axes.get_title(loc="left").startswith("t")]
+    assert [axes.get_title(loc="left").split("\n")[0] for axes in near] == [
+        "t0 (1 champion)",
+        "t1 (1 champion)",
+        "t2 (1 champion)",
+    ]
+    assert len({(*axes.get_xlim(), *axes.get_ylim()) for axes in near}) == 1
+    assert len({round(axes.get_position().y0, 9) for axes in near}) == 1
+
+
+def test_of_single_champions_the_sensors_are_counted() -> None:
+    cover, figure = drawn(sensor(0, 0, 0), sensor(0, 0, 15, sensor=1, pair=1))
+    own = cover[cover.cut_m == 1.0]
+    assert areas(own) == pytest.approx({1: 2 * sector(15), 2: sector(15)}, rel=0.02)
+    assert figure.axes[-1].get_ylabel() == "sensors whose cones cover a place"
+
+
+def test_a_champion_without_sensors_counts_and_covers_nothing() -> None:
+    cover, figure = drawn(sensor(0, 0, 0, "a"), bare("b"))
+    assert cover.champions.max() == 1
+    assert figure.axes[0].get_title(loc="left").startswith("2 champions\n")
+    cover, figure = drawn(bare("a"))
+    assert cover.empty
+    assert "no sensors" in figure.axes[0].get_title(loc="left")
+
+
+def test_types_of_sensors_have_shapes_of_their_own() -> None:
+    mixed = [sensor(0, 0, 0), sensor(0.1, 0, 0, sensor=1, pair=1, type="lidar", fov_deg=90.0)]
+    for figure in (drawn(*mixed)[1], panels(*mixed)):
+        (legend,) = figure.legends
+        names = [each.get_text() for each in legend.get_texts()]
+        assert names[-2:] == ["lidar", "sonar"]
+    assert len(set(rover.markers_of(table(*mixed)).values())) == 2
+
+
+# A panel a champion.
+
+
+def panels(*rows: dict[str, object], width: float = 7.0) -> Figure:
+    sensors = panel.ranked(table(*rows))
+    figure: Figure = panel.panel(sensors, dict.fromkeys(sensors.treatment, SETTING), width)
+    return figure
+
+
+def colours(axes: Axes) -> list[str]:
+    """Of the cones, in the order of the sensors."""
+    cones = [each for each in axes.collections if isinstance(each, PolyCollection)]
+    faces = np.asarray(cones[0].get_facecolor()) if cones else np.empty((0, 4))
+    return [to_hex(tuple(face)) for face in faces.tolist()]
+
+
+PAIRS = (
+    sensor(0, 0.1, -70, sensor=0, pair=0),
+    sensor(0, -0.1, 70, sensor=1, pair=0),
+    sensor(0.1, 0.1, 10, sensor=2, pair=1),
+    sensor(0.1, -0.1, -10, sensor=3, pair=1),
+    sensor(0.2, 0.0, 40, sensor=4, pair=2),
+    sensor(0.2, 0.0, -40, sensor=5, pair=2),
+)
+
+
+def test_twins_share_a_colour_that_tells_how_far_they_face_aside() -> None:
+    assert panel.ranked(table(*PAIRS))["rank"].tolist() == [2, 2, 0, 0, 1, 1]
+    first, second, third = CATEGORIES[:3]
+    assert colours(panels(*PAIRS).axes[0]) == [third, third, first, first, second, second]
+
+
+def test_sensors_without_twins_have_a_colour_each() -> None:
+    alone = [sensor(0, 0, yaw, sensor=i, pair=i) for i, yaw in enumerate((50, -60, 10, -5))]
+    assert colours(panels(*alone).axes[0]) == [CATEGORIES[i] for i in (2, 3, 1, 0)]
+
+
+def test_the_cones_of_a_panel_are_those_of_the_table_and_its_title_the_fitness() -> None:
+    axes = panels(sensor(0.1, 0.05, 30)).axes[0]
+    (cone, _) = (each for each in axes.collections if isinstance(each, PolyCollection))
+    (path,) = cone.get_paths()
+    tip, *arc = np.asarray(path.vertices)[:-1].tolist()
+    assert tip == [0.05, 0.1]
+    reach = [math.hypot(x - 0.1, y - 0.05) for y, x in arc]
+    angle = [math.degrees(math.atan2(y - 0.05, x - 0.1)) for y, x in arc]
+    assert reach == pytest.approx([0.2] * len(arc))  # 0.6 of 0.4 m, to one digit
+    assert (min(angle), max(angle)) == pytest.approx((15.0, 45.0))
+    assert axes.get_title() == "0: 18.0 (17.0)"
+
+
+def test_an_unvalidated_champion_without_sensors_has_its_panel() -> None:
+    figure = panels(sensor(0, 0, 0, "a"), bare("b", seed=4, validated_fitness=NAN))
+    assert [colours(axes) for axes in figure.axes] == [[CATEGORIES[0]], []]
+    assert figure.axes[1].get_title() == "4: 18.0 (-)"
+    assert len(panels(bare("b")).axes) == 1
+
+
+@pytest.mark.parametrize(("treatments", "each"), [(1, 1), (1, 10), (3, 10), (2, 7)])
+@pytest.mark.parametrize("width", [3.5, 7.0])
+def test_a_panel_a_replicate_on_a_page(treatments: int, each: int, width: float) -> None:
+    rows = [
+        sensor(0, 0, 20, f"{t}/{i}", seed=i, treatment=f"t{t}")
+        for t in range(treatments)
+        for i in range(each)
+    ]
+    figure = panels(*rows, width=width)
+    assert [axes.get_title()[0] for axes in figure.axes] == [str(r["seed"]) for r in rows]
+    assert figure.get_figwidth() == width
+    assert figure.get_figheight() <= panel.PAGE_HIGH_IN or width < 7.0
+    tops = [round(axes.get_position().y1, 6) for axes in figure.axes]
+    firsts = [tops[t * each] for t in range(treatments)]
+    assert firsts == sorted(set(firsts), reverse=True)  # each treatment begins a row
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    st.integers(1, 4),
+    st.lists(st.tuples(st.floats(0.2, 2.0), st.floats(0.1, 1.0)), min_size=1, max_size=4),
+)
+def test_panels_of_a_sheet_have_their_shape_and_lie_apart_on_the_page(
+    columns: int, rows: list[tuple[float, float]]
+) -> None:
+    page = Sheet(7.0, columns, [ratio for ratio, _ in rows], [head for _, head in rows])
+    figure = page.figure()
+    for row, (ratio, _) in enumerate(rows):
+        for column in range(columns):
+            box = page.axes(figure, row, column).get_position()
+            wide, tall = box.width * 7.0, box.height * figure.get_figheight()
+            assert tall / wide == pytest.approx(ratio)
+    boxes = [axes.get_position() for axes in figure.axes]
+    assert all(b.x0 > -1e-9 and b.x1 < 1 and b.y0 > -1e-9 and b.y1 < 1 for b in boxes)
+    for i, one in enumerate(boxes):
+        for two in boxes[i + 1 :]:
+            beside = one.x1 < two.x0 or two.x1 < one.x0
+            assert beside or one.y0 > two.y1 or two.y0 > one.y1
+
+
+# What damage breaks.
+
+
+def row_of(x: float, index: int, z: float = 0.1) -> dict[str, object]:
+    return sensor(x, 0.0, 0.0, sensor=index, pair=index, z_m=z)
+
+
+def test_distances_and_probabilities_of_known_mounts() -> None:
+    sensors = table(row_of(0.0, 0), row_of(0.025, 1), row_of(0.06, 2), row_of(0.0, 3, z=0.18))
+    damage = failure.damage(sensors, RINGS[::-1])  # in whatever order
+    found = {(r.centre, r.sensor): (r.distance_m, r.probability) for r in damage.itertuples()}
+    expected = {
+        (0, 0): (0.0, 1.0),
+        (0, 1): (0.025, 1.0),
+        (0, 2): (0.06, 2 / 3),  # on the ring is within it
+        (0, 3): (0.08, 1 / 3),  # above it
+        (1, 2): (0.035, 2 / 3),
+        (1, 3): (math.hypot(0.025, 0.08), 1 / 3),
+        (2, 3): (0.1, 0.0),
+    }
+    for (one, two), numbers in expected.items():
+        assert found[one, two] == pytest.approx(numbers)
+        assert found[two, one] == pytest.approx(numbers)
+    assert len(found) == 16
+    beyond = damage[(damage.centre == 2) & (damage.sensor == 3)]
+    assert beyond.radius_m.isna().all()
+
+
+def test_the_probabilities_are_those_of_the_failure_that_missions_meet() -> None:
+    rng = np.random.default_rng(5)
+    places = np.column_stack([rng.uniform(0, 0.15, (5, 2)), np.full(5, 0.1)])
+    rows = [sensor(x, y, 0, sensor=i, pair=i, z_m=z) for i, (x, y, z) in enumerate(places.tolist())]
+    mean = failure.damage(table(*rows), RINGS).groupby("sensor").probability.mean()
+    channels = Channels(np.zeros(5), np.ones(5), places, 0.1)
+    model, draws = SpatialFailure(), 4000
+    hits = np.mean([np.isfinite(model.draw(channels, rng)[0].onset) for _ in range(draws)], axis=0)
+    assert hits == pytest.approx(mean.to_numpy(), abs=4 * 0.5 / math.sqrt(draws))
+
+
+def test_the_rings_surround_the_sensor_that_is_hit_and_the_labels_say_the_table() -> None:
+    sensors = table(row_of(0.0, 0), row_of(0.05, 1), row_of(0.12, 2))
+    damage = failure.damage(sensors, RINGS)
+    figure = failure.failure(damage, SETTING)
+    for centre, axes in enumerate(figure.axes):
+        circles = [patch for patch in axes.patches if isinstance(patch, Circle)]
+        place = (0.0, (0.0, 0.05, 0.12)[centre])
+        assert {tuple(np.asarray(circle.get_center())) for circle in circles} == {place}
+        assert sorted(circle.get_radius() for circle in circles) == [0.03, 0.06, 0.09]
+        own = damage[damage.centre == centre]
+        said = {f"{r.sensor}: {r.probability:.2f}" for r in own.itertuples()}
+        assert {text.get_text().strip() for text in axes.texts} == said
+        assert f"{own.probability.sum():.1f} of 3 fail" in axes.get_title(loc="left")
+    (legend,) = figure.legends
+    assert [each.get_text() for each in legend.get_texts()] == [
+        "within 3 cm: 1.00",
+        "within 6 cm: 0.67",
+        "within 9 cm: 0.33",
+    ]
+
+
+def test_of_twins_the_left_one_is_hit_and_the_other_is_named() -> None:
+    figure = failure.failure(failure.damage(table(*PAIRS[:4]), RINGS), SETTING)
+    titles = [axes.get_title(loc="left").split("\n")[0] for axes in figure.axes]
+    assert titles == ["sensor 0 hit (mirrored: 1)", "sensor 2 hit (mirrored: 3)"]
+
+
+def test_labels_keep_apart() -> None:
+    labels = failure._apart([0.0, 0.01, 0.02, 0.5], 0.05)
+    assert np.diff(labels).min() >= 0.05 - 1e-12
+    assert failure._apart([0.0, 1.0], 0.5) == [0.0, 1.0]
+
+
+# Where sensors may be.
+
+
+def test_the_table_of_regions_has_each_region_and_its_mirror_image() -> None:
+    found = regions.table({"all runs": SETTING}).set_index(["region", "twin"])
+    left, image = found.loc["left", False], found.loc["left", True]
+    assert (left.x1_m, left.y1_m, left.yaw_low_deg, left.yaw_high_deg) == (0.2, 0.05, 40.0, 90.0)
+    assert (image.x1_m, image.y1_m) == (0.2, -0.05)
+    assert (image.yaw_low_deg, image.yaw_high_deg) == (-90.0, -40.0)
+    assert len(found) == 4
+    alone = FigureContext(**{**vars(SETTING), "mirrored": False})
+    assert len(regions.table({"all runs": alone})) == 2
+
+
+def test_regions_are_drawn_with_fans_of_their_headings_and_names() -> None:
+    (axes,) = regions.regions({"all runs": SETTING}).axes
+    texts = {text.get_text() for text in axes.texts}
+    assert texts == {"left\n40 to 90°", "front\n\N{MINUS SIGN}30 to 30°"}
+    shapes = [np.asarray(patch.get_xy())[:-1] for patch in axes.patches]
+    area = [(0.05, 0.0), (0.05, 0.2), (0.1, 0.2), (0.1, 0.0)]
+    assert any(shape.tolist() == [list(point) for point in area] for shape in shapes)
+    fans = [shape for shape in shapes if np.allclose(shape[0], (0.075, 0.1))]
+    (fan,) = fans
+    angles = np.degrees(np.arctan2(fan[1:, 0] - 0.075, fan[1:, 1] - 0.1))
+    assert (angles.min(), angles.max()) == pytest.approx((40.0, 90.0))
+
+
+def test_where_only_twins_are_is_dashed() -> None:
+    (axes,) = regions.regions({"all runs": SETTING}).axes
+    dashed = [np.asarray(p.get_xy()) for p in axes.patches if p.get_linestyle() == "--"]
+    assert dashed
+    assert all(shape[:, 0].max() < 0 for shape in dashed)  # right of the middle: left's twins
+    assert "mirrored" in axes.get_title(loc="left")
+    (axes,) = regions.regions(
+        {"all runs": FigureContext(**{**vars(SETTING), "mirrored": False})}
+    ).axes
+    assert not [patch for patch in axes.patches if patch.get_linestyle() == "--"]
+    assert axes.get_title(loc="left") == ""
+
+
+# The robot.
+
+
+def test_round_parts_are_round_and_all_are_where_they_are() -> None:
+    base, wheel = (rover.outline(part) for part in SETTING.parts)
+    assert sorted(map(tuple, base.tolist())) == [(-0.2, -0.1), (-0.2, 0.1), (0.2, -0.1), (0.2, 0.1)]
+    assert np.hypot(*(wheel - (0.1, 0.12)).T) == pytest.approx(np.full(len(wheel), 0.05))
+    swept = rover.outline(Part("rod", ((0.0, 0.0), (1.0, 0.0)), 0.1, 0.1, False))
+    assert (swept.min(axis=0).tolist(), swept.max(axis=0).tolist()) == (
+        pytest.approx([-0.1, -0.1]),
+        pytest.approx([1.1, 0.1]),
+    )
+
+
+# All of them, as the command makes them.
+
+
+def folder(path: Path, setting: FigureContext = SETTING, seed: int = 0, mounts: str = "") -> Path:
+    """A finished run, of the files that these figures read."""
+    (path / "champion").mkdir(parents=True)
+    header = "design,sensor,type,link,x_m,y_m,z_m,yaw_deg,pitch_deg\n"
+    status = {"state": "finished", "best_fitness": 17.0 + seed, "best_validated_fitness": 15.0}
+    files = {
+        "config.yaml": f"seed: {seed}\nfailure: {{_target_: a.{path.parent.name}.B}}\n",
+        "manifest.json": '{"command": "evoros"}',
+        "status.json": json.dumps(status),
+        "missions.csv": "generation,design,world,trial\n",
+        "setting.json": setting.text,
+        "champion/design.csv": header + mounts,
+    }
+    for name, text in files.items():
+        (path / name).write_text(text)
+    return path
+
+
+TWO = "3,0,sonar,base,0.1,0.05,0.1,30,0\n3,1,sonar,base,0.1,-0.05,0.1,-30,0\n"
+MADE = {"overlay": overlay, "panel": panel, "failure": failure, "regions": regions}
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_the_command_writes_the_same_bytes_twice(name: str, tmp_path: Path) -> None:
+    for seed in (0, 1):
+        folder(tmp_path / "none" / f"seed-{seed}", seed=seed, mounts=TWO)
+    files = []
+    for out in (tmp_path / "one", tmp_path / "two"):
+        assert evoros_analyze([name, str(tmp_path / "none"), "--output", str(out)]) == DONE
+        files.append({file.name: file.read_bytes() for file in out.iterdir()})
+    assert files[0] == files[1]
+    assert set(files[0]) >= {f"{name}.pdf", f"{name}.csv"}
+
+
+@pytest.mark.parametrize("name", MADE)
+@pytest.mark.parametrize("columns", [1, 2])
+def test_a_figure_is_as_wide_as_its_columns(name: str, columns: int, tmp_path: Path) -> None:
+    made = product(name, folder(tmp_path / "none" / "run", mounts=TWO), columns=columns)
+    assert made.figure is not None
+    assert made.figure.get_figwidth() == 3.5 * columns
+
+
+def product(name: str, *paths: Path, **options: object) -> Product:
+    given = {"columns": None, "cut": None, "run": None, **options}
+    made: Product = MADE[name].product(load_study(paths), argparse.Namespace(**given))
+    return made
+
+
+def test_the_failure_of_the_best_run_that_has_it_or_of_the_one_that_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = FigureContext(**{**vars(SETTING), "rings": ()})
+    folder(tmp_path / "none" / "seed-9", whole, seed=9, mounts=TWO)
+    for seed in (0, 1):
+        folder(tmp_path / "spatial" / f"seed-{seed}", seed=seed, mounts=TWO)
+    every = [tmp_path / "none", tmp_path / "spatial"]
+    made = product("failure", *every)
+    assert "seed-1" in made.said[0]  # validated alike: the one with more recorded
+    assert made.table is not None
+    assert len(made.table) == 4
+    assert made.said[0].endswith("the other 1 runs have none")
+    assert "seed-0" in product("failure", *every, run="seed-0").said[0]
+    out = str(tmp_path / "out")
+    assert evoros_analyze(["failure", str(every[0]), "--output", out]) == INPUT
+    assert "give one with failure=spatial" in capsys.readouterr().err
+    assert not Path(out).exists()
+
+
+def test_without_sensors_nothing_can_be_damaged_and_the_rest_is_drawn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bald = folder(tmp_path / "run")
+    out = str(tmp_path / "out")
+    assert evoros_analyze(["failure", str(bald), "--output", out]) == INPUT
+    assert "choose another with --run" in capsys.readouterr().err
+    for name in ("overlay", "panel", "regions"):
+        assert evoros_analyze([name, str(bald), "--output", out]) == DONE
+    sensors = pd.read_csv(tmp_path / "out" / "panel.csv")
+    assert sensors.fitness.tolist() == [17.0]
+    assert sensors.x_m.isna().all()
+
+
+def test_an_unfinished_run_is_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    folder(tmp_path / "none" / "seed-0", mounts=TWO)
+    half = folder(tmp_path / "none" / "seed-1", seed=1)
+    (half / "champion" / "design.csv").unlink()
+    made = product("panel", tmp_path / "none")
+    assert made.figure is not None
+    assert len(made.figure.axes) == 1
+    assert [r.message for r in caplog.records if "resume" in r.message]
+
+
+@pytest.mark.parametrize("cut", ["0", "-1", "nan", "inf", "far"])
+def test_a_cut_that_is_no_length_is_one_line(
+    cut: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = folder(tmp_path / "run", mounts=TWO)
+    assert evoros_analyze(["overlay", str(run), f"--cut={cut}"]) == INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "--cut" in line
+
+
+def test_settings_that_are_drawn_alike_share_a_panel(tmp_path: Path) -> None:
+    folder(tmp_path / "none" / "run", FigureContext(**{**vars(SETTING), "rings": ()}))
+    folder(tmp_path / "spatial" / "run")
+    folder(tmp_path / "free" / "run", FigureContext(**{**vars(SETTING), "mirrored": False}))
+    made = product("regions", tmp_path)
+    assert made.figure is not None
+    assert len(made.figure.axes) == 2
+    assert made.table is not None
+    assert sorted(set(made.table.treatment)) == ["free", "none and 1 more"]
+
+
+def test_a_picture_is_readable_in_grey() -> None:
+    cmap, norm = overlay._shades(10)
+    grey = [np.dot(cmap(norm(count))[:3], (0.299, 0.587, 0.114)) for count in range(1, 11)]
+    assert np.diff(grey).max() < -0.02  # each darker than the one before

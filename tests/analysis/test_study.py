@@ -1,0 +1,263 @@
+"""What is whole in some folders is found, and what is not is said in one line each."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.tables.folders import folders_in, short_names
+from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.treatments import ALONE, labels
+from evoros.analysis.tables.values import read_values
+from helpers import TINY, everything, tiny
+from hypothesis import given
+from hypothesis import strategies as st
+
+from evoros.base.console import DONE, INPUT
+from evoros.base.errors import InputError
+from evoros.cli.evaluate import evaluate
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two treatments of two seeds, and an evaluation of one champion."""
+    folder = tmp_path_factory.mktemp("sweep")
+    for failure in ("silent", "stuck"):
+        for seed in (2, 10):
+            more = () if failure == "silent" else ("filter@failure.effect=stuck",)
+            assert tiny(folder / f"{failure}_seed-{seed}", f"seed={seed}", *more) == DONE
+    arguments = [*TINY, "executor=serial", f"designs={folder / 'stuck_seed-2'}"]
+    assert evaluate([*arguments, f"hydra.run.dir={folder / 'again'}"]) == DONE
+    return folder
+
+
+def test_runs_and_evaluations_of_a_sweep_are_found_in_order(sweep: Path) -> None:
+    study = load_study([sweep])
+    names = ["silent_seed-2", "silent_seed-10", "stuck_seed-2", "stuck_seed-10"]
+    assert [record.name for record in study.records] == names
+    assert [record.treatment for record in study.records] == ["silence"] * 2 + ["stuck"] * 2
+    assert [record.seed for record in study.records] == [2, 10, 2, 10]
+    assert [each.name for each in study.evaluations] == ["again"]
+    assert list(study.generations.columns[:3]) == ["run", "treatment", "seed"]
+    assert study.ranked[0].run.status["best_validated_fitness"] == max(
+        record.run.status["best_validated_fitness"] for record in study.records
+    )
+
+
+def test_a_folder_counts_once_however_it_is_given(
+    sweep: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = sweep / "stuck_seed-2"
+    (tmp_path / "link").symlink_to(sweep)
+    monkeypatch.chdir(sweep.parent)
+    study = load_study([first, sweep, first, Path(sweep.name), tmp_path / "link"])
+    assert len(study.records) == 4
+    assert len(study.evaluations) == 1
+    assert study.records[0].path == first
+
+
+def test_a_dollar_in_a_name_is_no_formula(sweep: Path, tmp_path: Path) -> None:
+    shutil.copytree(sweep, tmp_path / "sweep")
+    for seed in (2, 10):
+        config = tmp_path / "sweep" / f"stuck_seed-{seed}" / "config.yaml"
+        config.write_text(f"{config.read_text()}\nnote: $_{{$\n")
+    for name in ("fitness", "overlay", "panel", "compare", "strategies", "claims"):
+        given = [name, str(tmp_path / "sweep"), "--output", str(tmp_path / "out")]
+        assert evoros_analyze([*given, "--format", "svg"]) == DONE
+    assert "note=$_{$" in (tmp_path / "out" / "compare.csv").read_text()
+
+
+DAMAGES: dict[str, Callable[[Path], object]] = {
+    "no manifest": lambda run: (run / "manifest.json").unlink(),
+    "no setting": lambda run: (run / "setting.json").unlink(),
+    "setting cut": lambda run: (run / "setting.json").write_text("{"),
+    "status cut": lambda run: (run / "status.json").write_text('{"state": "fini'),
+    "status a list": lambda run: (run / "status.json").write_text("[]"),
+    "config no YAML": lambda run: (run / "config.yaml").write_text("a: [b"),
+    "config no mapping": lambda run: (run / "config.yaml").write_text("- a"),
+    "config without seed": lambda run: (run / "config.yaml").write_text("a: 1"),
+    "generation cut": lambda run: _cut(run / "generations/00001.csv", 200),
+    "generation empty": lambda run: (run / "generations/00001.csv").write_text(""),
+    "generation binary": lambda run: (run / "generations/00001.csv").write_bytes(b"\xff\x00"),
+    "word for a number": lambda run: _swap(run / "generations/00001.csv", "fitness", "good"),
+    "no column": lambda run: _swap(run / "generations/00001.csv", "fitness", None),
+    "no generations": lambda run: shutil.rmtree(run / "generations"),
+}
+
+
+def _cut(path: Path, size: int) -> None:
+    path.write_bytes(path.read_bytes()[:size])
+
+
+def _swap(path: Path, column: str, value: str | None) -> None:
+    """Another value in the first row, or the column renamed."""
+    head, first, *rest = path.read_text().splitlines()
+    at = head.split(",").index(column)
+    cells = (head if value is None else first).split(",")
+    cells[at] = value or "other"
+    lines = [",".join(cells), first, *rest] if value is None else [head, ",".join(cells), *rest]
+    path.write_text("\n".join(lines) + "\n")
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_run_is_left_out_and_said_in_one_line(
+    damage: str, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(sweep, tmp_path / "sweep")
+    victim = tmp_path / "sweep" / "stuck_seed-10"
+    DAMAGES[damage](victim)
+    before = everything(victim)
+    output = tmp_path / "out"
+    assert evoros_analyze(["fitness", str(tmp_path / "sweep"), "--output", str(output)]) == DONE
+    err = capsys.readouterr().err.splitlines()
+    assert len(err) == 1
+    assert str(victim) in err[0]
+    assert err[0].endswith("; left out")
+    assert "stuck_seed-10" not in (output / "fitness.csv").read_text()
+    assert everything(victim) == before  # and nothing of it is changed
+    assert evoros_analyze(["fitness", str(victim), "--output", str(tmp_path / "none")]) == INPUT
+    assert "Traceback" not in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize("arguments", [[], ["painting"], ["fitness"], ["fitness", "--format", "x"]])
+def test_wrong_arguments_are_said_in_one_line(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert evoros_analyze(arguments) == INPUT
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert err.startswith("evoros-analyze: ")
+
+
+def test_an_empty_folder_beside_a_run_is_said(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "empty").mkdir()
+    run = str(sweep / "silent_seed-2")
+    given = ["fitness", run, str(tmp_path / "empty"), "--output", str(tmp_path / "out")]
+    assert evoros_analyze(given) == DONE
+    assert (
+        capsys.readouterr().err
+        == f"{tmp_path / 'empty'}: must hold runs, and holds none; left out\n"
+    )
+    with pytest.raises(InputError, match="must hold whole runs"):
+        load_study([tmp_path / "empty"])
+    with pytest.raises(InputError, match="must be a folder"):
+        load_study([tmp_path / "nowhere"])
+
+
+def test_an_output_that_cannot_be_written_is_said(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("mine")
+    arguments = ["fitness", str(sweep), "--output", str(tmp_path / "file")]
+    assert evoros_analyze(arguments) == INPUT
+    assert "--output" in capsys.readouterr().err
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+# Names and labels ---------------------------------------------------------------------------
+
+PARTS = st.lists(st.sampled_from(["a", "b", "c"]), min_size=1, max_size=3)
+
+
+@given(st.lists(PARTS, unique_by=tuple, max_size=8))
+def test_short_names_are_distinct_ends_of_the_paths(paths: list[list[str]]) -> None:
+    folders = [Path("/", *parts) for parts in paths]
+    names = short_names(folders)
+    assert len(set(names.values())) == len(folders)
+    assert all(str(folder).endswith(names[folder].removeprefix("//")) for folder in folders)
+
+
+def test_nothing_is_looked_for_inside_a_run(tmp_path: Path) -> None:
+    for folder in ("b10", "b9", "b9/figures/c", ".hidden/d"):
+        (tmp_path / folder).mkdir(parents=True, exist_ok=True)
+        (tmp_path / folder / "config.yaml").touch()
+    assert list(folders_in(tmp_path)) == [tmp_path / "b9", tmp_path / "b10"]
+
+
+def conditions(**more: Any) -> dict[str, Any]:
+    return {
+        "seed": 0,
+        "failure._target_": "evoros.failure.none.NoFailure",
+        "world.maze.sdf": "maze.sdf",
+        "trials": 1,
+        **more,
+    }
+
+
+RANDOM = {"failure._target_": "evoros.failure.random.RandomFailure", "failure.count": 1}
+
+
+@pytest.mark.parametrize(
+    ("each", "expected"),
+    [
+        ([conditions(), conditions(seed=1)], [ALONE, ALONE]),
+        ([conditions(), conditions(**RANDOM)], ["none", "random"]),
+        ([conditions(), conditions(trials=2)], ["trials=1", "trials=2"]),
+        (
+            [conditions(), conditions(seed=3), conditions(**RANDOM, trials=2)],
+            ["none", "none", "random, trials=2"],
+        ),
+        ([conditions(), conditions(**{"world.yard.sdf": "y"})], ["maze", "maze+yard"]),
+        ([conditions(), conditions(**{"executor.workers": 3})], [ALONE, ALONE]),
+    ],
+)
+def test_labels_say_what_differs(each: list[dict[str, Any]], expected: list[str]) -> None:
+    assert labels(each) == expected
+
+
+CONDITIONS = st.fixed_dictionaries(
+    {
+        "seed": st.integers(0, 2),
+        "trials": st.integers(1, 3),
+        "failure._target_": st.sampled_from(["a.none.None", "a.random.Random"]),
+        "controller.gain": st.sampled_from([0.5, 1.0]),
+    }
+)
+
+
+@given(st.lists(CONDITIONS, max_size=6))
+def test_runs_have_one_label_if_and_only_if_they_differ_in_nothing_but_seeds(
+    each: list[dict[str, Any]],
+) -> None:
+    names = labels(each)
+    for one, name in zip(each, names, strict=True):
+        for other, other_name in zip(each, names, strict=True):
+            alike = {**one, "seed": 0} == {**other, "seed": 0}
+            assert (name == other_name) == alike
+
+
+def test_references_are_followed_and_the_environment_is_not(tmp_path: Path) -> None:
+    tree = {
+        "seed": 3,
+        "a": {"b": "${seed}", "c": "${a.d}", "d": {"e": [1, 2]}},
+        "round": "${trip}",
+        "trip": "${round}",
+        "token": "${oc.env:HOME}",
+    }
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(tree))
+    values = read_values(tmp_path / "config.yaml")
+    assert values["a.b"] == 3
+    assert values["a.c.e"] == [1, 2]
+    assert values["token"] == "${oc.env:HOME}"
+    assert {"round", "trip"} <= set(values)
+    assert json.dumps(values)
+
+
+def test_a_run_that_is_copied_is_said_to_be_no_replicate(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(sweep / "stuck_seed-2", tmp_path / "copy")
+    for name in ("compare", "strategies", "claims"):
+        for folders, line in (([sweep], False), ([sweep, tmp_path], True)):
+            given = [name, *map(str, folders), "--output", str(tmp_path / "out"), "--format=svg"]
+            assert evoros_analyze(given) == DONE
+            said = capsys.readouterr().out.splitlines()
+            found = [each for each in said if "no replicates" in each]
+            assert [each.rpartition(" ")[2] for each in found] == ["copy"] * line

@@ -1,0 +1,88 @@
+"""Every subcommand of evoros-analyze: on folders whole and not, and as docs/analysis.md says."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from documents import table, text
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.subcommands import SUBCOMMANDS
+from helpers import TINY, everything, tiny
+
+from evoros.base.console import DONE, INPUT
+from evoros.cli.evaluate import evaluate
+
+
+@pytest.fixture(scope="module")
+def mixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Finished runs of two treatments, an unfinished one, an empty folder, two evaluations."""
+    folder = tmp_path_factory.mktemp("mixed")
+    for failure in ("random", "spatial"):
+        assert tiny(folder / failure, f"failure={failure}") == DONE
+        arguments = [*TINY, "executor=serial", f"designs={folder / 'random'}", f"failure={failure}"]
+        assert evaluate([*arguments, "trials=2", f"hydra.run.dir={folder}/again_{failure}"]) == DONE
+    shutil.copytree(folder / "random", folder / "unfinished")
+    shutil.rmtree(folder / "unfinished" / "champion")
+    status = folder / "unfinished" / "status.json"
+    status.write_text(status.read_text().replace('"finished"', '"stopped"'))
+    (folder / "empty").mkdir()
+    return folder
+
+
+def sections() -> dict[str, str]:
+    parts = re.split(r"^## (\w+)$", text("analysis"), flags=re.M)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def test_every_subcommand_has_a_section() -> None:
+    assert set(SUBCOMMANDS) <= set(sections())
+
+
+def documented(subcommand: str, heading: str, found: list[str]) -> list[str]:
+    """The columns of a file; one may stand in place of another, where it is found."""
+    names: list[str] = []
+    # A last backtick is stripped there.
+    for first, meaning in table(sections()[subcommand], f"column of `{heading}"):
+        instead = re.match(r"in place of `(\w+)`", meaning)
+        if instead is None:
+            names += re.findall(r"\w+", first)
+        elif first in found:
+            names[names.index(instead[1])] = first
+    return names
+
+
+@pytest.mark.parametrize("subcommand", SUBCOMMANDS)
+def test_what_is_whole_is_used_and_what_is_not_is_said(
+    subcommand: str, mixed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And the columns of its tables are those of the document, in order."""
+    before = everything(mixed)
+    assert evoros_analyze([subcommand, str(mixed), "--output", str(tmp_path)]) == DONE
+    said, err = capsys.readouterr()
+    assert everything(mixed) == before
+    files = sorted(tmp_path.iterdir())
+    assert [str(file) for file in files] == sorted(said.splitlines()[-len(files) :])
+    assert any(file.stem == subcommand for file in files)
+    assert len(set(err.splitlines())) == len(err.splitlines())  # each is said once
+    assert "Traceback" not in err
+    for file in files:
+        if file.suffix == ".csv":
+            title = f"{file.name}`, several runs" if subcommand == "fitness" else file.name
+            columns = list(pd.read_csv(file).columns)
+            assert columns == documented(subcommand, title, columns)
+
+
+@pytest.mark.parametrize("subcommand", SUBCOMMANDS)
+def test_an_unfinished_run_alone_is_one_line(
+    subcommand: str, mixed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = [subcommand, str(mixed / "unfinished"), "--output", str(tmp_path / "out")]
+    status = evoros_analyze(given)
+    err = capsys.readouterr().err
+    assert "Traceback" not in err
+    assert status in (DONE, INPUT)
+    if status == INPUT:
+        assert 1 <= err.count("\n") <= 2
+        assert not (tmp_path / "out").exists()

@@ -1,0 +1,267 @@
+"""The same designs under two conditions: which pairs are made, their numbers and their picture."""
+
+import shutil
+from math import nan, sqrt
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.figures.transfer import summary, transfer
+from evoros.analysis.measures.statistics import mean_interval, spearman
+from evoros.analysis.tables.paired_scores import scored_twice
+from evoros.analysis.tables.study import load_study
+from helpers import scored, texts, tiny
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.figure import Figure
+
+from evoros.base.console import DONE, INPUT
+from evoros.base.errors import InputError
+
+HEADER = "design,sensor,x_m,y_m,yaw_deg"
+ANGLES = {"a": 0, "b": 20, "c": 40, "d": 60, "e": 80}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Five designs with spatial failures and with random ones; two trials each."""
+    top = tmp_path_factory.mktemp("scores")
+    rows = [f"{name},0,0.2,0.05,{angle}" for name, angle in ANGLES.items()]
+    (top / "five.csv").write_text("\n".join([HEADER, *rows]))
+    (top / "reversed.csv").write_text("\n".join([HEADER, *rows[::-1]]))
+    scored(top / "spatial", top / "five.csv", "trials=2", "failure=spatial")
+    scored(top / "random", top / "reversed.csv", "trials=2")
+    return top
+
+
+def pairs(*folders: Path, between: str | None = None) -> pd.DataFrame:
+    found: pd.DataFrame = scored_twice(load_study(folders), between)
+    return found
+
+
+def fitness(folder: Path) -> dict[str, float]:
+    table = pd.read_csv(folder / "designs.csv")
+    return dict(zip(table["design"], table["fitness_mean"], strict=True))
+
+
+# Which pairs ---------------------------------------------------------------------------------
+
+
+def test_designs_are_matched_by_what_they_are(folder: Path) -> None:
+    """In another file, in another order."""
+    table = pairs(folder / "spatial", folder / "random").set_index("design")
+    spatial, random = fitness(folder / "spatial"), fitness(folder / "random")
+    assert sorted(table.index) == sorted(ANGLES)
+    for name, row in table.iterrows():
+        assert (row["x_fitness"], row["y_fitness"]) == (spatial[str(name)], random[str(name)])
+        assert row["loss"] == row["x_fitness"] - row["y_fitness"]
+        assert (row["x_trials"], row["y_trials"]) == (2, 2)
+    assert set(table["between"]) == {"failure"}
+    assert (set(table["x"]), set(table["y"])) == ({"spatial"}, {"random"})
+    other = pairs(folder / "random", folder / "spatial").set_index("design")
+    assert (set(other["x"]), set(other["y"])) == ({"random"}, {"spatial"})
+    assert list(other["loss"].sort_index()) == list(-table["loss"].sort_index())
+
+
+def test_designs_that_only_one_has_are_no_pairs(folder: Path, tmp_path: Path) -> None:
+    rows = ["b,0,0.2,0.05,60", "z,0,0.2,0.05,61"]
+    (tmp_path / "two.csv").write_text("\n".join([HEADER, *rows]))
+    scored(tmp_path / "random", tmp_path / "two.csv", "trials=2")
+    table = pairs(folder / "spatial", tmp_path / "random")
+    assert list(table["design"]) == ["d"]  # that is what "b" is here
+    (tmp_path / "two.csv").write_text("\n".join([HEADER, rows[1]]))
+    scored(tmp_path / "other", tmp_path / "two.csv", "trials=2")
+    with pytest.raises(InputError, match="no design was scored twice"):
+        pairs(folder / "spatial", tmp_path / "other")
+
+
+def test_evaluations_that_differ_in_several_parts_ask_for_one(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Then all pairs that differ in it alone share their axes; what else differs makes groups."""
+    for failure in ("spatial", "random"):
+        scored(
+            tmp_path / failure,
+            folder / "five.csv",
+            *("trials=3", f"failure={failure}", "simulator.time_step=0.1"),
+        )
+    folders = [folder / "spatial", tmp_path / "random", folder / "random", tmp_path / "spatial"]
+    arguments = ["transfer", *map(str, folders), "--output", str(tmp_path / "out")]
+    capsys.readouterr()
+    assert evoros_analyze(arguments) == INPUT
+    said = capsys.readouterr().err
+    assert "--between: must be one of failure, simulator" in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+    for between, axes, groups in (
+        ("failure", ("spatial", "random"), ("time_step=0.05", "time_step=0.1")),
+        ("simulator", ("time_step=0.05", "time_step=0.1"), ("spatial", "random")),
+    ):
+        table = pairs(*folders, between=between)
+        assert len(table) == 10
+        assert (set(table["x"]), set(table["y"])) == ({axes[0]}, {axes[1]})
+        assert set(table["group"]) == set(groups)
+    assert evoros_analyze([*arguments, "--between", "world"]) == INPUT
+    assert "in which the evaluations differ, not world" in capsys.readouterr().err
+
+
+def test_the_row_of_most_trials_stays(folder: Path, tmp_path: Path) -> None:
+    scored(tmp_path / "more", folder / "five.csv", "trials=5", "failure=spatial")
+    scored(tmp_path / "most", folder / "five.csv", "trials=4")
+    table = pairs(folder / "spatial", folder / "random", tmp_path / "more", tmp_path / "most")
+    assert len(table) == 5
+    assert (set(table["x_trials"]), set(table["y_trials"])) == ({5}, {4})
+
+
+def test_two_evaluations_are_a_pair_whatever_they_differ_in(folder: Path, tmp_path: Path) -> None:
+    more = ("trials=2", "failure=spatial", "simulator.time_step=0.1")
+    scored(tmp_path / "both", folder / "five.csv", *more)
+    assert set(pairs(folder / "random", tmp_path / "both")["between"]) == {"failure and simulator"}
+    scored(tmp_path / "again", folder / "five.csv", "trials=2", "failure=spatial", "seed=3")
+    table = pairs(folder / "spatial", tmp_path / "again")
+    row = table.iloc[0]
+    assert (row["between"], row["x"], row["y"]) == ("draws", "spatial", "again")
+
+
+def test_champions_are_grouped_by_the_treatment_of_their_runs(tmp_path: Path) -> None:
+    stuck = "filter@failure.effect=stuck"
+    assert tiny(tmp_path / "runs/silent", "optimizer.generations=1", "seed=3") == DONE
+    assert tiny(tmp_path / "runs/stuck", "optimizer.generations=1", "seed=4", stuck) == DONE
+    for failure in ("spatial", "random"):
+        scored(tmp_path / failure, tmp_path / "runs", f"failure={failure}")
+    assert sorted(pairs(tmp_path)["group"]) == ["silence", "stuck"]
+    assert set(pairs(tmp_path / "spatial", tmp_path / "random")["group"]) == {""}
+
+
+def test_a_run_with_a_confirmation_has_its_confirmed_designs(tmp_path: Path) -> None:
+    small = ("optimizer.population_size=6", "optimizer.generations=2")
+    assert tiny(tmp_path / "run", "confirmation=strict", *small) == DONE
+    table = pairs(tmp_path)
+    files = sorted((tmp_path / "run" / "generations").iterdir())
+    recorded = pd.concat([pd.read_csv(file) for file in files]).drop_duplicates("id")
+    recorded = recorded[recorded["loss"].notna()].set_index("id")
+    assert sorted(table["design"]) == sorted(recorded.index)
+    own = recorded.loc[table["design"]]
+    assert list(table["x_fitness"]) == list(own["screened_fitness"])
+    assert list(table["loss"]) == pytest.approx(list(own["loss"]))
+    assert table["x_sd"].isna().all()
+    assert set(table["between"]) == {"simulator"}
+
+
+def test_runs_alone_are_one_clear_line(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(folder / "random", tmp_path / "unfinished")
+    (tmp_path / "unfinished" / "designs.csv").unlink()
+    folders = [str(folder / "spatial"), str(tmp_path / "unfinished")]
+    assert evoros_analyze(["transfer", *folders, "--output", str(tmp_path / "out")]) == INPUT
+    warning, error = capsys.readouterr().err.splitlines()
+    assert warning.endswith("left out")
+    assert "give two finished evaluations of the same designs" in error
+
+
+# The numbers ---------------------------------------------------------------------------------
+
+X, Y = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [2.0, 1.0, 3.5, 3.0, 5.0, 5.5]
+
+
+def table_of(xs: list[float], ys: list[float], group: str = "", **other: object) -> pd.DataFrame:
+    rest = {"x_sd": 0.4, "y_sd": 0.8, "x_trials": 4, "y_trials": 16}
+    names = {"between": "failure", "x": "none", "y": "random", "group": group}
+    numbers = {"x_fitness": xs, "y_fitness": ys, "loss": np.subtract(xs, ys)}
+    return pd.DataFrame({**numbers, **names, **rest, **other})
+
+
+def test_the_summary_by_hand() -> None:
+    """Ranks 2 1 4 3 5 6 against 1 ... 6: 1 - 6 * 4 / (6 * 35); the losses add up to 1."""
+    (row,) = summary(table_of(X, Y)).to_dict("records")
+    assert row["n"] == 6
+    assert row["spearman"] == pytest.approx(1 - 24 / 210)
+    assert row["loss"] == pytest.approx(1 / 6)
+    order, loss = spearman(X, Y), mean_interval(np.subtract(X, Y))
+    assert (row["spearman_low"], row["spearman_high"]) == (order.low, order.high)
+    assert (row["loss_low"], row["loss_high"]) == (loss.low, loss.high)
+
+
+def test_groups_are_summed_up_apart() -> None:
+    two = pd.concat([table_of(X, Y, "b"), table_of(X, X[::-1], "a")], ignore_index=True)
+    found = summary(two).set_index("group")
+    assert list(found.index) == ["b", "a"]
+    assert found.loc["a", "spearman"] == pytest.approx(-1)
+    assert found.loc["b", "spearman"] == pytest.approx(1 - 24 / 210)
+
+
+def test_the_command_writes_table_summary_and_picture(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for place in ("one", "two"):
+        output = ["--output", str(tmp_path / place), "--format", "svg"]
+        assert evoros_analyze(["transfer", str(folder), *output]) == DONE
+    said = capsys.readouterr().out.splitlines()[0]
+    assert said.startswith('"random" to "spatial": 5 designs: order ')
+    names = {"transfer.svg", "transfer.csv", "transfer_summary.csv"}
+    assert {path.name for path in (tmp_path / "one").iterdir()} == names
+    for name in names:
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+    written = pd.read_csv(tmp_path / "one" / "transfer_summary.csv")
+    assert written["loss"].item() == pytest.approx(pairs(folder)["loss"].mean())
+
+
+# The picture ---------------------------------------------------------------------------------
+
+
+def drawn(table: pd.DataFrame, width: float = 3.5) -> Figure:
+    figure: Figure = transfer(table, summary(table), width)
+    return figure
+
+
+def test_dots_bars_and_the_line_are_those_of_the_table() -> None:
+    (axes,) = drawn(table_of(X, Y)).axes
+    (dots,) = (item for item in axes.collections if isinstance(item, PathCollection))
+    assert np.asarray(dots.get_offsets()).tolist() == [
+        list(pair) for pair in zip(X, Y, strict=True)
+    ]
+    bars = [item for item in axes.collections if isinstance(item, LineCollection)]
+    spans = [np.ptp(bar.get_segments()[0], axis=0).max() for bar in bars]
+    assert sorted(spans) == pytest.approx([2 * 0.4 / sqrt(4), 2 * 0.8 / sqrt(16)])
+    (line,) = (each for each in axes.get_lines() if each.get_linestyle() != "None")
+    ends = np.asarray(line.get_xydata())
+    assert ends[:, 0].tolist() == ends[:, 1].tolist() == list(axes.get_xlim())
+    assert axes.get_xlim() == axes.get_ylim()
+    assert (axes.get_xlabel(), axes.get_ylabel()) == (
+        "fitness, failure: none",
+        "fitness, failure: random",
+    )
+
+
+def test_without_trials_there_are_no_bars() -> None:
+    (axes,) = drawn(table_of(X, Y, x_sd=nan, y_sd=nan)).axes
+    bars = [item for item in axes.collections if isinstance(item, LineCollection)]
+    assert all(np.ptp(part, axis=0).max() == 0 for bar in bars for part in bar.get_segments())
+
+
+def test_the_summary_stands_below_and_too_few_are_marked() -> None:
+    there = {text.get_text() for text in texts(drawn(table_of(X, Y)))}
+    one = summary(table_of(X, Y)).iloc[0]
+    order = f"{one['spearman']:.2f} [{one['spearman_low']:.2f}, {one['spearman_high']:.2f}]"
+    assert {"6", "all", order} <= there
+    few = {text.get_text() for text in texts(drawn(table_of(X[:4], Y[:4])))}
+    assert {"all*", "*too few designs for a conclusion: 5 or more are needed"} <= few
+
+
+@pytest.mark.parametrize("width", [3.5, 7.0])
+@pytest.mark.parametrize("groups", [("",), ("none", "a group of a long name, and longer", "c")])
+def test_no_text_overlaps_another_or_leaves_the_page(groups: tuple[str, ...], width: float) -> None:
+    parts = [
+        table_of(X, Y, group, x=here) for group in groups for here in ("none", "maze", "dense")
+    ]
+    figure = drawn(pd.concat(parts, ignore_index=True), width)
+    assert (len(figure.axes), figure.get_figwidth()) == (3, width)
+    FigureCanvasAgg(figure).draw()  # type: ignore[no-untyped-call]
+    boxes = [text.get_window_extent().padded(-1) for text in texts(figure) if text.get_visible()]
+    for i, box in enumerate(boxes):
+        assert 0 <= box.x0 <= box.x1 <= figure.bbox.x1
+        assert 0 <= box.y0 <= box.y1 <= figure.bbox.y1
+        assert not any(box.overlaps(other) for other in boxes[:i])

@@ -1,0 +1,291 @@
+import json
+import re
+import shutil
+import signal
+from pathlib import Path
+
+import pytest
+from helpers import TINY, USER_PARTS, content, everything, resume, start, tiny, wait_for_missions
+
+from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED
+from evoros.base.resources import bundled_folder
+from evoros.cli.run import evoros
+
+BAD = [
+    (["foo=1"], "foo: must be an existing key"),
+    (["+foo=1"], "unknown key 'foo'"),
+    (["robot=nix"], "robot: must be one of erle_rover"),
+    (["failure=null"], "failure: must be one of"),
+    (["optimizer=[1]"], "optimizer: must be one of"),
+    (["controller.avoidance.rang_m=1"], "did you mean range_m"),
+    (["controller.avoidance.range_m=-1"], "controller.avoidance.range_m: must be a number greater"),
+    (["+controller.avoidance.rang=1"], "controller.avoidance: unknown key 'rang'"),
+    (["controller.period_s=0.033"], "controller.period_s: must be a whole multiple of"),
+    (["design.sensors.sonar.period_s=0.033"], "design.sensors.sonar.period_s: must be a whole"),
+    (["seed=x"], "seed: must be a whole number"),
+    (["seed=[1"], "must be key=value"),
+    ([""], "must be key=value"),
+    (["seed"], "must be key=value"),
+    (["seed=${oc.env:EVOROS_NO_SUCH}"], "seed: "),
+    (["trials=${nothing}"], "trials: "),
+    (["seed=0,1"], "add -m"),
+    (["world.near.sdf=nix.sdf"], "world.near: nix.sdf: no such file"),
+    (["robot.description=nix.urdf"], "robot: nix.urdf: no such file"),
+    (["robot.drive.steering_joints=[a,b]"], "joint 'a' must exist"),
+    (["world.near.course.waypoints=[[5,0],[3,0]]"], "inside the obstacle 'unit_box_1'"),
+    (["design.regions.front.x_m=[2,3]"], "design.regions.front"),
+    (["optimizer._target_=nix.Nix"], "optimizer: No module named 'nix'"),
+    (
+        ["optimizer._target_=evoros.base.rng.Nix"],
+        "optimizer: the module evoros.base.rng has no Nix",
+    ),
+    (["population_size=3"], "did you mean optimizer.population_size"),
+    (["~fitness._target_"], "fitness: must be a fitness (score"),
+    (["+design.genes.a={key: controller.period_s, low: 0, high: 1}"], "add _target_, the class"),
+    (["fitness._target_=builtins.dict"], "fitness: must be a fitness"),
+    (["_target_=builtins.dict"], "_target_: must be evoros.evolution.experiment.Experiment"),
+    (["--nix"], "unrecognized arguments: --nix"),
+    (["--config-name=x"], "--config-name"),
+    (["--config-dir"], "expected one argument"),
+    (["hydra.run.dir=/proc/nix/run"], "/proc/nix/run: the folder of the run cannot be made"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "said"), BAD, ids=[" ".join(a) for a, _ in BAD])
+def test_bad_input_is_one_clear_line_and_leaves_no_folder(
+    arguments: list[str],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert evoros([*TINY, *arguments]) == INPUT
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert re.fullmatch(r"evoros: [^\n]+\n", err)
+    assert said in err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "said"),
+    [
+        ("simulator/mine.yaml", "a: [1\nb: 2", "mine.yaml"),
+        ("simulator/mine.yaml", "_target_: broken.Broken", "SyntaxError"),
+        ("simulator/mine.yaml", "_target_: failing.Failing", "ZeroDivisionError"),
+        (
+            "simulator/mine.yaml",
+            "defaults: [nix]",
+            "simulator/nix: must be an existing file for the defaults of simulator/mine",
+        ),
+    ],
+)
+def test_bad_files_of_the_user_are_one_clear_line(
+    file: str, text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = tmp_path / "own"
+    (own / file).parent.mkdir(parents=True)
+    (own / file).write_text(text)
+    (own / "broken.py").write_text("def (:")
+    (own / "failing.py").write_text("class Failing:\n    def __init__(self): 1 / 0")
+    run = tmp_path / "run"
+    arguments = ["--config-dir", str(own), "simulator=mine", f"hydra.run.dir={run}"]
+    assert evoros(arguments) == INPUT
+    err = capsys.readouterr().err
+    assert re.fullmatch(r"evoros: [^\n]+\n", err)
+    assert said in err
+    assert not run.exists()
+
+
+def test_broken_xml_is_one_clear_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "bad.sdf").write_text("<sdf version='1.6'><world></sdf>")
+    assert tiny(tmp_path / "run", f"world.near.sdf={tmp_path / 'bad.sdf'}") == INPUT
+    err = capsys.readouterr().err
+    assert re.fullmatch(r"evoros: world\.near[^\n]*bad\.sdf[^\n]*line 1[^\n]*\n", err)
+
+
+def test_a_folder_that_is_not_empty_is_refused_untouched(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "a run"
+    assert tiny(run) == DONE
+    before = everything(run)
+    capsys.readouterr()
+    assert tiny(run, "seed=1") == INPUT
+    assert f"evoros resume='{run}'" in capsys.readouterr().err
+    assert everything(run) == before
+
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "mine.txt").write_text("mine")
+    assert tiny(tmp_path / "notes") == INPUT
+    assert everything(tmp_path / "notes") == {"mine.txt": b"mine"}
+
+    (tmp_path / "empty").mkdir()
+    assert tiny(tmp_path / "empty") == DONE
+
+
+def test_a_sweep_names_its_folders_and_a_bad_job_stops_no_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sweep = tmp_path / "sweep"
+    arguments = [*TINY, "executor=serial", f"hydra.sweep.dir={sweep}", "optimizer.generations=1"]
+    assert evoros(["-m", *arguments, "failure=spatial,random,nix", "seed=0,-1"]) == INPUT
+    finished = {path.parent.name for path in sweep.glob("*/status.json")}
+    name = "executor-serial_generations-1_failure-{}_seed-0"
+    prefix = "experiment-tiny_"
+    assert finished == {prefix + name.format("spatial"), prefix + name.format("random")}
+    err = capsys.readouterr().err
+    assert "failure: must be one of" in err
+    assert "seed: must be a whole number" in err
+    assert {path.name for path in sweep.iterdir()} == finished  # nothing of Hydra's
+
+
+def test_names_that_look_alike_get_folders_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sweep = tmp_path / "sweep"
+    for name in ("a b", "a-b"):
+        shutil.copy(bundled_folder("worlds") / "boxes.sdf", tmp_path / f"{name}.sdf")
+    monkeypatch.chdir(tmp_path)
+    arguments = [*TINY, "executor=serial", f"hydra.sweep.dir={sweep}", "optimizer.generations=1"]
+    assert evoros(["-m", *arguments, "world.near.sdf='a b.sdf','a-b.sdf'"]) == DONE
+    assert len(list(sweep.iterdir())) == 2
+
+
+def test_the_case_study_is_thirty_runs_and_what_is_typed_comes_first() -> None:
+    from evoros.config.jobs import Jobs
+
+    jobs = Jobs(["experiment=case_study"], False, None)
+    assert len(jobs) == 30
+    assert jobs.sweep is not None
+    one = Jobs(["experiment=case_study", "failure=spatial", "seed=3,4"], False, None)
+    folders = [job.folder.name for job in one]  # type: ignore[union-attr]
+    assert folders == [
+        "experiment-case_study_failure-spatial_seed-3",
+        "experiment-case_study_failure-spatial_seed-4",
+    ]
+
+
+def test_no_secret_reaches_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("EVOROS_SECRET", "13572468")
+    assert evoros([*TINY, "executor=serial", "seed=${oc.env:EVOROS_SECRET}"]) == INPUT
+    assert list(tmp_path.iterdir()) == []
+    assert (
+        evoros(
+            [
+                *TINY,
+                "executor=serial",
+                "failure.latest_s='${oc.decode:${oc.env:EVOROS_SECRET}}'",
+            ]
+        )
+        == DONE
+    )
+    (run,) = (tmp_path / "outputs").iterdir()
+    assert "13572468" not in run.name
+    assert "EVOROS_SECRET" in (run / "config.yaml").read_text()
+    assert all(b"13572468" not in content for content in everything(run).values())
+
+
+def test_help_explains_and_version_is_ours(capsys: pytest.CaptureFixture[str]) -> None:
+    assert evoros(["--help"]) == DONE
+    text = capsys.readouterr().out
+    for word in ("resume=", "-m", "--config-dir", "Exit status", "failure: combined, none", "130"):
+        assert word in text
+    assert "Hydra" not in text
+    assert max(map(len, text.splitlines())) <= 100
+    assert evoros(["--version"]) == DONE
+    assert capsys.readouterr().out.startswith("evoros ")
+
+
+def test_a_users_class_works_in_worker_processes(tmp_path: Path) -> None:
+    """And the folder of the configuration may have any name."""
+    own = tmp_path / "it's, mine=1"
+    own.symlink_to(USER_PARTS, target_is_directory=True)
+    run = tmp_path / "run"
+    arguments = ["--config-dir", str(own), "experiment=tiny", "executor.workers=2"]
+    assert evoros([*arguments, f"hydra.run.dir={run}"]) == DONE
+
+
+def test_an_exception_in_a_worker_stops_the_run_which_can_be_resumed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, mark = tmp_path / "run", tmp_path / "mark"
+    faulty = ["simulator.fault=raise", f"simulator.mark={mark}"]
+    processes = ["executor=processes", "executor.workers=2", "executor.retries=0"]
+    assert tiny(run, *processes, *faulty) == STOPPED
+    err = capsys.readouterr().err
+    last = err.strip().splitlines()[-1]
+    assert "in far, generation 0, trial 0: ZeroDivisionError: the planar fault" in last
+    assert f"evoros resume={run} --config-dir {USER_PARTS}" in last
+    assert "Traceback" not in err
+    assert "planar.py" in (run / "evoros.base.log").read_text()
+    assert json.loads((run / "status.json").read_text())["state"] == "stopped"
+    assert resume(run) == DONE
+
+    (tmp_path / "other").touch()
+    assert tiny(tmp_path / "whole", *faulty, f"simulator.mark={tmp_path / 'other'}") == DONE
+    assert content(run) == content(tmp_path / "whole")
+
+
+@pytest.mark.parametrize("fault", ["exit", "hang"])
+def test_a_mission_that_is_lost_once_is_tried_again(fault: str, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    lost = [f"simulator.fault={fault}", f"simulator.mark={tmp_path / 'mark'}"]
+    limit = ["executor=processes", "executor.workers=2", "executor.time_limit_s=6"]
+    assert tiny(run, *lost, *limit, "optimizer.generations=1") == DONE
+    assert tiny(tmp_path / "sound", "optimizer.generations=1") == DONE
+    assert content(run) == content(tmp_path / "sound")
+
+
+def test_a_lost_mission_stops_the_run_or_is_the_worst_where_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    short = ["executor=processes", "executor.workers=1", "executor.retries=0"]
+    short += ["optimizer.generations=1", "simulator.fault=exit"]
+    assert tiny(tmp_path / "stop", *short) == STOPPED
+    assert "in far, generation 0, trial 0" in capsys.readouterr().err
+    assert tiny(tmp_path / "worst", *short, "lost_missions=worst") == DONE
+    rows = (tmp_path / "worst" / "missions.csv").read_text().splitlines()[1:]
+    far = [row for row in rows if ",far," in row]
+    assert far
+    assert all(",lost," in row for row in far)
+
+
+def test_a_failure_of_the_simulation_is_the_worst_with_a_reason(tmp_path: Path) -> None:
+    assert tiny(tmp_path / "run", "simulator.fault=fail") == DONE
+    rows = (tmp_path / "run" / "missions.csv").read_text().splitlines()[1:]
+    failed = [row for row in rows if "simulation_failure" in row]
+    assert failed
+    assert all("said “no”" in row for row in failed)
+    before = content(tmp_path / "run")
+    assert resume(tmp_path / "run") == DONE
+    assert content(tmp_path / "run") == before
+
+
+@pytest.mark.parametrize(
+    ("number", "status"), [(signal.SIGINT, INTERRUPTED), (signal.SIGTERM, STOPPED)]
+)
+def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
+    number: signal.Signals, status: int, tmp_path: Path
+) -> None:
+    arguments = ["-m", *TINY, "executor.workers=2", "simulator.pause_s=0.1", "seed=0,1,2,3"]
+    process = start([*arguments, "hydra.sweep.dir=sweep"], tmp_path)
+    name = "experiment-tiny_workers-2_pause_s-0.1_seed-{}"
+    begun = [tmp_path / "sweep" / name.format(seed) for seed in (0, 1)]
+    for run in begun:
+        wait_for_missions(run, 3)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == status
+    assert "hydra.sweep.dir=sweep" in err
+    assert "Traceback" not in err
+    assert {path.name for path in (tmp_path / "sweep").iterdir()} == {path.name for path in begun}
+    for seed, run in enumerate(begun):
+        assert f"evoros resume={run.relative_to(tmp_path)} --config-dir {USER_PARTS}" in err
+        assert json.loads((run / "status.json").read_text())["reason"] == "interrupted"
+        assert resume(run, "executor=serial") == DONE
+        alone = tmp_path / f"alone {seed}"
+        assert tiny(alone, f"seed={seed}") == DONE
+        assert content(run) == content(alone)

@@ -1,0 +1,110 @@
+"""What happens before the first mission: in processes of their own, for imports leave traces."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from helpers import TINY, everything, tiny
+
+from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED
+from evoros.base.resources import find_file
+from evoros.cli import run as cli
+
+SLOW = ("pybullet", "matplotlib", "pandas")
+
+
+def run(code: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=cwd, capture_output=True, text=True, check=False
+    )
+
+
+def test_nothing_slow_is_imported_before_the_first_line(tmp_path: Path) -> None:
+    """Of a run of the default experiment; workers import the engine, the command never does."""
+    code = f"""
+import json, logging, sys
+from evoros.cli import evoros
+
+class First(logging.Handler):
+    def emit(self, record):
+        print(json.dumps([record.getMessage(), [n for n in {SLOW} if n in sys.modules]]))
+        sys.stdout.flush()
+        raise KeyboardInterrupt
+
+logging.getLogger("evoros").addHandler(First())
+print(evoros(["executor.workers=1", "hydra.run.dir=run"]))
+"""
+    lines = run(code, tmp_path).stdout.splitlines()
+    message, imported = json.loads(lines[0])
+    assert message.startswith("run: 25 generations")
+    assert imported == []
+
+
+def test_the_whole_command_does_without_pandas_and_matplotlib(tmp_path: Path) -> None:
+    arguments = [*TINY, "executor=serial", "optimizer.generations=1", "hydra.run.dir=run"]
+    code = f"import sys; from evoros.cli.run import evoros; print(evoros({arguments}))\n"
+    done = run(code + f"print([name for name in {SLOW} if name in sys.modules])", tmp_path)
+    assert done.stdout.splitlines()[-2:] == [f"{DONE}", "[]"]
+
+
+def test_a_missing_engine_is_one_line_and_leaves_no_folder(tmp_path: Path) -> None:
+    code = "import sys; sys.modules['pybullet'] = None; from evoros.cli.run import main\n"
+    done = run(code + "sys.argv = ['evoros', 'hydra.run.dir=run']; main()", tmp_path)
+    assert done.returncode == INPUT
+    assert done.stdout == ""
+    assert re.match("evoros: simulator.*PyBullet must be installed and is not", done.stderr)
+    assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_users_own_simulator_needs_no_engine(tmp_path: Path) -> None:
+    arguments = [*TINY, "executor=serial", "optimizer.generations=1", "hydra.run.dir=run"]
+    code = "import sys; sys.modules['pybullet'] = None; from evoros.cli.run import evoros\n"
+    done = run(code + f"sys.exit(evoros({arguments}))", tmp_path)
+    assert done.returncode == DONE, done.stderr
+
+
+def test_warnings_of_the_readers_are_on_the_terminal_and_in_the_log(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    world = tmp_path / "odd.sdf"
+    sdf = find_file("boxes.sdf", "worlds").read_text()
+    world.write_text(sdf.replace("</link>", "<my:nonsense xmlns:my='urn:my'/></link>", 1))
+    folder = tmp_path / "run"
+    assert tiny(folder, f"world.near.sdf={world}", "optimizer.generations=1") == DONE
+    said = capsys.readouterr().err
+    warnings = [line for line in said.splitlines() if "nonsense" in line]
+    assert warnings
+    log = (folder / "evoros.base.log").read_text().splitlines()
+    for warning in warnings:
+        assert sum(line.endswith(f"WARNING {warning}") for line in log) == 1
+    assert "generations, seed" in log[len(warnings)]
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "said"),
+    [
+        (ZeroDivisionError("no\nluck"), STOPPED, "evoros: ZeroDivisionError: no luck\n"),
+        (KeyboardInterrupt(), INTERRUPTED, "evoros: interrupted\n"),
+    ],
+)
+def test_nothing_is_promised_of_a_run_that_never_began(
+    error: BaseException,
+    status: int,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Neither a traceback in a log nor a folder to resume, for there is none."""
+
+    def failing(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("evoros.session.run.manifest", failing)
+    assert cli.evoros([*TINY, "executor=serial", f"hydra.run.dir={tmp_path / 'run'}"]) == status
+    assert capsys.readouterr().err == said
+    assert everything(tmp_path) == {}

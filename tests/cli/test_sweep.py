@@ -1,0 +1,365 @@
+"""Sweeps: several runs at the same time, in one pool."""
+
+import io
+import logging
+import re
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Future
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from helpers import TINY, content, tiny
+
+from evoros.base.console import DONE, INPUT, STOPPED
+from evoros.base.log import (
+    LOGGER,
+    attached,
+    for_terminal,
+    logging_all,
+    logging_to_file,
+    on_behalf_of,
+    remembering,
+)
+from evoros.cli.command import _begin_all
+from evoros.cli.progress import SweepProgress
+from evoros.cli.run import evoros
+from evoros.cli.sweep import JobResult, Sweep, jobs_at_once
+from evoros.config.jobs import Job
+from evoros.executor.processes import Processes
+from evoros.executor.protocol import Executor, Pool
+from evoros.session.run import Opener, own_pool
+from evoros.session.status import Display
+
+TWO = ("executor=processes", "executor.workers=2", "optimizer.generations=2")
+
+
+@dataclass
+class Cores:
+    """An executor that counts how often it was opened, and ends what waits when it is closed."""
+
+    workers: int
+    opened: int = 0
+    given: list["Future[Any]"] = field(default_factory=list)
+
+    @contextmanager
+    def open(self) -> Iterator[Pool]:
+        self.opened += 1
+        try:
+            yield self
+        finally:
+            for future in self.given:
+                if not future.done():
+                    future.set_exception(CancelledError())
+
+    def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
+        self.given.append(Future())
+        return self.given[-1]
+
+
+@dataclass
+class Fake:
+    """Work that does something with its pool."""
+
+    executor: Executor
+    do: Callable[[Pool], object]
+
+    def run(self, display: Display, opener: Opener = own_pool) -> None:
+        with opener(self.executor) as pool:
+            self.do(pool)
+
+
+def sweep_of(works: list[Fake], names: str) -> tuple[Sweep, list[Job], dict[str, str]]:
+    """The sweep, its jobs, and what will be said of each."""
+    said: dict[str, str] = {}
+    by_name = dict(zip(names, works, strict=True))
+
+    def explain(path: Path, error: BaseException) -> JobResult:
+        return JobResult(1, type(error).__name__)
+
+    def tell(path: Path, ending: JobResult) -> None:
+        assert threading.current_thread() is threading.main_thread()
+        said[path.name] = ending.said
+
+    sweep = Sweep(
+        lambda config, path: by_name[path.name], explain, tell, SweepProgress(False, len(works))
+    )
+    return sweep, [Job(None, Path(name)) for name in names], said  # type: ignore[arg-type]
+
+
+# ---- the command
+
+
+def test_the_folders_of_a_sweep_are_those_of_its_runs_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With a job among them that is lost, and one that cannot be built."""
+    opened: list[Processes] = []
+    real = Processes.open
+
+    def counted(self: Processes) -> Any:
+        opened.append(self)
+        return real(self)
+
+    monkeypatch.setattr(Processes, "open", counted)
+    arguments = [*TINY, *TWO, f"hydra.sweep.dir={tmp_path / 'sweep'}"]
+    swept = ["seed=0,-1,2", "simulator.fault=none,raise"]
+    assert evoros(["-m", *arguments, *swept]) == INPUT
+    out, err = capsys.readouterr()
+    assert len(opened) == 1
+    name = "experiment-tiny_executor-processes_workers-2_generations-2_seed-{}_fault-{}"
+    for seed in (0, 2):
+        run = tmp_path / "sweep" / name.format(seed, "none")
+        alone = tmp_path / f"alone {seed}"
+        assert tiny(alone, "optimizer.generations=2", f"seed={seed}") == DONE
+        assert content(run) == content(alone)
+        log = (run / "evoros.base.log").read_text()
+        assert len(re.findall(r"INFO generation \d/1: ", log)) == 2
+        assert all(str(path) not in log for path in run.parent.iterdir() if path != run)
+        failed = tmp_path / "sweep" / name.format(seed, "raise")
+        assert "ZeroDivisionError" in (failed / "evoros.base.log").read_text()
+        assert err.count(f"evoros: {failed.name}: the mission of design ") == 1
+        assert err.count(f"evoros resume={failed}") == 1
+        assert out.count(f"run folder        {run}\n") == 1
+    assert out.count("best fitness") == len(re.findall(r"best fitness.*\n(.*\n){3}run folder", out))
+    assert err.count("seed: must be a whole number") == 2
+    assert "generation 0/1" not in err  # which would mix those of several runs
+
+
+def test_runs_with_different_executors_do_not_compete(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    open_now, most = [0], [0]
+    real = Processes.open
+
+    @contextmanager
+    def watched(self: Processes) -> Iterator[Pool]:
+        open_now[0] += 1
+        most[0] = max(most[0], open_now[0])
+        with real(self) as pool:
+            yield pool
+        open_now[0] -= 1
+
+    monkeypatch.setattr(Processes, "open", watched)
+    arguments = [*TINY, "executor=processes", "optimizer.generations=1", "seed=0,1"]
+    sweep = f"hydra.sweep.dir={tmp_path / 'sweep'}"
+    assert evoros(["-m", *arguments, sweep, "executor.workers=1,2"]) == DONE
+    assert (open_now, most) == ([0], [1])
+    assert len(list((tmp_path / "sweep").glob("*/champion/design.csv"))) == 4
+
+
+def test_a_message_about_a_run_goes_into_its_own_log_and_is_shown_with_its_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [*TINY, *TWO, f"hydra.sweep.dir={tmp_path / 'sweep'}", "simulator.fault=fail"]
+    assert evoros(["-m", *arguments, "seed=0,1"]) == DONE
+    shown = capsys.readouterr().err.splitlines()
+    runs = sorted((tmp_path / "sweep").iterdir())
+    assert len(runs) == 2
+    for run in runs:
+        warned = re.findall(r"WARNING (.*)", (run / "evoros.base.log").read_text())
+        assert len(warned) >= 4
+        assert [line for line in shown if line.startswith(f"{run.name}: ")] == [
+            f"{run.name}: {line}" for line in warned
+        ]
+    begun = [line for line in shown if line.endswith(": begins")]
+    assert len(begun) == 2
+    assert len(shown) == sum("simulation_failure" in line for line in shown) + len(begun)
+
+
+# ---- the jobs
+
+
+@pytest.mark.parametrize("workers", [1, 2, 8, 64])
+def test_enough_jobs_are_under_way_and_no_more(workers: int) -> None:
+    cores, running, most, lock = Cores(workers), [0], [0], threading.Lock()
+
+    def work(pool: Pool) -> None:
+        with lock:
+            running[0] += 1
+            most[0] = max(most[0], running[0])
+        time.sleep(0.02)
+        with lock:
+            running[0] -= 1
+
+    names = [chr(ord("a") + i) for i in range(26)]
+    sweep, jobs, said = sweep_of([Fake(cores, work) for _ in names], "".join(names))
+    for job in jobs:
+        sweep.begin(job)
+    sweep.finish()
+    sweep.close()
+    assert said == dict.fromkeys(names, "")
+    assert cores.opened == 1
+    assert most[0] == min(jobs_at_once(workers), len(names))
+
+
+def test_with_one_worker_jobs_run_in_the_main_thread() -> None:
+    seen: list[threading.Thread] = []
+    work = [Fake(Cores(1), lambda pool: seen.append(threading.current_thread())) for _ in "ab"]
+    sweep, jobs, _ = sweep_of(work, "ab")
+    for job in jobs:
+        sweep.begin(job)
+        assert len(seen) == "ab".index(job.folder.name) + 1
+    sweep.close()
+    assert set(seen) == {threading.main_thread()}
+
+
+def test_an_error_in_one_job_stops_no_other() -> None:
+    cores = Cores(2)
+
+    def fail(pool: Pool) -> None:
+        raise ZeroDivisionError
+
+    sweep, jobs, said = sweep_of([Fake(cores, fail), Fake(cores, lambda pool: None)] * 2, "abcd")
+    for job in jobs:
+        sweep.begin(job)
+    sweep.finish()
+    sweep.close()
+    assert said == {"a": "ZeroDivisionError", "b": "", "c": "ZeroDivisionError", "d": ""}
+    assert sorted(sweep.statuses) == [0, 0, 1, 1]
+
+
+def test_closing_interrupts_whoever_waits_and_whoever_asks_for_more() -> None:
+    cores, closing = Cores(2), threading.Event()
+
+    def wait(pool: Pool) -> None:
+        pool.submit(len, "").result()
+
+    def ask_later(pool: Pool) -> None:
+        closing.wait(20)
+        time.sleep(0.05)
+        raise RuntimeError("this pool is closed")
+
+    sweep, jobs, said = sweep_of([Fake(cores, wait), Fake(cores, ask_later)], "ab")
+    for job in jobs:
+        sweep.begin(job)
+    while not cores.given:
+        time.sleep(0.01)
+    closing.set()
+    sweep.close()
+    assert said == {"a": "KeyboardInterrupt", "b": "KeyboardInterrupt"}
+
+
+def test_a_job_that_was_waiting_for_its_turn_has_not_begun() -> None:
+    """Ctrl-C comes most likely then: the user is to repeat the command for the last one, too."""
+
+    class Waiting:
+        begun = 0
+
+        def begin(self, job: Job) -> None:
+            if self.begun == 2:
+                raise KeyboardInterrupt
+            self.begun += 1
+
+        def finish(self) -> None: ...
+        def close(self) -> None: ...
+
+    jobs: Any = [Job(None, Path(name)) for name in "abc"]  # type: ignore[arg-type]
+    signals: Any = SimpleNamespace(last=None)
+    assert _begin_all(evoros, jobs, Waiting(), signals) == 2  # type: ignore[arg-type]
+
+
+# ---- messages
+
+
+def test_threads_speak_on_behalf_of_their_own_jobs(tmp_path: Path) -> None:
+    before = (LOGGER.level, LOGGER.handlers)
+    together = threading.Barrier(3)
+
+    def speak(name: str) -> None:
+        with on_behalf_of(name), logging_to_file(tmp_path / name):
+            for number in range(50):
+                if number == 25:
+                    together.wait(20)
+                LOGGER.info("%s %d", name, number)
+
+    threads = [threading.Thread(target=speak, args=(name,)) for name in "abc"]
+    with logging_all(), remembering() as said:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        LOGGER.info("of all")
+    assert [record.getMessage() for record in said] == ["of all"]
+    for name in "abc":
+        lines = (tmp_path / name).read_text().splitlines()
+        assert [line.split(" INFO ")[1] for line in lines] == [f"{name} {n}" for n in range(50)]
+    assert before == (LOGGER.level, LOGGER.handlers)
+
+
+def test_jobs_in_folders_of_the_same_name_keep_their_logs_apart(tmp_path: Path) -> None:
+    """As with hydra.sweep.subdir='${failure}/${seed}'."""
+    together = threading.Barrier(2)
+    folders = [tmp_path / "one" / "0", tmp_path / "other" / "0"]
+
+    def work(path: Path) -> Fake:
+        def speak(pool: Pool) -> None:
+            path.mkdir(parents=True)
+            with logging_to_file(path / "log"):
+                together.wait(20)
+                LOGGER.warning("from %s", path.parent.name)
+                together.wait(20)
+
+        return Fake(cores, speak)
+
+    cores, shown = Cores(2), io.StringIO()
+    sweep = Sweep(
+        lambda config, path: work(path),
+        lambda path, error: JobResult(1, repr(error)),
+        lambda path, ending: None,
+        SweepProgress(False, 2),
+    )
+    with attached(for_terminal(logging.StreamHandler(shown))):
+        for folder in folders:
+            sweep.begin(Job(None, folder))  # type: ignore[arg-type]
+        sweep.finish()
+        sweep.close()
+    assert sweep.statuses == [0, 0]
+    for folder in folders:
+        (line,) = (folder / "log").read_text().splitlines()
+        assert line.endswith(f"WARNING from {folder.parent.name}")
+    said = [line for line in shown.getvalue().splitlines() if not line.endswith(": begins")]
+    assert sorted(said) == ["0: from one", "0: from other"]
+
+
+def test_what_another_thread_says_goes_into_the_log_of_a_run_alone(tmp_path: Path) -> None:
+    with logging_to_file(tmp_path / "log"):
+        thread = threading.Thread(target=LOGGER.info, args=("from a thread of a part",))
+        thread.start()
+        thread.join()
+    assert "from a thread of a part" in (tmp_path / "log").read_text()
+
+
+def test_the_line_of_a_sweep_counts_and_promises(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr("evoros.cli.progress.time.monotonic", lambda: now[0])
+    display = SweepProgress(False, 4)
+    assert display.line() == "jobs 0/4 done | 0 running | missions 0 | 0 simulated s/s"
+    flown: Any = type("Flown", (), {"time_s": 30.0})
+    with display.job() as one:
+        one.start(1)
+        one.begin(0, 10, 0)
+        for _ in range(5):
+            now[0] += 1.0
+            one.mission(None, flown)  # type: ignore[arg-type]
+        line = display.line()
+        assert line == ("jobs 0/4 done | 1 running | missions 5 | 30 simulated s/s | 0:00:35 left")
+    with display.job():
+        assert display.line().startswith("jobs 1/4 done | 1 running | ")
+
+
+def test_levels_and_logging_to_nowhere_are_as_before() -> None:
+    level = LOGGER.level
+    with logging_all():
+        assert LOGGER.isEnabledFor(logging.DEBUG)
+    assert LOGGER.level == level
+
+
+def test_a_lost_mission_in_a_sweep_is_the_status_of_the_sweep(tmp_path: Path) -> None:
+    arguments = [*TINY, *TWO, f"hydra.sweep.dir={tmp_path / 'sweep'}", "executor.retries=0"]
+    assert evoros(["-m", *arguments, "simulator.fault=none,exit"]) == STOPPED

@@ -1,0 +1,27 @@
+import re
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from evoros.config.folder_names import LONGEST, job_name
+
+
+@given(st.lists(st.text(max_size=60), max_size=8))
+def test_any_override_gives_a_name_that_is_one_safe_component(overrides: list[str]) -> None:
+    name = job_name(overrides)
+    assert re.fullmatch(r"[A-Za-z0-9._+-]+", name)
+    assert name not in (".", "..")
+    assert len(name) <= LONGEST + 9
+
+
+def test_names_are_readable() -> None:
+    assert job_name(["failure=random", "seed=0"]) == "failure-random_seed-0"
+    assert job_name(["controller.avoidance.range_m=1.5"]) == "range_m-1.5"
+    assert job_name(["world/course@boxes.course=square"]) == "course-square"
+    assert job_name(["+a.b=[1,2]", "~failure"]) == "b-1-2_failure"
+    assert job_name([]) == "baseline"
+
+
+def test_long_names_that_differ_only_at_the_end_stay_different() -> None:
+    first, second = (job_name(["key=" + "x" * 300 + end]) for end in "ab")
+    assert first != second

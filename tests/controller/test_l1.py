@@ -1,0 +1,214 @@
+"""ArduPilot's law: analytic outputs, the symmetry of left and right, the leg's ends."""
+
+import math
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+import pytest
+from helpers import ROOT
+from hydra import compose, initialize_config_dir
+from hydra.utils import instantiate
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
+from evoros.base.errors import InputError
+from evoros.base.rng import generator
+from evoros.controller.l1 import CROSSTRACK, INTEGRAL, L1
+from evoros.controller.rover import Rover
+from evoros.controller.weighted_voting import WeightedVoting
+from evoros.filter.delay import Delay
+from evoros.filter.hold import Hold
+
+if TYPE_CHECKING:
+    from evoros.robot.model import Robot
+
+FULL_LOCK = 0.6
+PERIOD = 0.1
+AXLE = 0.0  # [m]: the pose is that of the rear axle
+
+
+def started(law: L1) -> tuple[Array, Array]:
+    robot = cast(
+        "Robot", SimpleNamespace(drive=SimpleNamespace(steering_limit=FULL_LOCK, turning_x_m=AXLE))
+    )
+    return law.start(robot, PERIOD, generator("seed", "layer"))
+
+
+class Call:
+    """One mission of the law: its parameters and memory, called again and again."""
+
+    def __init__(self, law: L1 | None = None) -> None:
+        self.law = law or L1()
+        self.parameters, self.memory = started(self.law)
+        self.time = -PERIOD
+
+    def __call__(
+        self,
+        x: float = 0.0,
+        y: float = 0.0,
+        yaw: float = 0.0,
+        speed: float = 0.29,
+        yaw_rate: float = 0.0,
+        leg: tuple[float, float, float, float] = (-5.0, 0.0, 50.0, 0.0),
+        wait: float = PERIOD,
+    ) -> float:
+        """The steering [rad] of the next call, ``wait`` seconds after the last."""
+        self.time += wait
+        command = np.full(2, math.inf)
+        state = np.array([x, y, yaw, speed, yaw_rate, 0.0])
+        arguments = self.parameters, self.memory, state, np.array(leg), np.zeros(0), self.time
+        if not self.law.rule(*arguments, command):
+            assert np.isposinf(command).all()
+            return math.nan
+        assert command[DRIVE_SPEED] == self.law.speed_mps
+        return float(command[STEERING])
+
+
+PURE = L1(i=0.0, d=0.0, crosstrack_gain=0.0)  # proportional: an output for each state alone
+
+coordinates = st.floats(-20, 20)
+yaws = st.floats(-7, 7)
+speeds = st.floats(0, 3)
+
+
+@given(st.floats(-2, 2), st.floats(-0.7, 0.7), st.floats(0.1, 3))
+def test_on_the_leg_the_output_is_the_formula(y: float, yaw: float, speed: float) -> None:
+    """Park's law and the feed-forward of the yaw rate, written for a leg along the x axis."""
+    length = 0.75 * 6.0 * speed / math.pi
+    eta = np.arcsin(np.clip(-y / length, -math.sqrt(0.5), math.sqrt(0.5))) - yaw
+    acceleration = 2.25 * speed**2 / length * np.sin(np.clip(eta, -math.pi / 2, math.pi / 2))
+    degrees = 45.0 * 1.8 * 0.75 * acceleration / max(speed, 1.0) ** 2
+    expected = np.clip(degrees, -45, 45) / 45 * FULL_LOCK
+    assert Call(PURE)(y=y, yaw=yaw, speed=speed) == pytest.approx(expected, abs=1e-9)
+
+
+@given(coordinates, coordinates, yaws, speeds, st.floats(-1, 1), st.integers(1, 20))
+def test_a_mirrored_rover_steers_the_other_way(
+    x: float, y: float, yaw: float, speed: float, rate: float, calls: int
+) -> None:
+    assume(abs(math.sin(yaw)) > 1e-6 or math.cos(yaw) > 0)
+    # Exactly away from where it should go, left and right are alike.
+    here, mirrored = Call(), Call()
+    for _ in range(calls):
+        turn = here(x, y, yaw, speed, rate)
+        other = mirrored(x, -y, -yaw, speed, -rate)
+        assert abs(turn) <= FULL_LOCK
+        if abs(abs(_aim_error(x, y, yaw, speed)) - math.pi) > 1e-6:
+            assert turn == pytest.approx(-other, abs=1e-9)
+
+
+def _aim_error(x: float, y: float, yaw: float, speed: float) -> float:
+    """From the heading to the leg, its start or its end, whichever is half a turn off."""
+    aims = (0.0, math.atan2(-y, -5.0 - x), math.atan2(-y, 50.0 - x))
+    return max((math.remainder(aim - yaw, 2 * math.pi) for aim in aims), key=abs)
+
+
+@given(coordinates, coordinates, yaws, st.floats(-math.pi, math.pi))
+def test_the_law_knows_no_north(x: float, y: float, yaw: float, turn: float) -> None:
+    cos, sin = math.cos(turn), math.sin(turn)
+
+    def turned(x: float, y: float) -> tuple[float, float]:
+        return cos * x - sin * y, sin * x + cos * y
+
+    for aim in (0.0, math.atan2(-y, -5.0 - x)):
+        assume(abs(abs(math.remainder(aim - yaw, 2 * math.pi)) - math.pi) > 1e-6)
+    assume(abs(x + 5.0 + math.sqrt(0.5) * max(math.hypot(x + 5.0, y), 1.0)) > 1e-6)
+    upright = Call(PURE)(x, y, yaw)
+    moved = Call(PURE)(*turned(x, y), yaw + turn, leg=(*turned(-5.0, 0.0), *turned(50.0, 0.0)))
+    assert moved == pytest.approx(upright, abs=1e-7)
+
+
+def test_behind_the_start_it_aims_at_the_start_and_beyond_the_end_at_the_end() -> None:
+    leg = (0.0, 0.0, 10.0, 0.0)
+    for x, y, aim in ((-5.0, 2.0, (0, 0)), (-2.0, -1.0, (0, 0)), (15.0, 5.0, (10, 0))):
+        course = math.atan2(aim[1] - y, aim[0] - x)
+        assert Call(PURE)(x, y, course, leg=leg) == pytest.approx(0.0)
+        assert Call(PURE)(x, y, course - 0.1, leg=leg) > 0.01
+    beside = 5.0, 2.0, math.atan2(-2.0, -5.0)
+    assert abs(Call(PURE)(*beside, leg=leg)) > 0.01
+
+
+def test_a_leg_without_length_leads_to_its_point() -> None:
+    for x, y in ((3.0, 4.0), (-2.0, 1.0)):
+        assert Call(PURE)(x, y, math.atan2(-y, -x), leg=(0.0, 0.0, 0.0, 0.0)) == pytest.approx(0)
+
+
+@given(st.floats(0.02, 0.1), st.integers(1, 100), speeds)
+def test_the_integral_grows_with_the_error_of_the_yaw_rate_up_to_its_limit(
+    rate: float, calls: int, speed: float
+) -> None:
+    """On the leg nothing is demanded, so the error is the measured rate."""
+    call = Call()
+    for _ in range(calls):
+        turn = call(yaw_rate=rate, speed=speed)
+    reckoned = max(speed, 1.0)  # what the steering takes for the speed [m/s]
+    error = math.degrees(rate) / reckoned
+    integral = -min(15.0, 0.2 * 0.75 * 45.0 * error / reckoned * PERIOD * calls)
+    damping = -4.0 * 0.005 * error
+    assert call.memory[INTEGRAL] == pytest.approx(integral)
+    assert turn == pytest.approx((integral + damping) / 45.0 * FULL_LOCK)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_at_full_lock_the_integral_winds_no_further(side: int) -> None:
+    call = Call(L1(p=9.0, i=0.02))
+    for _ in range(100):
+        assert call(yaw=-side * 1.5) == side * FULL_LOCK
+    first = Call(L1(p=9.0, i=0.02))
+    first(yaw=-side * 1.5)
+    assert call.memory[INTEGRAL] == first.memory[INTEGRAL] != 0.0
+    call(yaw=-side * 1.5, yaw_rate=side * 2.0)  # turning faster than demanded
+    assert abs(call.memory[INTEGRAL] - first.memory[INTEGRAL]) > 1.0
+
+
+def test_the_crosstrack_integral_is_slow_limited_and_only_near_the_leg() -> None:
+    call = Call()
+    for _ in range(50):
+        call(y=-0.02)
+    eta = math.asin(0.02 / (0.75 * 6 * 0.29 / math.pi))
+    assert call.memory[CROSSTRACK] == pytest.approx(0.02 * eta * PERIOD * 50)
+    for _ in range(3000):
+        call(y=-0.02)
+    assert call.memory[CROSSTRACK] == 0.1
+    far = Call()
+    far(y=-0.2)
+    assert far.memory[CROSSTRACK] == 0.0
+
+
+def test_after_an_interruption_it_starts_afresh() -> None:
+    fresh, interrupted = Call(), Call()
+    for _ in range(20):
+        interrupted(y=-0.03, yaw_rate=0.1)
+    assert interrupted(y=0.3, wait=0.9) != fresh(y=0.3)
+    assert interrupted(y=0.3, wait=1.1) == Call()(y=0.3)
+
+
+def test_a_silent_pose_leaves_the_command_and_the_memory() -> None:
+    call = Call()
+    call(y=-0.03, yaw_rate=0.1)
+    before = call.memory.copy()
+    for silent in range(4):
+        x, y, yaw, speed = (math.nan if i == silent else 0.2 for i in range(4))
+        assert math.isnan(call(x, y, yaw, speed))
+    assert (call.memory == before).all()
+
+
+def test_every_bad_value_is_refused_in_one_line() -> None:
+    for key in L1.__dataclass_fields__:
+        for value in (-1.0, math.nan, math.inf, "much", None, True):
+            with pytest.raises(InputError, match=rf"L1\.{key}") as refusal:
+                L1(**{key: cast(float, value)})
+            assert "\n" not in str(refusal.value)
+
+
+def test_the_configuration_states_the_defaults_and_the_lag() -> None:
+    with initialize_config_dir(str(ROOT / "conf" / "controller"), version_base="1.3"):
+        late = instantiate(compose("rover_l1"), _convert_="all")
+        exact = instantiate(compose("rover", ["navigation=l1"]), _convert_="all")
+    assert late == Rover(
+        WeightedVoting(), L1(), localization={"hold": Hold(0.5), "delay": Delay(0.9)}
+    )
+    assert list(late.localization) == ["hold", "delay"]
+    assert exact == Rover(WeightedVoting(), L1())

@@ -1,0 +1,309 @@
+"""Missions in calls: the faults are real, in real worker processes."""
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Future
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import USER_PARTS
+from numpy.random import Generator
+
+from evoros.base.errors import InputError, RunStopped, SimulationError, WorkerLost
+from evoros.config.compose import build, compose
+from evoros.design.design import Design
+from evoros.evolution import dispatch
+from evoros.evolution.dispatch import AHEAD, compute, trajectories
+from evoros.evolution.experiment import Experiment
+from evoros.executor.processes import Processes
+from evoros.executor.protocol import Executor
+from evoros.executor.serial import Serial
+from evoros.failure.protocol import Fault
+from evoros.filter.protocol import Channels
+from evoros.mission.mission import Mission, MissionKey
+from evoros.mission.outcome import LOST, Outcome
+from evoros.mission.plan import STOP, WORST
+from evoros.mission.scenario import Scenario
+
+DESIGN = Design(())
+
+
+@cache
+def experiment() -> Experiment:
+    return build(compose(["experiment=tiny", "executor=serial"], USER_PARTS))
+
+
+@cache
+def missions(designs: int = 20) -> tuple[Mission, ...]:
+    """Of so many random designs, each in two worlds."""
+    space, rng = experiment().space, np.random.default_rng(5)
+    drawn = [space.decode(rng.random(space.size)) for _ in range(designs)]
+    plan = experiment().plan
+    return tuple(m for i, design in enumerate(drawn) for m in plan.selection(0, i, design))
+
+
+def flown(executor: Executor, task: Scenario, lost: str = STOP) -> dict[MissionKey, Outcome]:
+    with executor.open() as pool:
+        batches = list(compute(task, missions(), pool, executor.workers, lost))
+    pairs = [pair for batch in batches for pair in batch]
+    assert len(pairs) == len(missions())  # none twice
+    return {mission.place: outcome for mission, outcome in pairs}
+
+
+@cache
+def sound() -> dict[MissionKey, str]:
+    """As text: NaN is not equal to itself."""
+    return as_text(flown(Serial(), harmless(99)))
+
+
+def as_text(outcomes: dict[MissionKey, Outcome]) -> dict[MissionKey, str]:
+    return {place: repr(outcome) for place, outcome in outcomes.items()}
+
+
+def harmless(design: int) -> Scenario:
+    return trapped("nothing", design)
+
+
+def trapped(what: str, design: int, tally: str = os.devnull) -> Scenario:
+    """The task with something that happens in the missions of one design."""
+    mounts = [m.design.mounts for m in missions() if m.design_id == design]
+    x = mounts[0][0].x_m if mounts else -99.0
+    return replace(experiment().task, failure=Trap(what, x, tally))
+
+
+@dataclass(frozen=True)
+class Trap:
+    """A failure model that fails itself, where the first sensor lies at x."""
+
+    what: str
+    x: float
+    tally: str
+
+    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
+        if float(channels.position[0, 0]) == pytest.approx(self.x, abs=1e-9):
+            with Path(self.tally).open("a") as file:
+                file.write("x\n")
+            TRAPS[self.what]()
+        return ()
+
+
+def crash() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def hang() -> None:
+    time.sleep(600)
+
+
+def fail() -> None:
+    raise ZeroDivisionError("the trap")
+
+
+def refuse() -> None:
+    raise InputError("the trap: must not be stepped on; walk around it")
+
+
+TRAPS: dict[str, Callable[[], None]] = {
+    "crash": crash,
+    "hang": hang,
+    "fail": fail,
+    "refuse": refuse,
+    "nothing": lambda: None,
+}
+
+
+@dataclass
+class Watched:
+    """A pool in this process that finishes calls when told, or at once; notes their sizes."""
+
+    at_once: bool = False
+    calls: list[tuple["Future[Any]", Callable[..., Any], tuple[Any, ...]]] = field(
+        default_factory=list
+    )
+    sizes: list[int] = field(default_factory=list)
+    most: int = 0
+
+    def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
+        future: Future[Any] = Future()
+        self.calls.append((future, function, args))
+        self.sizes.append(len(args[1]))
+        self.most = max(self.most, len(self.calls))
+        if self.at_once:
+            self.finish()
+        return future
+
+    def finish(self) -> None:
+        future, function, args = self.calls.pop(0)
+        future.set_result(function(*args))
+
+
+@dataclass(frozen=True)
+class Broken:
+    """A pool whose every call ends as told."""
+
+    error: Exception
+
+    def submit(self, function: Any, /, *args: Any) -> "Future[Any]":
+        future: Future[Any] = Future()
+        future.set_exception(self.error)
+        return future
+
+
+# ---- what comes out
+
+
+@pytest.mark.parametrize("executor", [Processes(workers=1), Processes(workers=3)])
+def test_outcomes_are_the_same_in_any_number_of_workers(executor: Executor) -> None:
+    assert as_text(flown(executor, harmless(99))) == sound()
+
+
+@pytest.mark.parametrize("seconds", [0.0, 1e9])
+def test_outcomes_are_the_same_in_calls_of_any_size(
+    seconds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dispatch, "CALL_S", seconds)
+    assert as_text(flown(Serial(), harmless(99))) == sound()
+
+
+# ---- what goes wrong
+
+
+@pytest.mark.parametrize("what", ["crash", "hang", "fail"])
+def test_a_fault_amid_a_call_costs_its_own_mission_only(what: str, tmp_path: Path) -> None:
+    task = trapped(what, 13, str(tmp_path / "tally"))
+    expected = sound()  # first: what is compiled counts against the time limit of a worker
+    limit = 3.0 if what == "hang" else 60.0
+    outcomes = flown(Processes(workers=2, retries=0, time_limit_s=limit), task, WORST)
+    lost = {place for place, outcome in outcomes.items() if outcome.ended == LOST}
+    assert lost == {mission.place for mission in missions() if mission.design_id == 13}
+    rest = {place: text for place, text in as_text(outcomes).items() if place not in lost}
+    assert rest == {place: text for place, text in expected.items() if place not in lost}
+    reasons = {"crash": "by signal 9", "hang": "time_limit_s = 3 s", "fail": "the trap"}
+    assert all(reasons[what] in outcomes[place].reason for place in lost)
+
+
+@pytest.mark.parametrize("what", ["crash", "fail", "refuse"])
+def test_a_fault_that_stops_the_run_is_that_of_one_mission(what: str, tmp_path: Path) -> None:
+    """And what was flown before or in the same call is not lost with it."""
+    task = trapped(what, 13, str(tmp_path / "tally"))
+    recorded: list[tuple[Mission, Outcome]] = []
+    said = "^the trap: must" if what == "refuse" else "the mission of design 13 in "
+    error = InputError if what == "refuse" else RunStopped
+    with Processes(workers=1, retries=0).open() as pool:
+        batches = compute(task, missions(), pool, 1, STOP)
+        with pytest.raises(error, match=said):
+            recorded.extend(pair for batch in batches for pair in batch)
+    designs = [mission.design_id for mission, _ in recorded]
+    assert 13 not in designs
+    assert set(range(13)) <= set(designs)
+
+
+def test_an_attempt_at_a_call_is_one_at_each_mission_alone(tmp_path: Path) -> None:
+    """A retry: two attempts at the call, if there was one, and two at each of two missions."""
+    task = trapped("crash", 13, str(tmp_path / "tally"))
+    outcomes = flown(Processes(workers=1, retries=1), task, WORST)
+    lost = [outcome for outcome in outcomes.values() if outcome.ended == LOST]
+    assert ["lost 2 times" in outcome.reason for outcome in lost] == [True, True]
+    assert len((tmp_path / "tally").read_text().splitlines()) in (6, 8)
+
+
+def test_lost_missions_stop_or_are_the_worst() -> None:
+    wanted = experiment().plan.selection(3, 4, DESIGN)
+    task = experiment().task
+    for error in (WorkerLost("it hung"), ValueError("no\nluck")):
+        with pytest.raises(RunStopped, match=r"design 4 in \w+, generation 3, trial 0: "):
+            list(compute(task, wanted, Broken(error), 1, STOP))
+        (*batches,) = compute(task, wanted, Broken(error), 1, WORST)
+        outcomes = [outcome for batch in batches for _, outcome in batch]
+        assert {outcome.ended for outcome in outcomes} == {LOST}
+        assert {outcome.progress for outcome in outcomes} == {0.0}
+        assert len(outcomes) == len(wanted)
+        tracks = trajectories(task, wanted, Broken(error), WORST)
+        assert [len(track) for track in tracks] == [0] * len(wanted)
+        with pytest.raises(RunStopped):
+            trajectories(task, wanted, Broken(error), STOP)
+
+
+@pytest.mark.parametrize("error", [InputError("bad"), SimulationError("odd"), CancelledError()])
+def test_errors_of_ours_are_never_recorded_as_lost(error: Exception) -> None:
+    with pytest.raises(type(error)):
+        list(compute(experiment().task, missions(), Broken(error), 1, WORST))
+
+
+# ---- how it is done
+
+
+def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    pool = Watched(at_once=True)
+    monkeypatch.setattr(dispatch, "CALL_S", 1e9)
+    list(compute(experiment().task, missions(), pool, 1, STOP))
+    assert pool.sizes[0] == 1
+    assert max(pool.sizes) >= 7
+    assert len(pool.sizes) < len(missions()) / 2
+    begun = np.cumsum([0, *pool.sizes])[:-1]
+    for size, before in zip(pool.sizes, begun, strict=True):
+        assert size <= max(1, (len(missions()) - before) // 2)  # the end is shared evenly
+
+    pool = Watched(at_once=True)
+    monkeypatch.setattr(dispatch, "CALL_S", 0.0)
+    list(compute(experiment().task, missions(), pool, 1, STOP))
+    assert max(pool.sizes[1:]) <= 2  # it tries once more whether there is time now
+    assert len(pool.sizes) == len(missions())
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_only_a_few_calls_are_submitted_ahead(workers: int) -> None:
+    pool = Watched()
+    flights = dispatch._Batch(experiment().task, pool, workers, list(missions()))
+    while flights.submit():
+        assert len(pool.calls) <= workers * AHEAD
+        pool.finish()
+        flights.collect(STOP)
+    assert pool.most == workers * AHEAD
+
+
+def test_what_runs_in_this_process_is_recorded_before_the_next_call_begins() -> None:
+    pool = Watched(at_once=True)
+    batches = compute(experiment().task, missions(), pool, 2, STOP)
+    for number, _ in zip(range(1, 6), batches, strict=False):
+        assert len(pool.sizes) == number
+
+
+@dataclass(frozen=True)
+class Counted:
+    """A failure model that counts how often it is packed and unpacked, in this process."""
+
+    packed: int = 0
+
+    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
+        return ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        COUNT["packed"] += 1
+        return (unpack, ())
+
+
+COUNT = {"packed": 0, "unpacked": 0}
+
+
+def unpack() -> Counted:
+    COUNT["unpacked"] += 1
+    return Counted()
+
+
+def test_the_task_is_packed_once_and_unpacked_once() -> None:
+    task = replace(experiment().task, failure=Counted())
+    for _ in range(2):
+        assert len(list(compute(task, missions(), Watched(at_once=True), 1, STOP))) > 2
+    assert COUNT == {"packed": 1, "unpacked": 1}
+
+
+def test_a_fresh_worker_gets_the_task() -> None:
+    executor = Processes(workers=2, calls_per_worker=3)
+    assert as_text(flown(executor, harmless(99))) == sound()

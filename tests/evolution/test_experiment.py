@@ -1,0 +1,258 @@
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import USER_PARTS, content, resume, tiny
+
+from evoros.base.console import DONE, INPUT
+from evoros.base.errors import InputError
+from evoros.base.rng import generator
+from evoros.cli.run import evoros
+from evoros.config.compose import build, compose
+from evoros.design.genes import FEW, Gene, corners
+from evoros.fitness.scoring import fitness_of
+from evoros.mission.outcome import TRAJECTORY, Outcome
+from evoros.mission.rollout import run_mission
+from evoros.storage.reading import load_run
+
+
+@pytest.mark.parametrize("draws", ["generation", "individual", "run"])
+def test_the_same_bytes_for_any_number_of_workers(draws: str, tmp_path: Path) -> None:
+    more = [f"draws={draws}", "trials=2"]
+    assert tiny(tmp_path / "serial", *more) == DONE
+    for workers in (1, 3):
+        run = tmp_path / f"{workers}"
+        assert tiny(run, *more, "executor=processes", f"executor.workers={workers}") == DONE
+        assert content(run) == content(tmp_path / "serial")
+
+
+def test_the_same_bytes_in_pybullet_too(tmp_path: Path) -> None:
+    """Though missions share engines in another order, and the rover pushes a box away."""
+    short = ["optimizer.generations=2", "optimizer.population_size=3", "world=[boxes,blocks]"]
+    short += ["optimizer.validation_trials=1", "seed=3", "course.time_limit_s=5"]
+    short += ["course.home_x_m=1.066", "course.home_y_m=-1.6", "course.home_yaw_rad=-1.57"]
+    short += ["course.waypoints=[[1.066,-4.5]]", "course.end_on_collision=false"]
+    short += ["controller/avoidance=blind", "figures=[]"]
+    runs = {name: tmp_path / name for name in ("serial", "2", "3")}
+    assert evoros([*short, "executor=serial", f"hydra.run.dir={runs['serial']}"]) == DONE
+    for workers in (2, 3):
+        run = runs[f"{workers}"]
+        assert evoros([*short, f"executor.workers={workers}", f"hydra.run.dir={run}"]) == DONE
+        assert content(run) == content(runs["serial"])
+    collisions = load_run(runs["serial"]).missions.groupby("world").collisions.min()
+    assert collisions["boxes"] > 0
+
+
+def test_another_seed_is_another_run(tmp_path: Path) -> None:
+    for seed in range(2):
+        assert tiny(tmp_path / f"{seed}", f"seed={seed}", "optimizer.generations=1") == DONE
+    first, second = (load_run(tmp_path / f"{seed}").generations for seed in range(2))
+    assert not set(first["sensor0_x_m"]) & set(second["sensor0_x_m"])
+
+
+def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
+    """Fitness follows from the missions, designs from the search, the champion from both."""
+    run = tmp_path / "run"
+    assert tiny(run, "trials=2") == DONE
+    experiment = build(compose(["experiment=tiny", "executor=serial", "trials=2"], USER_PARTS))
+    from evoros.storage.run_folder import RunFolder
+
+    with RunFolder(run) as folder:
+        outcomes = {place: outcome for place, (_, outcome) in folder.outcomes.items()}
+    table = load_run(run).generations
+    search = experiment.optimizer.start(experiment.space, generator("0", "optimizer"))
+    for number in range(experiment.optimizer.generations):
+        asked = search.ask()
+        scores = []
+        for one in asked:
+            design = experiment.space.decode(one.genome)
+            missions = experiment.plan.selection(number, one.id, design)
+            scores.append(fitness_of(experiment.fitness, missions, outcomes))
+        candidates = search.tell(scores)
+        rows = table[table["generation"] == number]
+        assert list(rows["id"]) == [candidate.individual.id for candidate in candidates]
+        assert list(rows["fitness"]) == [candidate.fitness for candidate in candidates]
+    best = max(candidates, key=lambda candidate: candidate.fitness)
+    mounts = experiment.space.decode(best.individual.genome).mounts
+    champion = load_run(run).champion
+    assert set(champion["design"]) == {best.individual.id}
+    columns = ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"]
+    expected = [[getattr(mount, name) for name in columns] for mount in mounts]
+    np.testing.assert_array_equal(champion[columns].to_numpy(), expected)
+
+
+def test_the_champions_trajectory_is_that_of_its_mission(tmp_path: Path) -> None:
+    assert tiny(tmp_path / "run") == DONE
+    run = load_run(tmp_path / "run")
+    of_champion = run.missions["design"] == run.champion["design"][0]
+    missions = run.missions[of_champion & (run.missions["purpose"] == "selection")]
+    assert set(missions["world"]) == {"near", "far"}
+    for row in missions.itertuples():
+        track = run.trajectory(str(row.world))
+        assert track["time_s"].iloc[-1] == row.time_s
+        assert track["visited"].iloc[-1] == row.visited
+        steps = np.diff(track[["x_m", "y_m"]].to_numpy(), axis=0)
+        assert sum(np.sqrt((steps * steps).sum(axis=1)).tolist()) == row.distance_m
+
+
+def test_validation_never_enters_selection(tmp_path: Path) -> None:
+    """The same search with more validation: every fitness stays, only the validated ones change."""
+    for trials in (0, 2):
+        assert tiny(tmp_path / f"{trials}", f"optimizer.validation_trials={trials}") == DONE
+    without, with_it = (load_run(tmp_path / f"{trials}") for trials in (0, 2))
+    same = [name for name in without.generations if name != "validated_fitness"]
+    assert without.generations[same].equals(with_it.generations[same])
+    assert without.generations["validated_fitness"].isna().all()
+    best = with_it.generations.loc[with_it.generations.groupby("generation")["fitness"].idxmax()]
+    assert best["validated_fitness"].notna().all()
+    draws = with_it.missions.groupby("purpose")["draws"].agg(set)
+    assert not draws["selection"] & draws["validation"]
+
+
+def test_wall_clock_figures_stay_out_of_the_tables(tmp_path: Path) -> None:
+    for pause in (0.0, 0.02):
+        more = ["optimizer.generations=1", f"simulator.pause_s={pause}"]
+        assert tiny(tmp_path / f"{pause}", *more) == DONE
+    assert content(tmp_path / "0.0") == content(tmp_path / "0.02")
+
+
+def outcomes(*overrides: str) -> list[Outcome]:
+    """Of the middle design's missions of two seconds, one in each world."""
+    experiment = build(compose([*overrides, "executor=serial"]))
+    short = {
+        name: replace(world, course=replace(world.course, time_limit_s=2.0))
+        for name, world in experiment.world.items()
+    }
+    middle = experiment.space.decode(np.full(experiment.space.size, 0.5))
+    task = replace(experiment.task, world=short)
+    flown = [run_mission(task, mission) for mission in experiment.plan.selection(0, 0, middle)]
+    for outcome, track in flown:
+        assert (outcome.ended, outcome.time_s) == ("time_limit", 2.0)
+        assert track.shape[1] == len(TRAJECTORY) + len(middle.mounts)
+    return [outcome for outcome, _ in flown]
+
+
+@pytest.mark.parametrize("name", ["quickstart", "case_study", "free_placement", "as_run"])
+def test_every_bundled_experiment_flies(name: str) -> None:
+    flown = outcomes(f"experiment={name}")
+    assert len(flown) == 3
+    assert all(outcome.distance_m > 0.3 for outcome in flown)
+
+
+@pytest.mark.parametrize("failure", ["none", "random", "spatial", "combined"])
+@pytest.mark.parametrize("controller", ["rover", "rover_l1"])
+def test_groups_of_parts_combine(failure: str, controller: str) -> None:
+    """Each part is at work: the failure from the start, and the controller that was chosen."""
+    early = {
+        "random": ["failure.earliest_s=0.5", "failure.latest_s=0.5"],
+        "spatial": ["failure.earliest_s=0.5", "failure.latest_s=0.5"],
+        "combined": [
+            f"failure.failures.{each}.{end}_s=0.5"
+            for each in ("single", "damage")
+            for end in ("earliest", "latest")
+        ],
+    }
+    chosen = [f"failure={failure}", f"controller={controller}", "world=boxes"]
+    (flown,) = outcomes(*chosen, *early.get(failure, []))
+    assert bool(flown.failed_sensors) == (failure != "none")
+    assert set(flown.failed_at_s) <= {0.5}
+    other = {"rover": "rover_l1", "rover_l1": "rover"}[controller]
+    (differs,) = outcomes(f"failure={failure}", f"controller={other}", "world=boxes")
+    assert differs.distance_m != flown.distance_m
+
+
+NEAR_AND_FAR = [
+    "+design.genes.near={_target_: evoros.design.genes.Gene, "
+    "key: design.sensors.sonar.range_min_m, low: 0.06, high: 2}",
+    "+design.genes.far={_target_: evoros.design.genes.Gene, "
+    "key: design.sensors.sonar.range_max_m, low: %s, high: 4.5}",
+]
+
+
+def test_genes_that_do_not_fit_together_are_refused_before_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    near, far = NEAR_AND_FAR
+    assert tiny(tmp_path / "run", near, far % 1) == INPUT
+    err = capsys.readouterr().err
+    assert "design.genes, near at high, far at low: " in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+    assert tiny(tmp_path / "run", near, far % 2.5, "optimizer.generations=1") == DONE
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, FEW, FEW + 1])
+def test_the_corners_have_each_gene_at_both_ends_beside_all_others(count: int) -> None:
+    found = set(corners(count))
+    assert len(found) == (2**count if count <= FEW else 2 * (count + 1))
+    for gene in range(count):
+        for end in (0.0, 1.0):
+            alone = tuple(end if i == gene else 1.0 - end for i in range(count))
+            assert {alone, (end,) * count} <= found
+
+
+def test_evolved_values_that_a_part_refuses_are_the_worst_and_not_the_end(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The part refuses the middle of the range, which no look at the ends can find."""
+    run = tmp_path / "run"
+    key = "controller.localization.gap.x"
+    gene = f"+design.genes.gap={{_target_: evoros.design.genes.Gene, key: {key}, low: 0, high: 9}}"
+    gap = ["+filter@controller.localization.gap=picky", gene, "optimizer.population_size=8"]
+    assert tiny(run, *gap) == DONE, capsys.readouterr().err
+    before = content(run)
+    missions, table = load_run(run).missions, load_run(run).generations
+    refused = missions[missions["ended"] == "refused"]
+    assert 0 < len(refused) < len(missions)
+    assert refused["reason"].str.contains("must not be between 2 and 4").all()
+    values = table.drop_duplicates("id").set_index("id")
+    assert values.loc[refused["design"], "gap"].between(2, 4).all()
+    assert (values.loc[refused["design"], "fitness"] == 2.0).all()
+    assert values["fitness"].max() > 2.0
+    assert resume(run) == DONE
+    assert content(run) == before
+
+
+def test_evolved_values_that_a_part_refuses_only_when_it_starts(tmp_path: Path) -> None:
+    """The avoidance needs sensors that see as far as it looks, which is known in a mission only."""
+    far = NEAR_AND_FAR[1] % 1
+    assert tiny(tmp_path / "run", far, "optimizer.population_size=8") == DONE
+    missions, table = load_run(tmp_path / "run").missions, load_run(tmp_path / "run").generations
+    values = table.drop_duplicates("id").set_index("id")
+    refused = missions["ended"] == "refused"
+    assert set(refused) == {True, False}
+    looks = build(compose(["experiment=tiny"], USER_PARTS)).controller.avoidance.range_m  # type: ignore[attr-defined]
+    assert (refused == (values.loc[missions["design"], "far"].to_numpy() < looks)).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["design.number=0"], "evolve"),
+        (["+filter@design.sensors.sonar.filters.x=pose_noise"], "PoseNoise: "),
+        (["filter@failure.effect=pose_noise"], "PoseNoise: "),
+        (["design.sensors.sonar.range_max_m=1.5"], "controller: WeightedVoting.range_m: "),
+    ],
+)
+def test_what_would_break_inside_a_run_is_refused_before_it(
+    arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert tiny(tmp_path / "run", *arguments) == INPUT
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("name", ["a/b", "", "a b", "ü", "..", "a;b", "a,b", 'a"b', 7, None])
+def test_names_that_make_no_file_or_column_are_refused(name: Any) -> None:
+    """Else a run of days would end in an error when the champion's trajectories are written."""
+    experiment = build(compose(["experiment=tiny", "executor=serial"], USER_PARTS))
+    far = experiment.world["far"]
+    with pytest.raises(InputError, match=r"^world: the key of each world must be a name"):
+        replace(experiment, world={"near-2_B": far, name: far})
+    gene = Gene("controller.avoidance.range_m", 3, 4)
+    with pytest.raises(InputError, match=r"^(SensorDesign\.|design\.)genes: "):
+        replace(experiment, design=replace(experiment.design, genes={name: gene}))

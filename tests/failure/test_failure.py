@@ -1,0 +1,348 @@
+"""Failures: which sensors fail how often, when, and that equal keys mean equal draws."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import ROOT
+from hydra import compose, initialize_config_dir
+from hydra.utils import instantiate
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from evoros.base import resources as assets
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError
+from evoros.base.rng import generator
+from evoros.failure.combined import CombinedFailure
+from evoros.failure.none import NoFailure
+from evoros.failure.protocol import Failure, Fault
+from evoros.failure.random import RandomFailure
+from evoros.failure.spatial import SpatialFailure
+from evoros.filter.gaussian_noise import GaussianNoise
+from evoros.filter.protocol import Channels
+from evoros.filter.silence import Silence
+from evoros.filter.stuck import Stuck
+
+KINDS = sorted(path.stem for path in assets.bundled_folder("conf").glob("failure/*.yaml"))
+unhurried = settings(deadline=None)  # a busy machine is no failure
+DRAWS = 3000
+
+seeds = st.integers(0, 2**32 - 1)
+coordinates = st.floats(-0.3, 0.3)
+places = st.lists(st.tuples(coordinates, coordinates, coordinates), max_size=8)
+
+
+def sensors(position: Sequence[Sequence[float]] | Array) -> Channels:
+    place = np.array(position, dtype=np.float64).reshape(-1, 3)
+    n = len(place)
+    return Channels(np.full(n, 0.06), np.full(n, 4.5), place, 0.1)
+
+
+def row(*x: float) -> Channels:
+    return sensors([(value, 0.0, 0.0) for value in x])
+
+
+def onsets(failure: Failure, channels: Channels, draws: int = DRAWS) -> Array:
+    """(draws, n) onsets of the failure's single fault, each draw from a key of its own."""
+    rows = []
+    for k in range(draws):
+        (fault,) = failure.draw(channels, generator(f"draw {k}", "failure"))
+        rows.append(fault.onset)
+    return np.array(rows)
+
+
+def equal(a: tuple[Fault, ...], b: tuple[Fault, ...]) -> bool:
+    return len(a) == len(b) and all(
+        x.filter == y.filter and np.array_equal(x.onset, y.onset) for x, y in zip(a, b, strict=True)
+    )
+
+
+def near_share(hits: NDArray[np.bool_], probability: float) -> bool:
+    """Five standard errors of a binomial share, the keys being fixed."""
+    spread = math.sqrt(probability * (1 - probability) / hits.size)
+    return bool(abs(hits.mean() - probability) <= 5 * spread)
+
+
+def is_uniform(sample: Array, low: float, high: float) -> bool:
+    """Kolmogorov-Smirnov, at the level of one false alarm in a million seeds."""
+    ordered = (np.sort(sample) - low) / (high - low)
+    steps = np.arange(len(ordered) + 1) / len(ordered)
+    distance = max((steps[1:] - ordered).max(), (ordered - steps[:-1]).max())
+    limit = math.sqrt(math.log(2 / 1e-6) / 2 / len(ordered))
+    return bool(ordered.min() >= 0 and ordered.max() <= 1 and distance < limit)
+
+
+def configured(*overrides: str) -> Failure:
+    with initialize_config_dir(str(assets.bundled_folder("conf").resolve()), version_base="1.3"):
+        built: Failure = instantiate(compose(overrides=list(overrides)), _convert_="all")["failure"]
+    return built
+
+
+# Every failure that has a YAML
+
+
+def test_every_failure_module_has_a_configuration_of_its_name() -> None:
+    package = ROOT / "evoros" / "failure"
+    assert {path.stem for path in package.glob("*.py")} - {"__init__", "window"} == set(KINDS)
+
+
+@pytest.fixture(params=KINDS)
+def any_failure(request: pytest.FixtureRequest) -> Failure:
+    failure = configured(f"+failure={request.param}")
+    assert isinstance(failure, Failure)
+    return failure
+
+
+def test_robot_without_sensors_has_no_faults(any_failure: Failure) -> None:
+    assert any_failure.draw(sensors([]), generator("key", "failure")) == ()
+
+
+def test_equal_keys_give_equal_faults(any_failure: Failure) -> None:
+    channels = row(0.0, 0.02, 0.05, 0.08, 0.3)
+    for k in range(20):
+        first, again = (any_failure.draw(channels, generator(str(k), "failure")) for _ in "ab")
+        assert equal(first, again)
+
+
+def test_every_fault_covers_all_sensors(any_failure: Failure) -> None:
+    for n in range(1, 6):
+        for fault in any_failure.draw(row(*np.arange(n) / 50), generator("key", "failure")):
+            assert fault.onset.shape == (n,)
+            assert fault.onset.dtype == np.float64
+            assert ((fault.onset >= 40) & ((fault.onset < 80) | (fault.onset == math.inf))).all()
+
+
+def test_defaults_are_what_the_configuration_says() -> None:
+    assert configured("+failure=none") == NoFailure()
+    assert configured("+failure=random") == RandomFailure()
+    spatial = configured("+failure=spatial")
+    assert isinstance(spatial, SpatialFailure)
+    assert tuple(spatial.radii_m) == SpatialFailure().radii_m
+    assert tuple(spatial.probabilities) == SpatialFailure().probabilities
+    assert spatial.effect == Silence()
+
+
+def test_effect_and_parts_are_chosen_on_the_command_line() -> None:
+    assert configured("+failure=random", "filter@failure.effect=stuck") == RandomFailure(
+        effect=Stuck()
+    )
+    combined = configured("+failure=combined", "+failure@failure.failures.third=random")
+    assert isinstance(combined, CombinedFailure)
+    assert list(combined.failures) == ["single", "damage", "third"]
+
+
+# Nothing
+
+
+@unhurried
+@given(places, seeds)
+def test_no_failure_is_no_fault(place: list[tuple[float, float, float]], seed: int) -> None:
+    assert NoFailure().draw(sensors(place), np.random.default_rng(seed)) == ()
+
+
+# Random
+
+
+def test_one_sensor_fails_uniformly_in_40_to_80_s() -> None:
+    n = 5
+    drawn = onsets(RandomFailure(), row(*range(n)))
+    fails = np.isfinite(drawn)
+    assert (fails.sum(axis=1) == 1).all()
+    assert all(near_share(fails[:, i], 1 / n) for i in range(n))
+    assert is_uniform(drawn[fails], 40, 80)
+    assert all(is_uniform(drawn[fails[:, i], i], 40, 80) for i in range(n))
+
+
+@unhurried
+@given(places, st.integers(1, 10), seeds)
+def test_as_many_sensors_fail_as_told_or_as_there_are(
+    place: list[tuple[float, float, float]], count: int, seed: int
+) -> None:
+    faults = RandomFailure(count=count).draw(sensors(place), np.random.default_rng(seed))
+    failing = sum(int(np.isfinite(fault.onset).sum()) for fault in faults)
+    assert failing == min(count, len(place))
+
+
+def test_every_pair_of_sensors_is_as_likely_at_independent_times() -> None:
+    drawn = onsets(RandomFailure(count=2), row(0, 1, 2, 3))
+    fails = np.isfinite(drawn)
+    for i in range(4):
+        for j in range(i):
+            assert near_share(fails[:, i] & fails[:, j], 1 / 6)
+    times: Array = drawn[fails].reshape(-1, 2)
+    assert abs(np.corrcoef(times[:, 0], times[:, 1])[0, 1]) < 5 / math.sqrt(len(times))
+
+
+@unhurried
+@given(seeds, st.integers(1, 6), st.integers(1, 6))
+def test_robots_that_share_a_key_face_the_same_time_of_failure(
+    seed: int, few: int, many: int
+) -> None:
+    for failure in (RandomFailure(), SpatialFailure()):
+        times = set()
+        for n in (few, many):
+            (fault,) = failure.draw(row(*range(n)), np.random.default_rng(seed))
+            times |= set(fault.onset[np.isfinite(fault.onset)].tolist())
+        assert len(times) == 1
+
+
+@unhurried
+@given(seeds, st.integers(1, 9), st.integers(0, 6), st.integers(0, 6))
+def test_number_of_sensors_changes_nothing_that_is_drawn_later(
+    seed: int, count: int, few: int, many: int
+) -> None:
+    later = set()
+    for n in (few, many):
+        rng = np.random.default_rng(seed)
+        RandomFailure(count=count).draw(row(*range(n)), rng)
+        later.add(rng.random())
+    assert len(later) == 1
+
+
+@unhurried
+@given(places, places, seeds)
+def test_places_of_sensors_change_no_random_failure(
+    one: list[tuple[float, float, float]], two: list[tuple[float, float, float]], seed: int
+) -> None:
+    n = min(len(one), len(two))
+    a, b = (
+        RandomFailure(count=2).draw(sensors(place[:n]), np.random.default_rng(seed))
+        for place in (one, two)
+    )
+    assert equal(a, b)
+
+
+# Spatial
+
+
+def test_damage_reaches_as_far_and_as_surely_as_the_paper_says() -> None:
+    # Every draw is asked where its centre was by sensors far apart, each with neighbours in the
+    # middle of each ring, beyond the last, and straight above.
+    offsets = [(0, 0), (0.029, 0), (0.045, 0), (0.075, 0), (0.091, 0), (0, 0.045)]
+    clusters = 40
+    place = [(k * 1.0 + dx, 0.0, dz) for k in range(clusters) for dx, dz in offsets]
+    drawn = onsets(SpatialFailure(), sensors(place))
+    hits = np.isfinite(drawn).reshape(DRAWS, clusters, len(offsets))
+    assert (hits.any(axis=2).sum(axis=1) == 1).all()  # damage stays in one cluster
+    # The sensor at the origin can be the centre itself, and so can the others; keep the draws
+    # whose generator, replayed, puts it at the origin of its cluster.
+    picks = [int(generator(f"draw {k}", "failure").random() * len(place)) for k in range(DRAWS)]
+    chosen = np.array([hits[k, p // 6] for k, p in enumerate(picks) if p % 6 == 0])
+    assert chosen[:, :2].all()
+    assert near_share(chosen[:, 2], 2 / 3)
+    assert near_share(chosen[:, 3], 1 / 3)
+    assert not chosen[:, 4].any()
+    assert near_share(chosen[:, 5], 2 / 3)
+    independent = near_share(chosen[:, 2] & chosen[:, 5], 4 / 9)
+    assert independent
+
+
+def test_two_sensors_fail_together_by_their_distance() -> None:
+    for distance, probability in [(0.02, 1.0), (0.05, 2 / 3), (0.08, 1 / 3), (0.1, 0.0)]:
+        hits = np.isfinite(onsets(SpatialFailure(), row(0.0, distance)))
+        assert hits.any(axis=1).all()
+        assert near_share(hits[:, 0] & hits[:, 1], probability)
+
+
+def test_centre_of_damage_is_uniform_and_so_is_its_time() -> None:
+    n = 4
+    drawn = onsets(SpatialFailure(), row(*range(n)))
+    fails = np.isfinite(drawn)
+    assert (fails.sum(axis=1) == 1).all()
+    assert all(near_share(fails[:, i], 1 / n) for i in range(n))
+    assert is_uniform(drawn[fails], 40, 80)
+
+
+@unhurried
+@given(places.filter(bool), seeds)
+def test_damage_happens_at_one_time_and_within_the_last_radius(
+    place: list[tuple[float, float, float]], seed: int
+) -> None:
+    (fault,) = SpatialFailure().draw(sensors(place), np.random.default_rng(seed))
+    hit = np.isfinite(fault.onset)
+    assert len(set(fault.onset[hit].tolist())) == 1
+    assert 40 <= fault.onset[hit][0] < 80
+    position = np.array(place)
+    distance = np.linalg.norm(position[:, None] - position[None], axis=2)
+    assert any(
+        hit[distance[c] <= 0.03 - 1e-9].all() and not hit[distance[c] > 0.09 + 1e-9].any()
+        for c in range(len(place))
+    )
+
+
+@unhurried
+@given(places, seeds)
+def test_certain_damage_hits_exactly_those_within_reach(
+    place: list[tuple[float, float, float]], seed: int
+) -> None:
+    everywhere = SpatialFailure(radii_m=[2.0], probabilities=[1.0])
+    nowhere = SpatialFailure(radii_m=[2.0], probabilities=[0.0])
+    for failure, share in ((everywhere, len(place)), (nowhere, 0)):
+        faults = failure.draw(sensors(place), np.random.default_rng(seed))
+        assert sum(int(np.isfinite(fault.onset).sum()) for fault in faults) == share
+
+
+# Combined
+
+
+def test_adding_a_failure_never_shifts_another() -> None:
+    channels = row(0.0, 0.02, 0.05, 0.08, 0.3)
+    one, two = RandomFailure(), SpatialFailure(effect=GaussianNoise(1.0))
+    for k in range(50):
+
+        def drawn(key: str = str(k), **failures: Failure) -> tuple[Fault, ...]:
+            return CombinedFailure(failures).draw(channels, generator(key, "failure"))
+
+        both = drawn(one=one, two=two)
+        assert equal(both, drawn(one=one) + drawn(two=two))
+        assert equal(drawn(two=two, one=one), both[::-1])
+        assert equal(drawn(zero=NoFailure(), one=one, more=two, two=two)[:1], both[:1])
+
+
+def test_failures_of_the_same_kind_are_drawn_independently() -> None:
+    failure = CombinedFailure({"a": RandomFailure(), "b": RandomFailure()})
+    times, same = [], []
+    for k in range(DRAWS):
+        a, b = failure.draw(row(0, 1, 2, 3), generator(f"draw {k}", "failure"))
+        times.append((a.onset.min(), b.onset.min()))
+        same.append(np.argmin(a.onset) == np.argmin(b.onset))
+    assert near_share(np.array(same), 1 / 4)
+    assert abs(np.corrcoef(np.array(times).T)[0, 1]) < 5 / math.sqrt(DRAWS)
+
+
+# Values that cannot be used
+
+
+@pytest.mark.parametrize(
+    ("kind", "field", "values"),
+    [
+        (RandomFailure, "count", {"count": 0}),
+        (RandomFailure, "count", {"count": 1.5}),
+        (RandomFailure, "earliest_s", {"earliest_s": -1.0}),
+        (RandomFailure, "earliest_s", {"earliest_s": 81.0}),
+        (RandomFailure, "latest_s", {"latest_s": math.inf}),
+        (RandomFailure, "effect", {"effect": "silence"}),
+        (SpatialFailure, "earliest_s", {"earliest_s": 81.0}),
+        (SpatialFailure, "effect", {"effect": None}),
+        (SpatialFailure, "radii_m", {"radii_m": []}),
+        (SpatialFailure, "radii_m", {"radii_m": 0.03}),
+        (SpatialFailure, "radii_m", {"radii_m": [0.06, 0.03, 0.09]}),
+        (SpatialFailure, "radii_m", {"radii_m": [-0.1, 0.03, 0.09]}),
+        (SpatialFailure, "probabilities", {"probabilities": [1.0, 0.5]}),
+        (SpatialFailure, "probabilities", {"probabilities": [1.0, 0.5, 1.5]}),
+        (SpatialFailure, "probabilities", {"probabilities": "high"}),
+        (CombinedFailure, "failures", {"failures": {"one": Silence()}}),
+        (CombinedFailure, "failures", {"failures": [NoFailure()]}),
+    ],
+)
+def test_bad_value_is_named_in_one_line(kind: Any, field: str, values: dict[str, Any]) -> None:
+    with pytest.raises(InputError) as error:
+        kind(**values)
+    message = str(error.value)
+    assert message.startswith(f"{kind.__name__}.{field}: must ")
+    assert str(values[field]) in message
+    assert "\n" not in message

@@ -1,0 +1,383 @@
+"""Filters: what each does to the values, exactly or in distribution, and what they all keep."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import ROOT
+from hydra import compose, initialize_config_dir
+from hydra.utils import instantiate
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evoros.base import resources as assets
+from evoros.base.arrays import POSE_SIZE, Array
+from evoros.base.errors import InputError
+from evoros.filter.bias import Bias
+from evoros.filter.delay import Delay
+from evoros.filter.dropout import Dropout
+from evoros.filter.gaussian_noise import GaussianNoise
+from evoros.filter.hold import Hold
+from evoros.filter.pose_noise import PoseNoise
+from evoros.filter.protocol import Channels, Filter
+from evoros.filter.silence import Silence
+from evoros.filter.stuck import Stuck
+
+LOW, HIGH, PERIOD = 0.06, 4.5, 0.1
+NEVER = math.inf
+KINDS = sorted(path.stem for path in assets.bundled_folder("conf").glob("filter/*.yaml"))
+unhurried = settings(deadline=None)  # a busy machine is no failure
+
+seeds = st.integers(0, 2**32 - 1)
+ranges = st.one_of(st.floats(LOW, HIGH), st.just(HIGH), st.just(LOW), st.just(math.nan))
+
+
+@st.composite
+def recordings(draw: st.DrawFn) -> Array:
+    """(ticks, n) readings as they may come: in range, at its ends, silent."""
+    n, ticks = draw(st.integers(0, 4)), draw(st.integers(1, 25))
+    rows = draw(st.lists(st.lists(ranges, min_size=n, max_size=n), min_size=ticks, max_size=ticks))
+    return np.array(rows, dtype=np.float64).reshape(ticks, n)
+
+
+def sonars(n: int) -> Channels:
+    return Channels(np.full(n, LOW), np.full(n, HIGH), np.zeros((n, 3)), PERIOD)
+
+
+def pose(period: float = PERIOD) -> Channels:
+    n = POSE_SIZE
+    return Channels(np.full(n, -math.inf), np.full(n, math.inf), np.zeros((n, 3)), period)
+
+
+def play(
+    filter_: Filter,
+    recording: Array,
+    onset: Array | None = None,
+    seed: int = 0,
+    channels: Channels | None = None,
+) -> Array:
+    """What comes out of the filter, tick by tick, in the shape of the recording."""
+    ticks, n = recording.shape
+    channels = channels or sonars(n)
+    rng = np.random.default_rng(seed)
+    parameters, memory = filter_.start(channels, np.zeros(n) if onset is None else onset, rng)
+    output = recording.copy()
+    for k in range(ticks):
+        filter_.rule(parameters, memory, rng, output[k], k * channels.period)
+    return output
+
+
+def same(a: Array, b: Array) -> bool:
+    """Equal bit for bit, any NaN being equal to any NaN."""
+    return np.array_equal(a, b, equal_nan=True)
+
+
+def configured(kind: str) -> Filter:
+    with initialize_config_dir(str(assets.bundled_folder("conf").resolve()), version_base="1.3"):
+        built: Filter = instantiate(compose(overrides=[f"+filter={kind}"]), _convert_="all")[
+            "filter"
+        ]
+    return built
+
+
+# Every filter that has a YAML
+
+
+@pytest.fixture(params=KINDS)
+def any_filter(request: pytest.FixtureRequest) -> Filter:
+    return configured(request.param)
+
+
+def takes(filter_: Filter) -> Channels:
+    """Channels that the filter accepts: range sensors, unless it is one for poses."""
+    try:
+        filter_.start(sonars(POSE_SIZE), np.zeros(POSE_SIZE), np.random.default_rng(0))
+    except InputError:
+        return pose()
+    return sonars(POSE_SIZE)
+
+
+def test_every_filter_module_has_a_configuration_of_its_name() -> None:
+    package = ROOT / "evoros" / "filter"
+    modules = {path.stem for path in package.glob("*.py")} - {"__init__"}
+    assert modules == set(KINDS)
+
+
+def test_configured_filter_keeps_the_protocol(any_filter: Filter) -> None:
+    assert isinstance(any_filter, Filter)
+    parameters, memory = any_filter.start(
+        takes(any_filter), np.zeros(POSE_SIZE), np.random.default_rng(0)
+    )
+    for array in (parameters, memory):
+        assert array.dtype == np.float64
+        assert array.ndim == 1
+        assert array.flags.c_contiguous
+
+
+def scenario(seed: int) -> Array:
+    rng = np.random.default_rng(seed)
+    recording = rng.uniform(LOW, HIGH, (30, POSE_SIZE))
+    recording[rng.random(recording.shape) < 0.2] = math.nan
+    recording[rng.random(recording.shape) < 0.2] = HIGH
+    return recording
+
+
+def test_same_generator_same_output(any_filter: Filter) -> None:
+    recording, channels = scenario(1), takes(any_filter)
+    first = play(any_filter, recording, seed=5, channels=channels)
+    assert same(first, play(any_filter, recording, seed=5, channels=channels))
+
+
+def test_channels_without_an_onset_stay_untouched(any_filter: Filter) -> None:
+    for seed in range(5):
+        recording = scenario(seed)
+        onset = np.array([0.0, NEVER, 1.0, NEVER])
+        output = play(any_filter, recording, onset, seed, takes(any_filter))
+        assert same(output[:, [1, 3]], recording[:, [1, 3]])
+
+
+def test_values_before_the_onset_stay_untouched(any_filter: Filter) -> None:
+    recording = scenario(3)
+    # Between two samples, where no rounding of the time matters.
+    output = play(any_filter, recording, np.full(POSE_SIZE, 0.95), 3, takes(any_filter))
+    assert same(output[:10], recording[:10])
+
+
+def test_no_filter_makes_a_value_of_lasting_silence(any_filter: Filter) -> None:
+    recording = np.full((20, POSE_SIZE), math.nan)
+    assert np.isnan(play(any_filter, recording, seed=1, channels=takes(any_filter))).all()
+
+
+def test_one_channel_never_shifts_the_luck_of_another(any_filter: Filter) -> None:
+    recording, channels = scenario(7), takes(any_filter)
+    output = play(any_filter, recording, seed=7, channels=channels)
+    silenced = recording.copy()
+    silenced[:, 0] = math.nan
+    assert same(play(any_filter, silenced, None, 7, channels)[:, 1:], output[:, 1:])
+    later = np.array([NEVER, 0.0, 0.0, 0.0])
+    assert same(play(any_filter, recording, later, 7, channels)[:, 1:], output[:, 1:])
+
+
+def test_two_missions_share_nothing(any_filter: Filter) -> None:
+    recording, channels, onset = scenario(9), takes(any_filter), np.zeros(POSE_SIZE)
+    alone = play(any_filter, recording, seed=2, channels=channels)
+    mixed, other = recording.copy(), scenario(10)
+    rngs = np.random.default_rng(2), np.random.default_rng(3)
+    arrays = [any_filter.start(channels, onset, rng) for rng in rngs]
+    for k in range(len(recording)):
+        any_filter.rule(*arrays[1], rngs[1], other[k], k * PERIOD)
+        any_filter.rule(*arrays[0], rngs[0], mixed[k], k * PERIOD)
+    assert same(mixed, alone)
+
+
+# Gaussian noise and bias
+
+
+@unhurried
+@given(recordings(), seeds, st.floats(0, 3), st.sampled_from([GaussianNoise, Bias]))
+def test_errors_stay_within_the_limits_and_spare_values_at_the_maximum(
+    recording: Array, seed: int, size: float, kind: type[GaussianNoise] | type[Bias]
+) -> None:
+    filter_: Filter = GaussianNoise(size) if kind is GaussianNoise else Bias(-size, size)
+    output = play(filter_, recording, seed=seed)
+    heard = ~np.isnan(recording)
+    assert (np.isnan(output) == ~heard).all()
+    assert ((output[heard] >= LOW) & (output[heard] <= HIGH)).all()
+    assert (output[recording == HIGH] == HIGH).all()
+
+
+def within(statistic: float, expected: float, standard_error: float) -> bool:
+    """Five standard errors: a false alarm in two million seeds, and the seeds are fixed."""
+    return abs(statistic - expected) < 5 * standard_error
+
+
+@pytest.mark.parametrize("sigma", [0.005, 0.2])
+def test_gaussian_noise_has_its_standard_deviation_and_no_memory(sigma: float) -> None:
+    ticks, n = 4000, 3
+    noise = play(GaussianNoise(sigma), np.full((ticks, n), 2.0), seed=4) - 2.0
+    size = noise.size
+    assert within(noise.mean(), 0.0, sigma / math.sqrt(size))
+    assert within(noise.std(), sigma, sigma / math.sqrt(2 * size))
+    for a, b in [(noise[1:], noise[:-1]), (noise[:, 1:], noise[:, :-1])]:  # in time, in space
+        correlation = np.corrcoef(a.ravel(), b.ravel())[0, 1]
+        assert within(correlation, 0.0, 1 / math.sqrt(a.size))
+
+
+def test_bias_is_constant_in_time_and_spread_over_channels() -> None:
+    n, offset, sd = 4000, 0.3, 0.1
+    error = play(Bias(offset, sd), np.full((6, n), 2.0), seed=8) - 2.0
+    assert (error == error[0]).all()
+    assert within(error[0].mean(), offset, sd / math.sqrt(n))
+    assert within(error[0].std(), sd, sd / math.sqrt(2 * n))
+
+
+def test_bias_without_spread_is_the_offset_exactly() -> None:
+    assert same(play(Bias(-0.25, 0.0), np.full((3, 2), 2.0)), np.full((3, 2), 1.75))
+
+
+# Pose noise
+
+
+def test_pose_noise_has_its_standard_deviations() -> None:
+    ticks = 5000
+    filter_ = PoseNoise(sigma_position_m=0.5, sigma_yaw_deg=3.0, sigma_speed_mps=0.25)
+    recording = np.tile([1.0, -2.0, 3.0, 0.3], (ticks, 1))
+    noise = play(filter_, recording, seed=1, channels=pose()) - recording
+    expected = np.array([0.5, 0.5, math.radians(3.0), 0.25])
+    assert (np.abs(noise.std(axis=0) - expected) < 5 * expected / math.sqrt(2 * ticks)).all()
+    assert (np.abs(noise.mean(axis=0)) < 5 * expected / math.sqrt(ticks)).all()
+    assert (np.abs(np.corrcoef(noise.T) - np.eye(4)) < 5 / math.sqrt(ticks)).all()
+
+
+@pytest.mark.parametrize("n", [0, 3, 4, 6])
+def test_pose_noise_refuses_range_sensors(n: int) -> None:
+    with pytest.raises(InputError, match="localization"):
+        PoseNoise().start(sonars(n), np.zeros(n), np.random.default_rng(0))
+
+
+# Delay
+
+
+@unhurried
+@given(recordings(), st.integers(0, 8), st.sampled_from([0.1, 0.05, 1 / 30, 0.02]))
+def test_delay_is_a_shift(recording: Array, samples: int, period: float) -> None:
+    channels = replace(sonars(recording.shape[1]), period=period)
+    output = play(Delay(samples * period), recording, channels=channels)
+    shifted = [recording[max(0, k - samples)] for k in range(len(recording))]
+    assert same(output, np.array(shifted).reshape(recording.shape))
+
+
+@unhurried
+@given(recordings(), st.integers(0, 1000))
+def test_delay_gives_the_newest_sample_that_has_arrived(recording: Array, delay_ms: int) -> None:
+    delay_s = delay_ms / 1000
+    output = play(Delay(delay_s), recording)
+    for k in range(len(recording)):
+        arrived = [j for j in range(k + 1) if j * PERIOD + delay_s <= k * PERIOD + 1e-6]
+        assert same(output[k], recording[max(arrived, default=0)])
+
+
+def test_delay_begins_at_its_onset_with_what_was_sampled_before() -> None:
+    recording = np.arange(10.0)[:, None]
+    output = play(Delay(3 * PERIOD), recording, np.array([4.5 * PERIOD]))
+    assert output.ravel().tolist() == [0, 1, 2, 3, 4, 2, 3, 4, 5, 6]
+
+
+# Hold
+
+
+@unhurried
+@given(recordings(), st.integers(1, 8), st.sampled_from([0.1, 0.05, 1 / 30, 0.02]))
+def test_hold_repeats_the_first_sample_of_each_period(
+    recording: Array, samples: int, period: float
+) -> None:
+    channels = replace(sonars(recording.shape[1]), period=period)
+    output = play(Hold(samples * period), recording, channels=channels)
+    held = [recording[k - k % samples] for k in range(len(recording))]
+    assert same(output, np.array(held).reshape(recording.shape))
+
+
+def test_hold_between_two_samples_keeps_its_mean_rate() -> None:
+    recording = np.arange(21.0)[:, None]
+    output = play(Hold(2.5 * PERIOD), recording).ravel()
+    assert np.unique(output).tolist() == [0, 3, 5, 8, 10, 13, 15, 18, 20]
+
+
+# Dropout
+
+
+@pytest.mark.parametrize(("probability", "samples"), [(0.0, 1), (0.1, 1), (0.05, 7), (1.0, 3)])
+def test_dropout_starts_outages_at_its_rate(probability: float, samples: int) -> None:
+    ticks, n = 4000, 3
+    filter_ = Dropout(probability, duration_s=samples * PERIOD)
+    lost = np.isnan(play(filter_, np.full((ticks, n), 2.0), seed=6))
+    started, chances = 0, 0
+    for column in lost.T:
+        k = 0
+        while k < ticks:
+            chances += 1
+            started += column[k]
+            assert column[k] == column[k : k + samples].all()  # never less than a whole outage
+            k += samples if column[k] else 1
+    spread = math.sqrt(probability * (1 - probability) / chances)
+    assert abs(started / chances - probability) <= 5 * spread
+
+
+@unhurried
+@given(recordings(), seeds, st.floats(0, 1), st.floats(0, 0.5))
+def test_dropout_can_keep_the_last_value_that_arrived(
+    recording: Array, seed: int, probability: float, duration_s: float
+) -> None:
+    # With the same luck, what is silent one way is the last value the other way. Marking each
+    # sample with its number tells the lost ones from those that were silent already.
+    marked = np.arange(recording.size, dtype=np.float64).reshape(recording.shape)
+    lost = np.isnan(play(Dropout(probability, duration_s, "silent"), marked, seed=seed))
+    silent = play(Dropout(probability, duration_s, "silent"), recording, seed=seed)
+    kept = play(Dropout(probability, duration_s, "last"), recording, seed=seed)
+    last = np.full(recording.shape[1], math.nan)
+    for k in range(len(recording)):
+        last = np.where(lost[k], last, recording[k])
+        assert same(kept[k], last)
+        assert same(silent[k], np.where(lost[k], math.nan, recording[k]))
+
+
+# Stuck and silence
+
+onsets = st.one_of(st.just(0.0), st.just(NEVER), st.floats(0, 3))
+
+
+@unhurried
+@given(recordings(), st.lists(onsets, min_size=4, max_size=4))
+def test_stuck_repeats_the_value_of_its_onset(recording: Array, times: list[float]) -> None:
+    ticks, n = recording.shape
+    output = play(Stuck(), recording, np.array(times[:n]))
+    for i in range(n):
+        acting = [k for k in range(ticks) if k * PERIOD >= times[i]]
+        first = acting[0] if acting else ticks
+        assert same(output[:first, i], recording[:first, i])
+        if acting:
+            assert same(output[first:, i], np.full(ticks - first, recording[first, i]))
+
+
+@unhurried
+@given(recordings(), st.lists(onsets, min_size=4, max_size=4))
+def test_silence_is_nan_exactly_from_its_onset_on(recording: Array, times: list[float]) -> None:
+    ticks, n = recording.shape
+    output = play(Silence(), recording, np.array(times[:n]))
+    acting = np.arange(ticks)[:, None] * PERIOD >= np.array(times[:n])
+    assert np.isnan(output[acting]).all()
+    assert same(output[~acting], recording[~acting])
+
+
+# Values that cannot be used
+
+
+@pytest.mark.parametrize(
+    ("kind", "field", "value"),
+    [
+        (GaussianNoise, "sigma_m", -0.1),
+        (GaussianNoise, "sigma_m", math.nan),
+        (GaussianNoise, "sigma_m", "0.1"),
+        (Bias, "offset_m", math.inf),
+        (Bias, "sd_m", -1),
+        (Delay, "delay_s", -0.1),
+        (Delay, "delay_s", math.inf),
+        (Hold, "period_s", 0.0),
+        (Hold, "period_s", None),
+        (Dropout, "probability", 1.1),
+        (Dropout, "duration_s", -1.0),
+        (Dropout, "lost", "forgotten"),
+        (PoseNoise, "sigma_position_m", -1.0),
+        (PoseNoise, "sigma_yaw_deg", True),
+        (PoseNoise, "sigma_speed_mps", math.nan),
+    ],
+)
+def test_bad_value_is_named_in_one_line(kind: Any, field: str, value: object) -> None:
+    with pytest.raises(InputError) as error:
+        kind(**{field: value})
+    message = str(error.value)
+    assert message.startswith(f"{kind.__name__}.{field}: must be")
+    assert repr(value) in message
+    assert "\n" not in message

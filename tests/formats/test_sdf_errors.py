@@ -1,0 +1,275 @@
+"""What the SDF reader leaves out, what it reports, and what it refuses: by file, line and cure."""
+
+import logging
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evoros.base.errors import InputError
+from evoros.formats.sdf.reader import read_sdf
+from evoros.geometry.shapes import Body
+
+BOX = "<geometry><box><size>1 2 3</size></box></geometry>"
+COLLISION = f"<collision name='c'>{BOX}</collision>"
+LINK = f"<link name='l'>{COLLISION}</link>"
+STATIC = "<static>true</static>"
+MASS = "<inertial><mass>2</mass></inertial>"
+ODE, EDO = "<friction><ode>", "</ode></friction>"
+UNIT = "<ixx>1</ixx><iyy>1</iyy><izz>1</izz>"
+
+unhurried = settings(deadline=None)
+
+
+def world(content: str) -> tuple[Body, ...]:
+    text = f'<sdf version="1.9"><world name="w">{content}</world></sdf>'
+    return read_sdf(text.encode(), "w.sdf")
+
+
+# ---- What is left out.
+
+
+def test_what_cannot_matter_is_left_out_quietly(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.DEBUG):
+        (body,) = world(
+            "<gui/><scene/><light name='sun' type='directional'/><gravity>0 0 -9.8</gravity>"
+            "<physics type='ode'><max_step_size>1</max_step_size></physics>"
+            f"<model name='m'>{STATIC}<self_collide>0</self_collide><link name='l'>"
+            "<visual name='v'><geometry><mesh/></geometry></visual>"
+            "<velocity_decay><linear>0</linear></velocity_decay>"
+            f"<collision name='c'>{BOX}<max_contacts>10</max_contacts>"
+            "<surface><contact><ode/></contact><bounce/><friction><ode/><torsional><ode/></torsional></friction></surface>"
+            "</collision></link></model>"
+        )
+    assert body.friction == 1.0
+    assert not caplog.records
+
+
+@pytest.mark.parametrize(
+    ("element", "where"),
+    [
+        ("<plugin name='p' filename='f'/>", "world"),
+        ("<velocity_decay><linear>0.1</linear></velocity_decay>", "link"),
+        ("<surface><bounce><threshold>1</threshold></bounce></surface>", "collision"),
+        (f"<surface>{ODE}<mu>1</mu><mu2>0.5</mu2>{EDO}</surface>", "collision"),
+        (f"<surface>{ODE}<slip1>0.5</slip1>{EDO}</surface>", "collision"),
+        ("<state><model name='nobody'><pose>0 0 0 0 0 0</pose></model></state>", "world"),
+        ("<gz:thing xmlns:gz='x'>1</gz:thing>", "link"),
+    ],
+)  # fmt: skip
+def test_what_no_engine_has_is_reported_by_name_and_line(
+    element: str, where: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING, "evoros.sdf"):
+        (body,) = world(put(element, where))
+    (record,) = caplog.records
+    assert record.name == "evoros.sdf"
+    assert record.getMessage().startswith("w.sdf:3: <")
+    assert body.shapes[0].size == (1.0, 2.0, 3.0)
+
+
+def test_what_is_left_out_many_times_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:
+    surface = "<surface><bounce><threshold>1</threshold></bounce></surface>"
+    link = LINK.replace("</collision>", f"{surface}</collision>")
+    world("\n".join(f"<model name='m{i}'>{STATIC}{link}</model>" for i in range(9)))
+    (message,) = caplog.messages
+    assert message.startswith("w.sdf:1: <bounce> of collision 'c' of link 'l' of model 'm0'")
+    assert "8 more" in message
+
+
+def test_a_link_that_has_no_mass_or_no_collision_is_reported(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    (body,) = world(f"<model name='m'>{LINK}\n<link name='ghost'>{MASS}</link></model>")
+    assert (body.name, body.mass) == ("m::l", 1.0)
+    no_mass, no_collision = caplog.messages
+    assert no_mass.startswith("w.sdf:1: <link> of link 'l'")
+    assert no_collision.startswith("w.sdf:2: <link> of link 'ghost'")
+
+
+# ---- What cannot be used.
+
+
+def put(element: str, where: str) -> str:
+    """A world that is sound but for one element, on line 3."""
+    parts = dict.fromkeys(("world", "model", "link", "collision", "geometry"), "")
+    parts[where] = f"\n\n{element}\n"
+    geometry = parts["geometry"] or "<box><size>1 2 3</size></box>"
+    return (
+        f"{parts['world']}<model name='m'>{STATIC}{parts['model']}<link name='l'>{parts['link']}"
+        f"<collision name='c'>{parts['collision']}<geometry>{geometry}</geometry></collision>"
+        "</link></model>"
+    )
+
+
+UNUSABLE = [
+    # What would change what stands where, or how it moves.
+    ("<include><uri>model://house</uri></include>", "world", "include"),
+    ("<include><uri>model://house</uri></include>", "model", "include"),
+    ("<actor name='a'/>", "world", "actor"),
+    ("<road name='r'/>", "world", "road"),
+    ("<population name='p'/>", "world", "population"),
+    ("<gravity>0 0 -1.6</gravity>", "world", "gravity"),
+    ("<physics><gravity>0 0 0</gravity></physics>", "world", "gravity"),
+    ("<plugin name='p' filename='f'/>", "model", "plugin"),
+    ("<xacro:wall xmlns:xacro='x'/>", "world", "xacro:wall"),
+    ("<surprise/>", "link", "surprise"),
+    ("<mesh><uri>house.dae</uri></mesh>", "geometry", "mesh"),
+    ("<heightmap/>", "geometry", "heightmap"),
+    ("<polyline/>", "geometry", "polyline"),
+    ("<capsule><radius>1</radius><length>1</length></capsule>", "geometry", "capsule"),
+    ("<ellipsoid><radii>1 1 1</radii></ellipsoid>", "geometry", "ellipsoid"),
+    ("<cone><radius>1</radius><length>1</length></cone>", "geometry", "cone"),
+    ("<box><size>1 1 1</size></box><sphere><radius>1</radius></sphere>", "geometry", "geometry"),
+    ("<model name='m2' placement_frame='l'/>", "model", "placement_frame"),
+    # Numbers.
+    ("<box/>", "geometry", "size"),
+    ("<box><size/></box>", "geometry", "3 numbers"),
+    ("<box><size>1 1</size></box>", "geometry", "3 numbers, not 2"),
+    ("<box><size>1 1 1 1</size></box>", "geometry", "3 numbers, not 4"),
+    ("<box><size>1 -1 1</size></box>", "geometry", "greater than 0"),
+    ("<box><size>1 0 1</size></box>", "geometry", "greater than 0"),
+    ("<box><size>1 nan 1</size></box>", "geometry", "'nan'"),
+    ("<box><size>1 inf 1</size></box>", "geometry", "'inf'"),
+    ("<box><size>1 1e400 1</size></box>", "geometry", "'1e400'"),
+    ("<box><size>1 1_0 1</size></box>", "geometry", "'1_0'"),
+    ("<box><size>1, 1, 1</size></box>", "geometry", "'1,'"),
+    ("<box><size>1 \u0661 1</size></box>", "geometry", "numbers"),
+    ("<box><size>1 ${x} 1</size></box>", "geometry", "'${x}'"),
+    ("<box><size>1 1 1</size><size>2 2 2</size></box>", "geometry", "given 2 times"),
+    ("<sphere><radius>-1</radius></sphere>", "geometry", "greater than 0"),
+    ("<cylinder><radius>1</radius></cylinder>", "geometry", "length"),
+    ("<plane><normal>0 0 0</normal></plane>", "geometry", "0 0 1"),
+    ("<pose>0 0 0 0 0</pose>", "link", "6 numbers, not 5"),
+    ("<pose>0 0 0 0 0 0 1</pose>", "link", "6 numbers, not 7"),
+    ("<pose>0 0 0 0 0 north</pose>", "link", "'north'"),
+    ("<pose>0 0 0 0 0 <b/>0</pose>", "link", "<b>"),
+    ("<pose rotation_format='quat_xyzw'>0 0 0 0 0 0 0</pose>", "link", "quaternion"),
+    ("<pose rotation_format='matrix'>0 0 0 0 0 0</pose>", "link", "'matrix'"),
+    ("<pose degrees='maybe'>0 0 0 0 0 0</pose>", "link", "'maybe'"),
+    ("<pose/><pose/>", "link", "given 2 times"),
+    ("<inertial><mass>0</mass></inertial>", "link", "greater than 0"),
+    ("<inertial><mass>-5</mass></inertial>", "link", "greater than 0"),
+    ("<inertial auto='true'/>", "link", "auto"),
+    ("<inertial><inertia><ixx>1</ixx><iyy>1</iyy></inertia></inertial>", "link", "izz"),
+    (f"<inertial><inertia>{UNIT}<ixy>2</ixy></inertia></inertial>", "link", "definite"),
+    ("<surface><friction><ode><mu>-1</mu></ode></friction></surface>", "collision", "at least 0"),
+    ("<static>perhaps</static>", "model", "'perhaps'"),
+    # Names.
+    ("<pose relative_to='nowhere'>0 0 0 0 0 0</pose>", "model", "'nowhere'"),
+    ("<pose relative_to='nowhere'>0 0 0 0 0 0</pose>", "collision", "'nowhere'"),
+    ("<pose frame='nowhere'>0 0 0 0 0 0</pose>", "link", "'nowhere'"),
+    ("<pose relative_to='l'>0 0 0 0 0 0</pose>", "link", "circular"),
+    ("<model name='n'><pose relative_to='n::k'/><link name='k'/></model>", "model", "circular"),
+    ("<frame name='a' attached_to='b'/><frame name='b' attached_to='a'/>"
+     "<link name='k'><pose relative_to='a'/></link>", "model", "a -> m::b -> m::a"),
+    ("<frame name='a' attached_to='a'/>", "model", "circular"),
+    ("<frame name='a' attached_to='nowhere'/>", "world", "'nowhere'"),
+    ("<link name='l'/>", "model", "taken"),
+    ("<frame name='l'/>", "model", "taken"),
+    ("<model name='m'/>", "world", "taken"),
+    ("<collision name='c'><geometry><empty/></geometry></collision>", "link", "taken"),
+    ("<link/>", "model", "must have a name"),
+    ("<link name='world'/>", "model", "reserved"),
+    ("<collision name='d'/>", "link", "geometry"),
+    ("<state><model name='m'><scale>2 1 1</scale></model></state>", "world", "scale"),
+    ("<state><insertions/></state>", "world", "insertions"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("element", "where", "says"), UNUSABLE)
+def test_what_cannot_be_used_is_an_error_with_file_line_and_cure(
+    element: str, where: str, says: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        world(put(element, where))
+    message = str(caught.value)
+    # Of two with one name the later one is named, which here stands on the line after.
+    line = 4 if says == "taken" else 3
+    assert message.startswith(f"w.sdf:{line}: <"), message
+    assert says in message
+    assert "; " in message
+    assert "\n" not in message
+
+
+MOVING = [
+    ("<joint name='j' type='revolute'><parent>l</parent><child>k</child></joint>", "'revolute'"),
+    ("<joint name='j' type='fixed'><parent>l</parent><child>nobody</child></joint>", "'nobody'"),
+    ("<joint name='j' type='fixed'><parent>l</parent></joint>", "<child>"),
+    ("<joint name='j' type='fixed'><parent>f</parent><child>k</child></joint>", "name a link"),
+    ("<joint name='j'><parent>l</parent><child>k</child></joint>", "has type ''"),
+    ("<link name='o'><gravity>false</gravity></link>", "gravity"),
+    ("<link name='o'><kinematic>true</kinematic></link>", "kinematic"),
+    (f"<link name='o'>{COLLISION.replace(BOX, '<geometry><plane/></geometry>')}</link>", "plane"),
+    (f"<link name='o'>{COLLISION}<collision name='d'>{BOX}<surface>{ODE}<mu>2</mu>{EDO}"
+     "</surface></collision></link>", "friction 1 and 2"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("element", "says"), MOVING)
+def test_what_moves_must_be_simple(element: str, says: str) -> None:
+    two = f"{LINK}<link name='k'>{COLLISION}</link><frame name='f'/>"
+    with pytest.raises(InputError, match=r"^w\.sdf:2: <") as caught:
+        world(f"<model name='m'>{two}\n{element}</model>")
+    assert says in str(caught.value)
+    if "joint" not in element or "revolute" in element:
+        # The same in a static model moves nothing, so it may stand there.
+        world(f"<model name='m'>{STATIC}{two}\n{element}</model>")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "not well-formed"),
+        ("<sdf version='1.9'>", "not well-formed"),
+        ("<sdf version='1.9'><world name='w'></model></sdf>", "not well-formed"),
+        ("<sdf version='1.9'><world name='w'><gz:x/></world></sdf>", "not well-formed"),
+        ("<sdf version='1.9'>&nbsp;</sdf>", "not well-formed"),
+        ("<robot name='r'/>", "must be <sdf>"),
+        ("<gazebo version='1.0'/>", "must be <sdf>"),
+        ("<sdf/>", "1.4 to 1.11"),
+        ("<sdf version='1.3'/>", "1.4 to 1.11"),
+        ("<sdf version='1.40'/>", "1.4 to 1.11"),
+        ("<sdf version='2.0'/>", "1.4 to 1.11"),
+        ("<sdf version='1.9'><world name='a'/><world name='b'/></sdf>", "alone"),
+        ("<sdf version='1.9'><world name='a'/><model name='b'/></sdf>", "alone"),
+        ("<!DOCTYPE sdf><sdf version='1.9'/>", "DOCTYPE"),
+        ("<!DOCTYPE sdf SYSTEM 'http://127.0.0.1:9/x'><sdf version='1.9'/>", "DOCTYPE"),
+        ("<!DOCTYPE sdf [<!ENTITY e SYSTEM 'file:///etc/hostname'>]><sdf>&e;</sdf>", "DOCTYPE"),
+    ],
+)
+def test_only_one_plain_sdf_document_is_accepted(text: str, says: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_sdf(text.encode(), "a b%20ü.sdf")
+    assert says in str(caught.value)
+    assert str(caught.value).startswith("a b%20ü.sdf:1: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_entities_do_not_grow() -> None:
+    levels = "".join(f"<!ENTITY e{i} '{f'&e{i - 1};' * 10}'>" for i in range(1, 12))
+    bomb = f"<!DOCTYPE sdf [<!ENTITY e0 'ha'>{levels}]><sdf version='1.9' a='&e11;'>&e11;</sdf>"
+    for encoding in ("utf-8", "utf-16"):
+        with pytest.raises(InputError):
+            read_sdf(bomb.encode(encoding), "w.sdf")
+
+
+def test_a_long_value_makes_no_long_message() -> None:
+    with pytest.raises(InputError) as caught:
+        world(put(f"<pose>0 0 0 0 0 {'x' * 100_000}</pose>", "link"))
+    assert len(str(caught.value)) < 300
+
+
+@unhurried
+@given(st.binary(max_size=40), st.integers(0, 10_000), st.integers(0, 60))
+def test_a_damaged_file_is_read_or_refused_in_one_line(junk: bytes, at: int, cut: int) -> None:
+    body = put("<inertial><mass>1</mass></inertial>", "link")
+    sound = f"<sdf version='1.9'><world name='w'>{body}</world></sdf>".encode()
+    at %= len(sound)
+    message = ""
+    try:
+        read_sdf(sound[:at] + junk + sound[at + cut :], "w.sdf")
+    except InputError as error:
+        message = str(error)
+    assert message == "" or message.startswith("w.sdf:")
+    assert len(message.splitlines()) <= 1

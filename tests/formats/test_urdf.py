@@ -1,0 +1,236 @@
+"""Faulty files are made for real; each must give one line that names the file and the fault."""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+from lxml import etree
+
+from evoros.base.errors import InputError
+from evoros.formats.urdf import expansion as description
+from evoros.formats.urdf import xacro_child
+
+XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
+DEFAULT = "erle_rover/erle_rover.xacro"
+
+
+def write(folder: Path, body: str, name: str = "r.xacro") -> str:
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(XACRO.format(body))
+    return str(path)
+
+
+def refused(name: str, *, limit: float = 5.0, where: str = "") -> str:
+    with pytest.raises(InputError) as caught:
+        description.read(name, {}, time_limit_s=limit)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.startswith(where or name)
+    assert ";" in message  # the cure
+    return message
+
+
+def text(name: str, packages: tuple[str, ...] = (), **arguments: object) -> str:
+    return etree.tostring(description.read(name, arguments, packages)[1], encoding="unicode")
+
+
+def test_expansion_is_deterministic_and_free_of_paths() -> None:
+    first = text(DEFAULT)
+    assert text(DEFAULT) == first
+    assert str(Path.cwd()) not in first
+    assert "xacro" not in first
+
+
+def test_arguments_reach_the_file(tmp_path: Path) -> None:
+    name = write(tmp_path, '<xacro:arg name="n" default="2"/><link name="l${$(arg n) * 2}"/>')
+    assert 'name="l4"' in text(name)
+    assert 'name="l14"' in text(name, n=7)
+    flag = write(tmp_path, '<xacro:arg name="n" default="x"/><link name="$(arg n)"/>')
+    assert 'name="true"' in text(flag, n=True)
+
+
+def test_an_unknown_argument_names_the_known_ones() -> None:
+    with pytest.raises(InputError, match=r"radius.*it knows .*wheel_radius"):
+        description.read(DEFAULT, {"radius": 1.0})
+
+
+def test_an_argument_must_be_a_plain_value() -> None:
+    with pytest.raises(InputError, match="wheel_radius"):
+        description.read(DEFAULT, {"wheel_radius": [1]})
+
+
+def test_a_plain_urdf_takes_no_arguments(tmp_path: Path) -> None:
+    path = tmp_path / "r.urdf"
+    path.write_text('<robot name="r"/>')
+    with pytest.raises(InputError, match="takes no arguments"):
+        description.read(str(path), {"a": 1})
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        ("<link>", "mismatch"),
+        ("${1 / 0}", "division by zero"),
+        ("${unknown}", "unknown"),
+        ("<xacro:nothing/>", "nothing"),
+        ("$(arg missing)", "missing"),
+        ("$(find elsewhere)", "elsewhere"),
+        ("$(env HOME)", "HOME"),
+        ('<xacro:include filename="no.xacro"/>', "no.xacro"),
+        ('<xacro:include filename="r.xacro"/>', "without end"),
+        ('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>', "without end"),
+        ("${'a' * 2000000000}", ""),
+        ("${'a' * 20000000}", "16 MiB"),
+        ('<mesh filename="../../secret.stl"/>', "secret.stl"),
+        ('<mesh filename="file:///etc/passwd"/>', "passwd"),
+        ('<mesh filename="package://other/x.stl"/>', "other"),
+        ('<mesh filename="https://example.org/x.stl"/>', "local"),
+        ("<mesh/>", "filename"),
+    ],
+)
+def test_a_faulty_xacro_is_one_clear_line(tmp_path: Path, body: str, says: str) -> None:
+    assert says in refused(write(tmp_path, body))
+
+
+def test_an_endless_expression_is_stopped(tmp_path: Path) -> None:
+    start = time.monotonic()
+    message = refused(write(tmp_path, "${9**9**9}"), limit=1.0)
+    assert "within 1 s" in message
+    assert time.monotonic() - start < 10
+
+
+def test_a_waiting_file_is_stopped(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.xacro")
+    name = write(tmp_path, '<xacro:include filename="pipe.xacro"/>')
+    assert "within 0.3 s" in refused(name, limit=0.3)
+
+
+@pytest.mark.parametrize("end", ["", "; time.sleep(60)"])
+def test_what_the_expansion_has_started_ends_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str
+) -> None:
+    """A process that holds the pipes open must neither hold up the run nor stay behind."""
+    number = tmp_path / "number"
+    code = "import subprocess, time; p = subprocess.Popen(['sleep', '60'])"
+    program = f"{code}; open({str(number)!r}, 'w').write(str(p.pid)){end}"
+    (tmp_path / "child.py").write_text(program)
+    monkeypatch.setattr(xacro_child, "__file__", str(tmp_path / "child.py"))
+    since = time.monotonic()
+    assert "within 0.5 s" in refused(write(tmp_path, ""), limit=0.5)
+    assert time.monotonic() - since < 10
+    status = Path(f"/proc/{number.read_text()}/stat")
+    while status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z":
+        assert time.monotonic() - since < 20
+        time.sleep(0.01)
+
+
+def test_a_doctype_is_refused_wherever_it_is(tmp_path: Path) -> None:
+    doctype = '<!DOCTYPE robot [<!ENTITY e SYSTEM "file:///etc/hostname">]>'
+    (tmp_path / "part.xacro").write_text(doctype + '<robot name="r">&e;</robot>')
+    for name in ("plain.urdf", "r.xacro"):
+        (tmp_path / name).write_text(doctype + XACRO.format(""))
+        assert "DOCTYPE" in refused(str(tmp_path / name))
+    part = str(tmp_path / "part.xacro")
+    include = write(tmp_path, '<xacro:include filename="part.xacro"/>')
+    assert "DOCTYPE" in refused(include, where=part)
+
+
+def test_a_fault_in_an_included_file_gives_its_line(tmp_path: Path) -> None:
+    (tmp_path / "part.xacro").write_text("<robot>\n<link>\n</robot>")
+    include = write(tmp_path, '<xacro:include filename="part.xacro"/>')
+    refused(include, where=f"{tmp_path / 'part.xacro'}:3:")
+
+
+def test_a_fault_in_the_file_gives_its_line(tmp_path: Path) -> None:
+    (tmp_path / "r.urdf").write_text('<robot name="r">\n<link>\n</robot>')
+    refused(str(tmp_path / "r.urdf"), where=f"{tmp_path / 'r.urdf'}:3:")
+
+
+def test_a_missing_or_unreadable_file_is_named(tmp_path: Path) -> None:
+    refused("no_such_robot.xacro")
+    refused(str(tmp_path))
+    (tmp_path / "binary.urdf").write_bytes(bytes(range(256)))
+    refused(str(tmp_path / "binary.urdf"))
+    (tmp_path / "empty.urdf").write_bytes(b"")
+    refused(str(tmp_path / "empty.urdf"))
+
+
+def test_the_environment_does_not_reach_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("EVOROS_SECRET", "secret")
+    name = write(tmp_path, '<link name="a$(optenv EVOROS_SECRET nothing)"/>')
+    assert 'name="anothing"' in text(name)
+
+
+def test_what_the_file_says_and_what_lies_beside_it_do_no_harm(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "json.py").write_text("raise SystemExit(3)")  # must not be imported
+    (tmp_path / "xacro.py").write_text("raise SystemExit(3)")
+    name = write(tmp_path, "${xacro.message('hello')}${xacro.warning('mind')}<link name='a'/>")
+    assert 'name="a"' in text(name)
+    assert "hello" in caplog.text
+    assert "mind" in caplog.text
+
+
+def test_packages_are_found_by_name(tmp_path: Path) -> None:
+    mesh = tmp_path / "parts" / "wheels" / "w.stl"
+    mesh.parent.mkdir(parents=True)
+    mesh.write_text("solid w\nendsolid")
+    body = '<mesh filename="{}"/><link name="$(find wheels)"/>'
+    for where in ("package://wheels/w.stl", "model://wheels/w.stl", f"file://{mesh}"):
+        name = write(tmp_path / "robot", body.format(where))
+        for root in (tmp_path / "parts", tmp_path / "parts" / "wheels"):
+            found = text(name, (str(root),))
+            assert f'filename="{mesh}"' in found
+            assert f'name="{mesh.parent}"' in found
+        refused(name)
+
+
+def test_the_package_around_the_file_is_found(tmp_path: Path) -> None:
+    package = tmp_path / "my_robot"
+    name = write(package / "urdf", '<mesh filename="package://my_robot/m/x.stl"/>')
+    refused(name)
+    (package / "package.xml").write_text("<package/>")
+    (package / "m").mkdir()
+    (package / "m" / "x.stl").write_text("solid")
+    assert str(package / "m" / "x.stl") in text(name)
+
+
+def test_a_link_out_of_the_package_is_refused(tmp_path: Path) -> None:
+    secret = tmp_path / "secret.stl"
+    secret.write_text("solid")
+    name = write(tmp_path / "robot", '<mesh filename="x.stl"/>')
+    (tmp_path / "robot" / "x.stl").symlink_to(secret)
+    assert "x.stl" in refused(name)
+
+
+@pytest.mark.parametrize(
+    "body", ['<xacro:include filename="{}"/>', "${{xacro.load_yaml('{}')}}", "${{load_yaml('{}')}}"]
+)
+def test_only_declared_folders_are_included(tmp_path: Path, body: str) -> None:
+    other = tmp_path / "other"
+    other.mkdir()
+    for inside in (other / "part.xacro", tmp_path / "robot" / "part.xacro"):
+        name = write(tmp_path / "robot", body.format(inside))
+        inside.write_text('<robot name="r"/>' if "include" in body else "a: 1")
+        if inside.parent == other:
+            assert "part.xacro must lie inside" in refused(name)
+        assert text(name, (str(other),))
+    inside.unlink()
+    inside.symlink_to(other / "part.xacro")
+    assert "part.xacro must lie inside" in refused(name)
+
+
+def test_the_bundled_robots_can_be_included(tmp_path: Path) -> None:
+    include = '<xacro:include filename="$(find erle_rover)/erle_rover.xacro"/>'
+    assert "rear_left_wheel" in text(write(tmp_path, include))
+
+
+def test_a_missing_package_folder_is_named(tmp_path: Path) -> None:
+    name = write(tmp_path, "")
+    with pytest.raises(InputError, match=r"packages.*nowhere"):
+        description.read(name, {}, (str(tmp_path / "nowhere"),))

@@ -1,0 +1,105 @@
+"""What the tests of runs share: a fast run by a user's own simulator, here or in a process."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from evoros.base.console import DONE
+from evoros.cli.evaluate import evaluate
+from evoros.cli.run import evoros
+
+ROOT = Path(__file__).resolve().parent.parent
+USER_PARTS = ROOT / "tests" / "user_parts"
+TINY = ("--config-dir", str(USER_PARTS), "experiment=tiny")
+
+
+def tiny(folder: Path, *more: str) -> int:
+    """A run of seconds in this process; returns the exit status."""
+    return evoros([*TINY, "executor=serial", f"hydra.run.dir={folder}", *more])
+
+
+def resume(folder: Path, *more: str) -> int:
+    return evoros(["--config-dir", str(USER_PARTS), f"resume={folder}", *more])
+
+
+def start(
+    arguments: Sequence[str], cwd: Path, entry: str = "evoros.cli.run"
+) -> "subprocess.Popen[str]":
+    """The command in a process of its own, which leads a process group."""
+    return subprocess.Popen(
+        [sys.executable, "-c", f"from {entry} import main; main()", *arguments],
+        cwd=cwd,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def content(folder: Path) -> dict[str, str]:
+    """What must be the same for any number of workers and any interruption."""
+    missions = (folder / "missions.csv").read_text().splitlines()
+    files = [*(folder / "generations").iterdir(), *(folder / "champion").iterdir()]
+    tables = {str(file.relative_to(folder)): file.read_text() for file in sorted(files)}
+    return {"missions.csv": "\n".join(sorted(missions)), **tables}
+
+
+def everything(folder: Path) -> dict[str, bytes]:
+    """All files below a folder."""
+    return {str(f.relative_to(folder)): f.read_bytes() for f in folder.rglob("*") if f.is_file()}
+
+
+def copied(run: Path, to: Path) -> Path:
+    subprocess.run(["cp", "-r", str(run), str(to)], check=True)
+    return to
+
+
+def cut(run: Path, size: int) -> None:
+    """As a kill leaves it when so many bytes of the missions are on disk."""
+    rows = (run / "missions.csv").read_bytes()[:size]
+    (run / "missions.csv").write_bytes(rows)
+    done = {int(row.split(b",")[0]) for row in rows.splitlines()[1:]}
+    for table in (run / "generations").iterdir():
+        if int(table.stem) >= max(done, default=0):
+            table.unlink()
+    for file in (run / "champion").iterdir():
+        file.unlink()
+    (run / "champion").rmdir()
+
+
+def wait_for_missions(run: Path, count: int) -> None:
+    """Until so many are on disk."""
+    deadline = time.monotonic() + 120  # the first mission may have to be compiled
+    while time.monotonic() < deadline:
+        table = run / "missions.csv"
+        if table.exists() and table.read_text().count("\n") > count:
+            return
+        time.sleep(0.02)
+    raise AssertionError("the run does not get going")
+
+
+def scored(folder: Path, designs: object, *more: str) -> Path:
+    chosen = [f"designs={designs}", f"hydra.run.dir={folder}"]
+    assert evaluate([*TINY, "executor=serial", *chosen, *more]) == DONE
+    return folder
+
+
+def texts(figure: Figure) -> list[Text]:
+    """All that is drawn: no labels of ticks beyond the ends of an axis."""
+    beyond = {
+        id(label)
+        for axes in figure.axes
+        for axis in (axes.xaxis, axes.yaxis)
+        for tick in axis.get_major_ticks()
+        for label in (tick.label1, tick.label2)
+        if not min(axis.get_view_interval()) <= tick.get_loc() <= max(axis.get_view_interval())
+    }
+    every = (text for text in figure.findobj(Text) if isinstance(text, Text))
+    return [text for text in every if text.get_text() and id(text) not in beyond]

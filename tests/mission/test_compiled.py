@@ -1,0 +1,379 @@
+"""Compiled missions: the bits of interpreted ones, whatever the parts; kept on disk."""
+
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from inspect import isbuiltin
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import content
+from numpy.random import Generator
+
+from evoros.base import compilation as compiled
+from evoros.base.arrays import Array
+from evoros.base.compilation import FILTER, LAYER, CompiledRule, NotCompilable
+from evoros.base.errors import InputError
+from evoros.cli.run import evoros
+from evoros.config.compose import build, compose
+from evoros.evolution.experiment import Experiment
+from evoros.filter.protocol import Channels, FilterRule
+from evoros.mission.compiled_loop import prepare, prepare_interpreted
+from evoros.mission.loop import LoopInputs, loop_inputs
+from evoros.mission.mission import Mission
+from evoros.mission.rollout import run_mission
+from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import RuleSimulation
+
+SHORT = ["simulator=planar", "course.time_limit_s=6"]
+EARLY = ["failure.earliest_s=0", "failure.latest_s=4"]
+COMBINATIONS = [
+    ["failure=none", "controller=rover"],
+    ["failure=random", "controller=rover", *EARLY],
+    ["failure=spatial", "controller=rover_l1", *EARLY],
+    ["failure=spatial", "filter@failure.effect=stuck", "controller/avoidance=blind", *EARLY],
+    ["failure=random", "filter@failure.effect=dropout", *EARLY, "robot=erle_rover_as_run"],
+    [
+        "failure=random",
+        "filter@failure.effect=bias",
+        *EARLY,
+        "+filter@design.sensors.sonar.filters.late=delay",
+        "+filter@design.sensors.sonar.filters.held=hold",
+        "+filter@controller.localization.noise=pose_noise",
+    ],
+]
+
+
+@cache
+def experiment_of(*overrides: str) -> Experiment:
+    return build(compose([*SHORT, *overrides]))
+
+
+def missions(experiment: Experiment, count: int) -> list[Mission]:
+    """Random designs in all worlds; every second one starts in the middle of the obstacles."""
+    rng = np.random.default_rng(len(repr(experiment.failure)))
+    designs = [experiment.space.decode(rng.random(experiment.space.size)) for _ in range(count)]
+    return [m for i, one in enumerate(designs) for m in experiment.plan.evaluation(0, i, one)]
+
+
+def same(one: Any, other: Any) -> bool:
+    """All bits of outcome and trajectory."""
+    return repr(one[0]) == repr(other[0]) and one[1].tobytes() == other[1].tobytes()
+
+
+@pytest.mark.parametrize("overrides", COMBINATIONS, ids=lambda each: each[0] + str(len(each)))
+def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> None:
+    experiment = experiment_of(*overrides)
+    for mission in missions(experiment, 12):
+        whole = run_mission(experiment.task, mission)
+        stepped = run_mission(experiment.task, mission, prepare_interpreted)
+        assert same(whole, stepped)
+
+
+def test_bodies_of_all_kinds_and_bumps_are_compiled_alike() -> None:
+    """In a generated field, driven blindly, where a collision does not end the mission."""
+    experiment = experiment_of(
+        "world=generated",
+        "world.generated.density=0.2",
+        "world.generated.gap_m=0.3",
+        "controller/avoidance=blind",
+        "course.end_on_collision=false",
+        "course.time_limit_s=150",
+    )
+    bumps = 0
+    for mission in missions(experiment, 2):
+        whole = run_mission(experiment.task, mission)
+        bumps += whole[0].collisions
+        assert same(whole, run_mission(experiment.task, mission, prepare_interpreted))
+    assert bumps > 0
+
+
+def watched(prepare: Callable[[LoopInputs], Any], seen: list[Any]) -> Callable[[LoopInputs], Any]:
+    def choose(parts: LoopInputs) -> Any:
+        chosen = prepare(parts)
+        seen.append(chosen)
+        return chosen
+
+    return choose
+
+
+def test_bundled_parts_are_compiled_from_start_to_end() -> None:
+    seen: list[Any] = []
+    for overrides in COMBINATIONS:
+        experiment = experiment_of(*overrides)
+        run_mission(experiment.task, missions(experiment, 1)[0], watched(prepare, seen))
+    loops = {loop for loop, _ in seen}
+    assert all(isbuiltin(loop) for loop in loops)
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """A user's filter: the mean of the value and the one before, by a rule of some kind."""
+
+    rule: FilterRule
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
+        return np.zeros(0), np.full(channels.size, math.nan)
+
+
+def smooth(p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    for i in range(len(values)):
+        new = values[i]
+        if not math.isnan(memory[i]):
+            values[i] = 0.5 * (new + memory[i])
+        memory[i] = new
+
+
+def smooth_in_python(p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    """As ``smooth``, with what numba does not know."""
+    kept = {"i": sys.maxsize}
+    for kept["i"] in range(len(values)):
+        new = values[kept["i"]]
+        if not math.isnan(memory[kept["i"]]):
+            values[kept["i"]] = 0.5 * (new + memory[kept["i"]])
+        memory[kept["i"]] = new
+    assert list(map(str, sorted(kept))) == ["i"]
+
+
+class Live:
+    """An object whose method is a rule."""
+
+    def smooth(self, p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+        smooth(p, memory, rng, values, time)
+
+
+class Called:
+    """An object that is called: it has no name of its own, and no hash."""
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __call__(self, *args: Any) -> None:
+        smooth(*args)
+
+
+def with_filter(rule: FilterRule) -> Experiment:
+    experiment = experiment_of()
+    sonar = experiment.design.sensors["sonar"]
+    filters = {**sonar.filters, "smooth": Smooth(rule)}
+    sensors = {"sonar": replace(sonar, filters=filters)}  # type: ignore[type-var]
+    return replace(experiment, design=replace(experiment.design, sensors=sensors))
+
+
+@pytest.mark.parametrize(
+    ("rule", "name"),
+    [
+        (smooth_in_python, "test_compiled.smooth_in_python"),
+        (Live().smooth, "test_compiled.Live.smooth"),
+        (Called(), "test_compiled.Called"),
+        (partial(smooth), "functools.partial"),
+    ],
+    ids=["python", "method", "object", "partial"],
+)
+def test_a_plain_python_rule_works_and_is_named(
+    rule: FilterRule, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It gives the bits of the same rule compiled, and a line says that it is slower."""
+    compilable = with_filter(smooth)
+    assert "not compiled" not in caplog.text
+    interpreted = with_filter(rule)
+    (line,) = [r.getMessage() for r in caplog.records if "not compiled" in r.getMessage()]
+    assert line.startswith(f"{name} is not compiled: ")
+    assert "slower" in line
+    for mission in missions(compilable, 2):
+        seen: list[Any] = []
+        one = run_mission(compilable.task, mission, watched(prepare, seen))
+        other = run_mission(interpreted.task, mission, watched(prepare, seen))
+        assert same(one, other)
+        assert isbuiltin(seen[0][0])
+        assert not isbuiltin(seen[1][0])
+
+
+@pytest.mark.parametrize(
+    "memory",
+    [np.zeros(6, dtype=np.int64), np.zeros((2, 3)), np.zeros(12)[::2], [0.0] * 6],
+    ids=["integers", "matrix", "view", "list"],
+)
+def test_other_arrays_than_rules_work_on_are_refused(memory: Any) -> None:
+    class Careless(Smooth):
+        def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
+            return np.zeros(0), memory
+
+    experiment = experiment_of()
+    sonar = experiment.design.sensors["sonar"]
+    filters = {**sonar.filters, "careless": Careless(smooth)}
+    sensors = {"sonar": replace(sonar, filters=filters)}  # type: ignore[type-var]
+    with pytest.raises(InputError, match=r"memory.*contiguous and writeable array of one dim"):
+        replace(experiment, design=replace(experiment.design, sensors=sensors))
+
+
+def test_so_are_those_of_a_simulation() -> None:
+    rules = Planar().rules
+    careless = RuleSimulation(rules, np.zeros(3), np.zeros(3, dtype=np.int64))
+    with pytest.raises(InputError, match=r"planar\.advance: its memory must be a contiguous"):
+        loop_inputs(careless, (), (), ())
+
+
+def divide(p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    """Infinite, NaN, and then what was reached only if nothing was raised."""
+    values[0] = values[3] / (time - time)
+    values[1] = (time - time) / (time - time)
+    values[2] = values[3]
+
+
+def test_a_division_by_zero_is_not_lost_in_compiled_code() -> None:
+    values = np.array([0.0, 0.0, 0.0, 1.0])
+    rule = compiled.compile_rule(divide, FILTER)
+    rule(np.zeros(0), np.zeros(0), np.random.default_rng(0), values, 3.0)
+    assert values[0] == math.inf
+    assert math.isnan(values[1])
+    assert values[2] == 1.0
+
+
+def test_why_a_rule_cannot_be_compiled_is_said() -> None:
+    def inner(p: Array, m: Array, rng: Generator, values: Array, time: float) -> None:
+        values[0] = offset
+
+    def local(p: Array, m: Array, rng: Generator, values: Array, time: float) -> None:
+        values[0] = 0.0
+
+    offset = float(os.getpid())
+    for rule, reason in (
+        (inner, "inside a function"),
+        (local, "inside a function"),  # another one at each call: it would be compiled each time
+        (Live().smooth, "plain function"),
+    ):
+        with pytest.raises(NotCompilable, match=reason):
+            compiled.compile_rule(rule, FILTER)
+    with pytest.raises(NotCompilable):
+        compiled.compile_rule(smooth, LAYER)  # five arguments, seven wanted
+    assert isinstance(compiled.compile_rule(smooth, FILTER), CompiledRule)
+
+
+def raising(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    if time > 3.0:
+        raise ValueError("my own trouble")
+
+
+def asserting(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    assert time <= 3.0
+
+
+@pytest.mark.parametrize("rule", [raising, asserting])
+def test_a_rule_that_raises_is_interpreted_so_that_its_error_is_not_lost(rule: Any) -> None:
+    with pytest.raises(NotCompilable, match="raises errors"):
+        compiled.compile_rule(rule, FILTER)
+
+
+WARM = """
+import sys, numpy as np
+from numba.core import event
+from evoros.config import build, compose
+from evoros.mission import run_mission
+class Compiles(event.Listener):
+    count = 0
+    def on_start(self, e): self.count += 1
+    def on_end(self, e): pass
+listener = Compiles()
+event.register("numba:compile", listener)
+experiment = build(compose(["simulator=planar", "course.time_limit_s=5", "failure=random"]))
+rng = np.random.default_rng(0)
+design = experiment.space.decode(rng.random(experiment.space.size))
+for mission in experiment.plan.evaluation(0, 0, design):
+    run_mission(experiment.task, mission)
+print(listener.count)
+"""
+
+
+def test_a_new_process_finds_everything_on_disk(tmp_path: Path) -> None:
+    """The first process compiles; the second one compiles nothing at all."""
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    counts = []
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", WARM],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        counts.append(int(done.stdout))
+    assert counts[0] > 0
+    assert counts[1] == 0
+
+
+ANYWHERE = """
+import numpy as np
+from evoros import compiled
+from evoros.filter.silence import Silence
+print(compiled._cache_folder())
+compiled.compile_rule(Silence().rule, compiled.FILTER)
+"""
+
+
+ASKING = "from evoros import compiled; print(compiled._cache_folder())"
+
+
+@pytest.mark.parametrize("writable", [True, False])
+def test_without_a_cache_at_home_another_place_is_found_or_none(
+    tmp_path: Path, writable: bool
+) -> None:
+    """In neither case does compiling fail."""
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    other = tmp_path / "other"
+    other.mkdir()
+    if not writable:  # as another user's, which root could write to
+        (other / f"evoros-{os.getuid()}").write_text("")
+    done = subprocess.run(
+        [sys.executable, "-c", ANYWHERE],
+        env={**os.environ, "XDG_CACHE_HOME": str(blocked), "TMPDIR": str(other)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.startswith(str(other) if writable else "None")
+    assert ("compiled in every process" in done.stderr) is not writable
+
+
+@pytest.mark.parametrize("lower", [False, True])
+def test_code_that_others_could_have_written_is_not_run(tmp_path: Path, lower: bool) -> None:
+    """Neither from a folder of theirs, nor from one that they could put into ours."""
+    home, other = tmp_path / "home", tmp_path / "other"
+    environment = {**os.environ, "XDG_CACHE_HOME": str(home), "TMPDIR": str(other)}
+
+    def folder(umask: int) -> Path:
+        command = [sys.executable, "-c", f"import os; os.umask({umask}); {ASKING}"]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        return Path(done.stdout.strip())
+
+    other.mkdir()
+    ours = folder(0o002)
+    assert ours.parent == home / "evoros"
+    assert folder(0o022) == ours
+    (ours if lower else ours.parent).chmod(0o777)
+    assert folder(0o022).parent == other / f"evoros-{os.getuid()}"
+
+
+def test_a_run_is_the_same_on_any_number_of_workers(tmp_path: Path) -> None:
+    """In this process, in one worker and in three."""
+    overrides = [
+        "simulator=planar",
+        "failure=spatial",
+        "course.time_limit_s=60",
+        "optimizer.population_size=6",
+        "optimizer.generations=2",
+        "optimizer.validation_trials=1",
+        "figures=[]",
+    ]
+    runs: list[dict[str, str]] = []
+    for executor in (["executor=serial"], ["executor.workers=1"], ["executor.workers=3"]):
+        folder = tmp_path / str(len(runs))
+        assert evoros([*overrides, *executor, f"hydra.run.dir={folder}"]) == 0
+        runs.append(content(folder))
+    assert runs[0] == runs[1] == runs[2]

@@ -1,0 +1,423 @@
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from hydra.utils import instantiate
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from omegaconf import OmegaConf
+
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError
+from evoros.base.resources import bundled_folder
+from evoros.optimizer.ga import GeneticAlgorithm
+from evoros.optimizer.protocol import Aspect, Block, Candidate, Individual, Optimizer, Search, Space
+from evoros.optimizer.random_search import RandomSearch
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """A space like that of the case study: a region, two coordinates and an angle a sensor."""
+
+    count: int = 3
+
+    @property
+    def size(self) -> int:
+        return 4 * self.count
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        return tuple(
+            Block(f"{i}", (Aspect("place", (i + 1, i + 2), (i,)), Aspect("angle", (i + 3,))))
+            for i in range(0, self.size, 4)
+        )
+
+    def same(self, one: Array, other: Array) -> bool:
+        return np.array_equal(one, other)
+
+
+@dataclass(frozen=True)
+class Steps(Sensors):
+    """Few designs: each gene has two values, and the last sensor is absent."""
+
+    def same(self, one: Array, other: Array) -> bool:
+        return np.array_equal(one[:-4] < 0.5, other[:-4] < 0.5)
+
+
+THREE = Sensors(3)
+Fitness = Callable[[Individual], float]
+Generation = tuple[list[Individual], list[Candidate]]
+
+
+def run(optimizer: Optimizer, space: Space, seed: int, fitness: Fitness) -> list[Generation]:
+    search = optimizer.start(space, np.random.default_rng(seed))
+    return [step(search, fitness) for _ in range(optimizer.generations)]
+
+
+def step(search: Search, fitness: Fitness) -> Generation:
+    asked = list(search.ask())
+    return asked, list(search.tell([fitness(one) for one in asked]))
+
+
+def noise(seed: int) -> Fitness:
+    rng = np.random.default_rng(seed)
+    return lambda _: float(rng.random())
+
+
+def flat(_: Individual) -> float:
+    return 0.0
+
+
+def sphere(one: Individual) -> float:
+    """Highest, 0, in the middle of the cube."""
+    return -float(np.sum((one.genome - 0.5) ** 2))
+
+
+def table_of(history: list[Generation]) -> list[Any]:
+    return [
+        (
+            c.individual.id,
+            c.individual.genome.tobytes(),
+            c.individual.parents,
+            c.operator,
+            c.fitness,
+            c.survived,
+        )
+        for _, table in history
+        for c in table
+    ]
+
+
+SETTINGS = st.builds(
+    GeneticAlgorithm,
+    population_size=st.integers(1, 9),
+    generations=st.integers(1, 6),
+    mutation_probability=st.sampled_from([0.0, 0.15, 1.0]),
+    crossover_probability=st.sampled_from([0.0, 0.25, 1.0]),
+    tournament_size=st.integers(1, 4),
+    mutation_step=st.sampled_from([1.0, 0.2]),
+    elite=st.sampled_from(["best_so_far", "best_child"]),
+)
+CONFIGURED: dict[str, Optimizer] = {
+    path.stem: instantiate(OmegaConf.load(path))
+    for path in bundled_folder("conf").glob("optimizer/*.yaml")
+}
+
+
+# Every optimizer of the configuration
+
+
+@pytest.mark.parametrize("name", CONFIGURED)
+def test_a_search_is_replayed_bit_for_bit(name: str) -> None:
+    assert isinstance(CONFIGURED[name], Optimizer)
+    first, second = (run(CONFIGURED[name], THREE, 7, noise(1)) for _ in range(2))
+    assert table_of(first) == table_of(second)
+    assert table_of(run(CONFIGURED[name], THREE, 8, noise(1))) != table_of(first)
+
+
+@pytest.mark.parametrize("name", CONFIGURED)
+def test_every_generation_asks_for_new_genomes_of_the_cube_and_tables_them(name: str) -> None:
+    seen: set[int] = set()
+    for asked, table in run(CONFIGURED[name], THREE, 3, noise(3)):
+        for one in asked:
+            assert one.id not in seen
+            assert one.genome.shape == (THREE.size,)
+            assert np.all((one.genome >= 0) & (one.genome <= 1))
+            assert set(one.parents) <= seen  # parents were evaluated before
+        seen |= {one.id for one in asked}
+        assert {one.id for one in asked} <= {c.individual.id for c in table} <= seen
+
+
+@pytest.mark.parametrize("name", CONFIGURED)
+@pytest.mark.parametrize("bad", ["nan", "few", "many"])
+def test_fitness_that_cannot_be_told_is_refused_and_changes_nothing(name: str, bad: str) -> None:
+    search = CONFIGURED[name].start(THREE, np.random.default_rng(0))
+    asked = search.ask()
+    wrong = {"nan": [math.nan] * len(asked), "few": [], "many": [0.0] * (len(asked) + 1)}
+    with pytest.raises(InputError, match="fitness"):
+        search.tell(wrong[bad])
+    assert [one.id for one in search.ask()] == [one.id for one in asked]
+    search.tell([0.0] * len(asked))
+
+
+# The genetic algorithm
+
+
+@settings(max_examples=200, deadline=None)
+@given(SETTINGS, st.integers(0, 2**32), st.lists(st.floats(-1e9, 1e9), min_size=1))
+def test_the_best_so_far_is_never_lost(
+    optimizer: GeneticAlgorithm, seed: int, values: list[float]
+) -> None:
+    history = run(optimizer, THREE, seed, lambda one: values[one.id % len(values)])
+    best = -math.inf
+    for asked, table in history:
+        best = max([best, *(values[one.id % len(values)] for one in asked)])
+        if optimizer.elite == "best_so_far":
+            assert max(c.fitness for c in table) == best
+            assert any(c.survived for c in table if c.fitness == best)
+
+
+@settings(max_examples=200, deadline=None)
+@given(SETTINGS, st.integers(0, 2**32))
+def test_each_table_is_the_pool_and_the_next_population_comes_from_it(
+    optimizer: GeneticAlgorithm, seed: int
+) -> None:
+    size = optimizer.population_size
+    survivors: list[int] = []
+    for number, (_, table) in enumerate(run(optimizer, THREE, seed, noise(seed))):
+        assert len(table) == (size if number == 0 else 2 * size)
+        assert sum(c.survived for c in table) == size
+        # Half of the pool was the population; some of it has mutated since, never its first.
+        ids = [c.individual.id for c in table[:size]]
+        if number > 0:
+            origin = [
+                c.individual.parents[0] if c.operator == "mutation" else c.individual.id
+                for c in table[:size]
+            ]
+            assert sorted(origin) == sorted(survivors)
+            assert table[0].operator == "survivor"
+        else:
+            assert ids == list(range(size))
+        survivors = [c.individual.id for c in table for _ in range(c.survived)]
+
+
+@settings(max_examples=200, deadline=None)
+@given(SETTINGS, st.integers(0, 2**32), st.sampled_from([Sensors(3), Steps(2), Steps(4)]))
+def test_what_is_evaluated_is_a_new_design_and_clones_are_not(
+    optimizer: GeneticAlgorithm, seed: int, space: Sensors
+) -> None:
+    known: dict[int, Individual] = {}
+    fitness: dict[int, float] = {}
+    for asked, table in run(optimizer, space, seed, noise(seed)):
+        for one in asked:
+            assert one.operator in {"initial", "crossover", "mutation", "crossover+mutation"}
+            for parent in one.parents:
+                assert not space.same(known[parent].genome, one.genome)
+        known |= {one.id: one for one in asked}
+        for c in table:
+            assert known[c.individual.id] is c.individual
+            assert fitness.setdefault(c.individual.id, c.fitness) == c.fitness
+            if c.operator in ("survivor", "clone"):
+                assert c.individual not in asked
+            else:
+                assert c.operator == c.individual.operator
+                assert c.individual in asked
+
+
+@settings(max_examples=100, deadline=None)
+@given(SETTINGS, st.integers(0, 2**32), st.integers(1, 5))
+def test_children_are_made_of_one_parents_head_and_the_others_tail(
+    optimizer: GeneticAlgorithm, seed: int, count: int
+) -> None:
+    space = Sensors(count)
+    known: dict[int, Individual] = {}
+    for asked, _ in run(optimizer, space, seed, noise(seed)):
+        for one in asked:
+            if one.operator == "crossover":
+                head, tail = (known[parent].genome for parent in one.parents)
+                cuts = [
+                    np.concatenate([head[: 4 * cut], tail[4 * cut :]]) for cut in range(1, count)
+                ]
+                assert any(np.array_equal(one.genome, cut) for cut in cuts)
+        known |= {one.id: one for one in asked}
+
+
+def test_a_mutation_changes_whole_aspects_of_some_sensors() -> None:
+    optimizer = GeneticAlgorithm(crossover_probability=0, mutation_probability=1, generations=40)
+    known: dict[int, Individual] = {}
+    places = angles = both = sensors = mutants = 0
+    for asked, table in run(optimizer, THREE, 11, noise(2)):
+        assert len(asked) >= len(table) - 1 or known == {}  # all but the elite
+        for one in asked:
+            if one.operator == "mutation":
+                changed = (known[one.parents[0]].genome != one.genome).reshape(3, 4)
+                place, angle = changed[:, :3].all(axis=1), changed[:, 3]
+                assert np.array_equal(place, changed[:, :3].any(axis=1))
+                mutants += 1
+                sensors += int(np.sum(place | angle))
+                places += int(np.sum(place & ~angle))
+                angles += int(np.sum(angle & ~place))
+                both += int(np.sum(place & angle))
+        known |= {one.id: one for one in asked}
+    # place, angle or both: a third each. Each sensor with probability 1/3 given that one changes.
+    for share in (places, angles, both):
+        assert abs(share - sensors / 3) < 4 * math.sqrt(sensors * 2 / 9)
+    assert abs(sensors / mutants - 1 / (1 - (2 / 3) ** 3)) < 0.1
+
+
+def test_a_narrow_step_stays_near_and_redraws_few_regions() -> None:
+    step = 0.1
+    optimizer = GeneticAlgorithm(
+        crossover_probability=0, mutation_probability=1, mutation_step=step, generations=40
+    )
+    known: dict[int, Individual] = {}
+    placed = regions = 0
+    for asked, _ in run(optimizer, THREE, 1, noise(4)):
+        for one in asked:
+            if one.parents:
+                before = known[one.parents[0]].genome.reshape(3, 4)
+                after = one.genome.reshape(3, 4)
+                assert np.all(np.abs(after - before)[:, 1:] <= step / 2 + 1e-12)
+                placed += int(np.sum(after[:, 1] != before[:, 1]))
+                regions += int(np.sum(after[:, 0] != before[:, 0]))
+        known |= {one.id: one for one in asked}
+    assert abs(regions - step * placed) < 4 * math.sqrt(placed * step * (1 - step))
+
+
+def test_the_rates_of_crossover_and_mutation_are_those_configured() -> None:
+    """At first all parents differ in every gene, so that a pair that crosses makes two children."""
+    pairs = crossed = candidates = mutated = 0
+    for seed in range(200):
+        optimizer = GeneticAlgorithm(generations=2)
+        _, (_, table) = run(optimizer, Sensors(20), seed, flat)
+        candidates += len(table) - 1
+        mutated += sum("mutation" in c.operator for c in table)
+    assert abs(mutated - 0.15 * candidates) < 4 * math.sqrt(candidates * 0.15 * 0.85)
+    for seed in range(200):
+        optimizer = GeneticAlgorithm(generations=2, mutation_probability=0)
+        _, (_, table) = run(optimizer, Sensors(2), seed, flat)
+        children = table[30:]
+        for first, second in zip(children[0::2], children[1::2], strict=True):
+            if first.individual.id != second.individual.id:  # a pair of one cannot cross over
+                pairs += 1
+                crossed += first.operator == "crossover"
+                assert first.operator == second.operator
+                if first.operator == "crossover":
+                    assert first.individual.parents == second.individual.parents[::-1]
+    assert abs(crossed - 0.25 * pairs) < 4 * math.sqrt(pairs * 0.25 * 0.75)
+
+
+def test_evaluations_are_the_changed_individuals_only() -> None:
+    """30 + 24 (59 x 0.15 mutants + 30 x 0.25 x 0.85 children), less the children that are copies.
+
+    At most 397 on average, reached while the population is diverse; at least the mutants' 242.
+    """
+    mutants = 24 * 59 * 0.15
+    children = 24 * 30 * 0.25 * 0.85
+
+    def mean(fitness: Callable[[int], Fitness]) -> float:
+        histories = [run(GeneticAlgorithm(), THREE, seed, fitness(seed)) for seed in range(20)]
+        return sum(len(asked) for history in histories for asked, _ in history) / len(histories)
+
+    deviation = math.sqrt(24 * 59 * 0.15 * 0.85 + 4 * 24 * 15 * 0.25 * 0.75)
+    for fitness in (noise, lambda _: flat):
+        assert 30 + mutants < mean(fitness) + 4 * deviation / math.sqrt(20)
+        assert mean(fitness) - 4 * deviation / math.sqrt(20) < 30 + mutants + children
+    assert mean(noise) < mean(lambda _: flat)  # selection makes copies, copies cost nothing
+
+
+def test_the_best_child_may_be_worse_than_the_best_so_far() -> None:
+    falling: Fitness = lambda one: -float(one.id)  # noqa: E731 - the oldest is the best
+    optimizer = GeneticAlgorithm(
+        population_size=1, mutation_probability=1, elite="best_child", generations=5
+    )
+    history = run(optimizer, THREE, 0, falling)
+    assert [[c.individual.id for c in table if c.survived] for _, table in history] == [
+        [0], [1], [2], [3], [4],
+    ]  # fmt: skip
+    kept = GeneticAlgorithm(population_size=1, mutation_probability=1, generations=5)
+    for _, table in run(kept, THREE, 0, falling):
+        assert [c.individual.id for c in table if c.survived] == [0]
+
+
+def test_without_operators_nothing_more_is_evaluated() -> None:
+    optimizer = GeneticAlgorithm(mutation_probability=0, crossover_probability=0)
+    history = run(optimizer, THREE, 0, noise(0))
+    assert [len(asked) for asked, _ in history] == [30] + [0] * 24
+    copies = [max(c.survived for c in table) for _, table in history]
+    assert len({c.individual.id for c in history[-1][1]}) == 1, copies  # one has taken over
+
+
+def test_tournaments_prefer_the_better_as_much_as_they_should() -> None:
+    """The better half fills 1 - (1/2)^k of the places that a tournament of k fills."""
+    for size in (1, 2, 5):
+        better = places = 0
+        for seed in range(300):
+            optimizer = GeneticAlgorithm(tournament_size=size, generations=1)
+            ((_, table),) = run(optimizer, THREE, seed, lambda one: float(one.id < 15))
+            better += sum(c.survived for c in table[:15]) - 1  # the elite is not drawn
+            places += 29
+        share = 1 - 0.5**size
+        assert abs(better - share * places) < 4 * math.sqrt(places * share * (1 - share) + 1)
+
+
+def test_parents_win_tournaments_too() -> None:
+    better = expected = variance = 0.0
+    optimizer = GeneticAlgorithm(generations=2, mutation_probability=0, crossover_probability=0)
+    for seed in range(300):
+        _, (_, table) = run(optimizer, THREE, seed, lambda one: float(one.id < 15))
+        share = 1 - (1 - sum(c.individual.id < 15 for c in table[:30]) / 30) ** 2
+        better += sum(c.individual.id < 15 for c in table[30:])
+        expected += 30 * share
+        variance += 30 * share * (1 - share)
+    assert abs(better - expected) < 4 * math.sqrt(variance)
+
+
+def test_it_beats_random_search_at_equal_cost() -> None:
+    def best(optimizer: Optimizer, seed: int) -> tuple[float, int]:
+        history = run(optimizer, THREE, seed, sphere)
+        cost = sum(len(asked) for asked, _ in history)
+        return max(c.fitness for _, table in history for c in table), cost
+
+    wins = 0
+    for seed in range(10):
+        evolved, cost = best(GeneticAlgorithm(), seed)
+        drawn, budget = best(RandomSearch(population_size=16), seed)
+        assert cost <= budget
+        wins += evolved > drawn
+    assert wins >= 9
+
+
+def test_individuals_cannot_be_changed_after_they_are_made() -> None:
+    for asked, _ in run(GeneticAlgorithm(generations=4, mutation_probability=1), THREE, 0, flat):
+        for one in asked:
+            with pytest.raises(ValueError, match="read-only"):
+                one.genome[0] = 0.5
+
+
+def test_a_space_without_genes_is_refused() -> None:
+    with pytest.raises(InputError, match="something to evolve"):
+        GeneticAlgorithm().start(Sensors(0), np.random.default_rng(0))
+    asked, _ = run(RandomSearch(population_size=2), Sensors(0), 0, flat)[0]
+    assert [len(one.genome) for one in asked] == [0, 0]
+
+
+def test_random_search_keeps_the_best_and_draws_all_else_afresh() -> None:
+    best, kept = -math.inf, -1
+    for number, (asked, table) in enumerate(run(RandomSearch(), THREE, 5, noise(5))):
+        assert len(asked) == 16
+        assert len(table) == 16 + (number > 0)
+        if number > 0:
+            assert (table[0].individual.id, table[0].operator) == (kept, "survivor")
+        (winner,) = [c for c in table if c.survived]
+        assert winner.survived == 1
+        assert winner.fitness == max(c.fitness for c in table) >= best
+        best, kept = winner.fitness, winner.individual.id
+
+
+BAD: Sequence[tuple[str, Any]] = [
+    ("population_size", 0),
+    ("population_size", 2.5),
+    ("generations", 0),
+    ("validation_trials", -1),
+    ("mutation_probability", 1.1),
+    ("crossover_probability", -0.1),
+    ("crossover_probability", True),
+    ("tournament_size", 0),
+    ("mutation_step", 0),
+    ("mutation_step", 1.5),
+    ("elite", "best"),
+]
+
+
+@pytest.mark.parametrize("kind", [GeneticAlgorithm, RandomSearch])
+@pytest.mark.parametrize(("key", "value"), BAD)
+def test_a_bad_setting_is_refused_in_one_line(kind: type, key: str, value: object) -> None:
+    if key not in kind.__dataclass_fields__:  # type: ignore[attr-defined]
+        return
+    with pytest.raises(InputError, match=rf"{kind.__name__}\.{key}") as caught:
+        kind(**{key: value})
+    assert "\n" not in str(caught.value)

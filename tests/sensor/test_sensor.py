@@ -1,0 +1,156 @@
+"""Sensors: the geometry of their rays, what Gazebo is told, and their configuration."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import ROOT
+from hydra import compose, initialize_config_dir
+from hydra.utils import instantiate
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lxml import etree
+
+from evoros.base import resources as assets
+from evoros.base.errors import InputError
+from evoros.filter.gaussian_noise import GaussianNoise
+from evoros.filter.protocol import Filter
+from evoros.filter.silence import Silence
+from evoros.sensor.protocol import Sensor
+from evoros.sensor.sonar import Sonar
+
+KINDS = sorted(path.stem for path in assets.bundled_folder("conf").glob("sensor/*.yaml"))
+unhurried = settings(deadline=None)  # a busy machine is no failure
+beams = st.builds(Sonar, fov_deg=st.floats(0.1, 179), rays_per_axis=st.integers(1, 9))
+
+
+def configured(kind: str, *overrides: str) -> Sensor:
+    chosen = [f"+sensor={kind}", *overrides]
+    with initialize_config_dir(str(assets.bundled_folder("conf").resolve()), version_base="1.3"):
+        built: Sensor = instantiate(compose(overrides=chosen), _convert_="all")["sensor"]
+    return built
+
+
+def test_every_sensor_module_has_a_configuration_of_its_name() -> None:
+    package = ROOT / "evoros" / "sensor"
+    assert {path.stem for path in package.glob("*.py")} - {"__init__"} == set(KINDS)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_configured_sensor_keeps_the_protocol(kind: str) -> None:
+    sensor = configured(kind)
+    assert isinstance(sensor, Sensor)
+    assert 0 <= sensor.range_min_m < sensor.range_max_m < math.inf
+    assert all(isinstance(item, Filter) for item in sensor.filters.values())
+    rays = sensor.rays()
+    assert rays.dtype == np.float64
+    assert rays.shape[1] == 3
+    assert np.allclose(np.linalg.norm(rays, axis=1), 1, rtol=0, atol=1e-15)
+    element = etree.fromstring(sensor.gazebo(f"{kind}_1"))
+    assert element.tag == "sensor"
+    assert element.get("name") == f"{kind}_1"
+
+
+def test_configured_sonar_is_the_one_of_the_case_study() -> None:
+    sonar = configured("sonar")
+    assert isinstance(sonar, Sonar)
+    assert (sonar.range_min_m, sonar.range_max_m, sonar.period_s) == (0.06, 4.5, 0.1)
+    assert sonar.filters == {"noise": GaussianNoise(sigma_m=0.005)}
+    degrees = [-15.0, -7.5, 0.0, 7.5, 15.0]
+    expected = {
+        (math.cos(a) * math.cos(b), math.sin(a) * math.cos(b), math.sin(b))
+        for a in map(math.radians, degrees)
+        for b in map(math.radians, degrees)
+    }
+    rays = sonar.rays()
+    assert len(rays) == len(expected) == 25
+    for ray in rays:
+        assert min(math.dist(ray, other) for other in expected) < 1e-15
+
+
+def test_filters_are_added_and_changed_by_name() -> None:
+    sensor = configured(
+        "sonar", "sensor.filters.noise.sigma_m=0.25", "+filter@sensor.filters.late=delay"
+    )
+    assert list(sensor.filters) == ["noise", "late"]
+    assert sensor.filters["noise"] == GaussianNoise(0.25)
+
+
+@unhurried
+@given(beams)
+def test_rays_are_mirror_images_of_each_other_bit_for_bit(sonar: Sonar) -> None:
+    # Otherwise a robot and its mirror image would not drive mirrored ways.
+    rays = {tuple(ray) for ray in (sonar.rays() + 0.0).tolist()}
+    assert len(rays) == sonar.rays_per_axis**2
+    assert rays == {(x, -y + 0.0, z) for x, y, z in rays}
+    assert rays == {(x, y, -z + 0.0) for x, y, z in rays}
+
+
+@unhurried
+@given(beams)
+def test_rays_fill_the_beam_to_its_edges(sonar: Sonar) -> None:
+    x, y, z = sonar.rays().T
+    edge = math.radians(sonar.fov_deg) / 2 if sonar.rays_per_axis > 1 else 0.0
+    for angle in (np.arctan2(y, x), np.arcsin(z)):
+        assert angle.max() == pytest.approx(edge, abs=1e-12)
+        steps = np.unique(np.round(angle, 9))
+        assert len(steps) == sonar.rays_per_axis
+        assert np.ptp(np.diff(steps)) < 1e-8 if len(steps) > 2 else True
+
+
+@unhurried
+@given(beams, st.floats(0, 1), st.floats(0, 1), st.text("ab<>&\"' _", min_size=1))
+def test_gazebo_is_told_the_same_sensor(sonar: Sonar, one: float, two: float, name: str) -> None:
+    filters: dict[str, Filter] = {"a": GaussianNoise(one), "b": Silence(), "c": GaussianNoise(two)}
+    sonar = Sonar(
+        fov_deg=sonar.fov_deg, rays_per_axis=sonar.rays_per_axis, period_s=0.05, filters=filters
+    )
+    element = etree.fromstring(sonar.gazebo(name))
+    assert element.get("name") == name
+    assert element.findtext("topic") == name
+
+    def number(path: str) -> float:
+        return float(element.findtext(path) or "missing")
+
+    rays = sonar.rays()
+    azimuth = np.arctan2(rays[:, 1], rays[:, 0])
+    for axis, angle in (("horizontal", azimuth), ("vertical", np.arcsin(rays[:, 2]))):
+        assert number(f"lidar/scan/{axis}/samples") == sonar.rays_per_axis
+        assert number(f"lidar/scan/{axis}/min_angle") == pytest.approx(angle.min(), abs=1e-12)
+        assert number(f"lidar/scan/{axis}/max_angle") == pytest.approx(angle.max(), abs=1e-12)
+    assert number("lidar/range/min") == sonar.range_min_m
+    assert number("lidar/range/max") == sonar.range_max_m
+    assert number("update_rate") == pytest.approx(20)
+    assert number("lidar/noise/stddev") == pytest.approx(math.hypot(one, two))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("range_min_m", -0.1),
+        ("range_min_m", 4.5),
+        ("range_max_m", math.inf),
+        ("range_max_m", 0.06),
+        ("fov_deg", 0.0),
+        ("fov_deg", 180.0),
+        ("rays_per_axis", 0),
+        ("rays_per_axis", 2.5),
+        ("period_s", 0.0),
+        ("period_s", math.nan),
+        ("size_m", [0.02, 0.02]),
+        ("size_m", [0.02, 0.02, 0.0]),
+        ("size_m", 0.02),
+        ("mass_kg", 0.0),
+        ("filters", [GaussianNoise()]),
+        ("filters", {"noise": 0.005}),
+    ],
+)
+def test_bad_value_is_named_in_one_line(field: str, value: Any) -> None:
+    with pytest.raises(InputError) as error:
+        Sonar(**{field: value})
+    message = str(error.value)
+    assert message.startswith("Sonar.")
+    assert field in message
+    assert str(value) in message
+    assert "\n" not in message

@@ -1,0 +1,79 @@
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import USER_PARTS, content, tiny
+
+import evoros
+from evoros.base.arrays import Array
+from evoros.base.console import DONE
+from evoros.session import api
+
+
+@pytest.fixture(scope="module")
+def tiny_config() -> object:
+    return evoros.compose(["experiment=tiny", "executor=serial"], USER_PARTS)
+
+
+def test_run_is_the_command(tiny_config: object, tmp_path: Path) -> None:
+    run = evoros.run(tiny_config, tmp_path / "api")  # type: ignore[arg-type]
+    assert tiny(tmp_path / "command") == DONE
+    assert content(tmp_path / "api") == content(tmp_path / "command")
+    assert run.status["state"] == "finished"
+    assert "generation 2/2" in (tmp_path / "api" / "evoros.base.log").read_text()
+    longer = evoros.resume(run.path, ["optimizer.generations=4"])
+    assert longer.generations["generation"].max() == 3
+    with pytest.raises(evoros.InputError, match="already holds a run"):
+        evoros.run(tiny_config, run.path)  # type: ignore[arg-type]
+
+
+def test_evaluating_twice_is_the_same_and_another_generation_is_not(tiny_config: object) -> None:
+    with evoros.Evaluator(tiny_config) as evaluator:  # type: ignore[arg-type]
+        space = evaluator.space
+        designs = [space.decode(genome(space.size, value)) for value in (0.2, 0.7)]
+        table = evaluator.evaluate(designs)
+        assert table.equals(evaluator.evaluate(designs))
+        assert list(table["fitness_mean"]) == evaluator.score(designs)
+        alone = evaluator.evaluate(designs[1:])
+        assert alone["fitness_mean"].item() == table["fitness_mean"][1]
+        draws = {tuple(evaluator.missions(designs, g)["draws"]) for g in range(3)}
+        assert len(draws) == 3
+    assert evoros.evaluate(designs, tiny_config).equals(table)  # type: ignore[arg-type]
+    with pytest.raises(evoros.InputError, match="must be open"):
+        evaluator.score(designs)
+
+
+def genome(size: int, value: float) -> Array:
+    return np.full(size, value)
+
+
+def test_the_example_of_the_docstring_runs_as_written(tmp_path: Path) -> None:
+    """Only the world is made short; worker processes import the script."""
+    pytest.importorskip("cma")
+    assert api.__doc__ is not None
+    lines = api.__doc__.split("    import cma\n")[1].splitlines()
+    script = "import cma\n" + "\n".join(line.removeprefix("    ") for line in lines)
+    short = '"trials=2", "world=boxes", "world.boxes.course.time_limit_s=1"'
+    script, count = re.subn(r'"trials=2"', short, script)
+    assert count == 1
+    (tmp_path / "example.py").write_text(script.replace("range(10)", "range(2)"))
+    done = subprocess.run(
+        [sys.executable, "example.py"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    printed = [line for line in done.stdout.splitlines() if re.fullmatch(r"\d+ [\d.]+", line)]
+    assert [line.split()[0] for line in printed] == ["0", "1"]
+
+
+def test_importing_evoros_costs_nothing() -> None:
+    code = "import evoros, sys; print('numpy' in sys.modules, 'hydra' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False"]
+
+
+def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(evoros.InputError, match="must be a run folder"):
+        evoros.load_run(tmp_path)

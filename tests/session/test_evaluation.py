@@ -1,0 +1,513 @@
+import json
+import random
+import re
+import shutil
+import signal
+import tracemalloc
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from helpers import ROOT, TINY, USER_PARTS, everything, start, tiny, wait_for_missions
+from helpers import resume as resume_run
+from omegaconf import OmegaConf
+
+import evoros
+from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED
+from evoros.cli.evaluate import evaluate
+from evoros.config.compose import build, compose
+from evoros.config.jobs import Job, Jobs, options_of
+from evoros.design.design import Design
+from evoros.mission.mission import Mission
+from evoros.mission.outcome import Outcome
+from evoros.session import evaluation as assessment
+from evoros.session.given_designs import read_given
+from evoros.storage.mission_log import create_folder
+from evoros.storage.tables import DESIGN_COLUMNS, design_table
+
+HEADER = "design,sensor,x_m,y_m,yaw_deg"
+TWO = f"{HEADER}\nb,0,0.2,0,0\nb,1,0.2,0.05,30\n7,0,0.1,0,-60\n"
+ENTRY = "evoros.cli.evaluate"
+
+
+def scored(folder: Path, designs: object, *more: str) -> int:
+    return evaluate(
+        [*TINY, "executor=serial", f"hydra.run.dir={folder}", f"designs={designs}", *more]
+    )
+
+
+def resume(folder: Path, *more: str) -> int:
+    return evaluate(["--config-dir", str(USER_PARTS), f"resume={folder}", *more])
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """What must be the same for any number of workers and any interruption."""
+    missions = sorted((folder / "missions.csv").read_bytes().splitlines())
+    names = ("designs.csv", "designs_in.csv", "genes_in.csv", "config.yaml")
+    return {"missions.csv": b"\n".join(missions)} | {n: (folder / n).read_bytes() for n in names}
+
+
+def table(folder: Path) -> pd.DataFrame:
+    return pd.read_csv(folder / "designs.csv", dtype={"design": str})
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("given") / "two.csv"
+    path.write_text(TWO)
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("whole") / "scores"
+    assert scored(folder, file, "trials=3") == DONE
+    return folder
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run whose designs have another evolved value."""
+    folder = tmp_path_factory.mktemp("run") / "evolved"
+    gene = (
+        "{_target_: evoros.design.genes.Gene, key: controller.avoidance.range_m, low: 1, high: 2}"
+    )
+    assert tiny(folder, f"+design.genes.reach={gene}", "optimizer.generations=1") == DONE
+    return folder
+
+
+# What is scored -----------------------------------------------------------------------------
+
+
+def test_the_table_is_that_of_python_and_follows_from_the_missions(whole: Path, file: Path) -> None:
+    config = compose(["experiment=tiny", "executor=serial", "trials=3"], USER_PARTS)
+    given = read_given([str(file)], build(config).task)
+    expected = evoros.evaluate([one.design for one in given], config)
+    rows = table(whole)
+    assert list(rows["design"]) == ["b", "7"]
+    assert list(rows.columns[:5]) == ["source", "design", "fitness_mean", "fitness_sd", "trials"]
+    numbers = list(expected.columns[1:])
+    np.testing.assert_array_equal(rows[numbers].to_numpy(), expected[numbers].to_numpy())
+    missions = pd.read_csv(whole / "missions.csv", dtype={"design": str})
+    assert len(missions) == 2 * 2 * 3
+    assert missions.groupby(["design", "world", "trial"]).size().eq(1).all()
+    for world in ("near", "far"):
+        done = missions[missions["world"] == world].groupby("design")["completed"].mean()
+        assert list(rows[f"{world}_completed"]) == [done["b"], done["7"]]
+
+
+def test_draws_are_none_of_the_runs_and_the_same_for_all_designs(run: Path, tmp_path: Path) -> None:
+    """Though the seed is the run's."""
+    assert scored(tmp_path / "scores", run, "trials=2") == DONE
+    assert scored(tmp_path / "seed", run, "trials=2", "seed=1") == DONE
+    seen, fresh, other = (
+        set(pd.read_csv(folder / "missions.csv")["draws"])
+        for folder in (run, tmp_path / "scores", tmp_path / "seed")
+    )
+    assert len(seen | fresh | other) == len(seen) + len(fresh) + len(other)
+
+
+def test_designs_meet_the_same_draws(whole: Path) -> None:
+    missions = pd.read_csv(whole / "missions.csv")
+    assert missions.groupby(["world", "trial"])["draws"].nunique().eq(1).all()
+    assert missions["draws"].nunique() == 6
+
+
+def test_what_is_left_out_is_the_robots_mount_and_the_only_type(tmp_path: Path) -> None:
+    robot = build(compose(["experiment=tiny"], USER_PARTS)).robot
+    (tmp_path / "short.csv").write_text(f"{HEADER},z_m\n0,0,0.2,0.1,30,\n")
+    mount = f"sonar,{robot.mount_link},0.2,0.1,{robot.mount_z_m},30,{robot.mount_pitch_deg}"
+    names = "design,sensor,type,link,x_m,y_m,z_m,yaw_deg,pitch_deg"
+    (tmp_path / "long.csv").write_text(f"{names}\n0,0,{mount}\n")
+    task = build(compose(["experiment=tiny"], USER_PARTS)).task
+    short, long = (read_given([str(tmp_path / f"{n}.csv")], task) for n in ("short", "long"))
+    assert short[0].design == long[0].design
+
+
+def test_sensors_may_come_in_any_order_and_number(tmp_path: Path) -> None:
+    rows = ["a,1,0.1,0,10", "c,,,,", "b,0,0.1,0,5", "a,0,0.2,0,0"]
+    (tmp_path / "mixed.csv").write_text("\n".join([HEADER, *rows]))
+    assert scored(tmp_path / "scores", tmp_path / "mixed.csv") == DONE
+    assert list(table(tmp_path / "scores")["design"]) == ["a", "c", "b"]
+    kept = pd.read_csv(tmp_path / "scores" / "designs_in.csv")
+    assert list(kept["yaw_deg"][kept["design"] == "a"]) == [0, 10]
+    assert kept["sensor"][kept["design"] == "c"].isna().all()
+    missions = pd.read_csv(tmp_path / "scores" / "missions.csv")
+    assert set(missions["sensors"][missions["design"] == "c"]) == {0}
+    assert resume(tmp_path / "scores") == DONE
+
+
+def test_a_run_stands_for_its_champion_with_its_genes(run: Path, tmp_path: Path) -> None:
+    """And its sensors are where it had them: the table of the champion is given back."""
+    assert scored(tmp_path / "scores", run, "trials=2") == DONE
+    kept = pd.read_csv(tmp_path / "scores" / "designs_in.csv")
+    champion = pd.read_csv(run / "champion" / "design.csv")
+    assert kept.drop(columns="source").equals(champion)
+    genes = pd.read_csv(tmp_path / "scores" / "genes_in.csv")
+    assert list(genes["key"]) == ["controller.avoidance.range_m"]
+    value = pd.read_csv(run / "champion" / "genes.csv")["value"].item()
+    assert genes["value"].item() == value
+    more = [f"controller.avoidance.range_m={value!r}", "trials=2"]
+    assert scored(tmp_path / "other", run / "champion" / "design.csv", *more) == DONE
+    numbers = ["fitness_mean", "fitness_sd", "near_progress", "far_progress"]
+    both = [table(tmp_path / name)[numbers] for name in ("scores", "other")]
+    assert both[0].equals(both[1])
+
+
+def test_genes_that_a_file_leaves_behind_are_said(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert scored(tmp_path / "scores", run / "champion" / "design.csv") == DONE
+    assert "other genes" in capsys.readouterr().err
+
+
+def test_designs_of_several_sources_stay_apart(file: Path, run: Path, tmp_path: Path) -> None:
+    (tmp_path / "also.csv").write_text(TWO)
+    sources = [str(file), str(tmp_path / "also.csv"), str(run)]
+    assert scored(tmp_path / "scores", f"[{','.join(sources)}]") == DONE
+    rows = table(tmp_path / "scores")
+    assert list(rows["source"]) == [sources[0]] * 2 + [sources[1]] * 2 + [sources[2]]
+    assert not rows.duplicated(["source", "design"]).any()
+    assert list(rows["fitness_mean"][:2]) == list(rows["fitness_mean"][2:4])
+
+
+@pytest.fixture
+def sweep(run: Path, tmp_path: Path) -> Path:
+    """Two finished runs, and what a sweep leaves where it was stopped, killed or damaged."""
+    folder = tmp_path / "sweep"
+    for name in ("a-10", "a-9", "deep/a-1", "stopped", "killed", "damaged"):
+        shutil.copytree(run, folder / name)
+    status = json.loads((run / "status.json").read_text()) | {"state": "stopped"}
+    (folder / "stopped" / "status.json").write_text(json.dumps(status))
+    (folder / "killed" / "manifest.json").unlink()
+    (folder / "killed" / "status.json").unlink()
+    (folder / "damaged" / "champion" / "design.csv").write_text(f"{HEADER}\n0,0,a,0,0\n")
+    return folder
+
+
+def test_a_folder_of_runs_stands_for_the_champions_of_the_finished_ones(
+    sweep: Path, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(whole, sweep / "scores")  # an evaluation is no run
+    assert scored(tmp_path / "scores", f"{sweep}/", "trials=2") == DONE
+    rows = table(tmp_path / "scores")
+    assert list(rows["source"]) == [f"{sweep}/{name}" for name in ("a-9", "a-10", "deep/a-1")]
+    said = [line for line in capsys.readouterr().err.splitlines() if "left out" in line]
+    assert len(said) == 3
+    for name, why in (("damaged", "x_m"), ("killed", "no run's"), ("stopped", "is stopped")):
+        assert [why in line for line in said if f"sweep/{name}" in line] == [True]
+    assert "left out" in (tmp_path / "scores" / "evoros.base.log").read_text()
+    alone = tmp_path / "alone"
+    assert scored(alone, sweep / "a-9", "trials=2") == DONE
+    other = [each.drop(columns="source").iloc[0] for each in (rows, table(alone))]
+    assert other[0].equals(other[1])
+
+
+def test_a_folder_without_a_finished_run_is_one_clear_line(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("a-9", "a-10", "deep"):
+        shutil.rmtree(sweep / name)
+    assert scored(tmp_path / "scores", sweep) == INPUT
+    *warnings, error = capsys.readouterr().err.splitlines()
+    assert len(warnings) == 3
+    assert "must hold a finished run whose champion can be scored, and none of its 3 is" in error
+    assert not (tmp_path / "scores").exists()
+
+
+def test_a_run_of_a_sweep_is_not_scored_twice(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert scored(tmp_path / "scores", f"[{sweep / 'a-9'},{sweep}]") == INPUT
+    assert "must name each source once, not" in capsys.readouterr().err
+
+
+def test_a_sweep_is_one_evaluation_for_each_combination(file: Path, tmp_path: Path) -> None:
+    more = [f"designs={file}", f"hydra.sweep.dir={tmp_path / 'sweep'}", "failure=spatial,random"]
+    assert evaluate(["-m", *TINY, "executor=serial", *more]) == DONE
+    tables = [table(path) for path in (tmp_path / "sweep").iterdir()]
+    assert [len(each) for each in tables] == [2, 2]
+
+
+# Interruption -------------------------------------------------------------------------------
+
+
+def test_the_same_bytes_for_any_number_of_workers(whole: Path, file: Path, tmp_path: Path) -> None:
+    more = ["trials=3", "executor=processes", "executor.workers=2"]
+    assert scored(tmp_path / "scores", file, *more) == DONE
+    ours = content(tmp_path / "scores")
+    assert ours | {"config.yaml": b""} == content(whole) | {"config.yaml": b""}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_evaluation_cut_anywhere_ends_with_the_same_bytes(
+    seed: int, whole: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "cut"
+    shutil.copytree(whole, folder)
+    (folder / "designs.csv").unlink()
+    rows = (folder / "missions.csv").read_bytes()
+    least = rows.index(b"\n") + 1
+    (folder / "missions.csv").write_bytes(rows[: random.Random(seed).randrange(least, len(rows))])
+    assert resume(folder) == DONE
+    assert content(folder) == content(whole)
+
+
+def test_small_blocks_and_missing_rows_in_the_middle_change_nothing(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "gaps"
+    shutil.copytree(whole, folder)
+    lines = (folder / "missions.csv").read_bytes().splitlines(keepends=True)
+    (folder / "missions.csv").write_bytes(b"".join(lines[:1] + lines[2:5] + lines[6:] + lines[7:9]))
+    monkeypatch.setattr(assessment, "BLOCK", 1)
+    assert resume(folder) == DONE
+    again = set((folder / "missions.csv").read_bytes().splitlines())
+    assert again == set((whole / "missions.csv").read_bytes().splitlines())
+    assert (folder / "designs.csv").read_bytes() == (whole / "designs.csv").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("number", "status"),
+    [
+        (signal.SIGINT, INTERRUPTED),
+        (signal.SIGTERM, STOPPED),
+        (signal.SIGKILL, -signal.SIGKILL),
+    ],
+)
+def test_a_signal_loses_nothing_and_the_folder_stands_alone(
+    number: signal.Signals, status: int, whole: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "two.csv").write_text(TWO)
+    more = ["designs=two.csv", "trials=3", "simulator.pause_s=0.2", "executor.workers=2"]
+    process = start([*TINY, *more, "hydra.run.dir=scores"], tmp_path, ENTRY)
+    wait_for_missions(tmp_path / "scores", 3)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == status
+    assert "Traceback" not in err
+    if number != signal.SIGKILL:
+        assert f"evoros-evaluate resume=scores --config-dir {USER_PARTS}" in err
+    flown = (tmp_path / "scores" / "missions.csv").read_bytes().rpartition(b"\n")[0]
+    (tmp_path / "two.csv").unlink()
+    assert resume(tmp_path / "scores", "executor=serial") == DONE
+    assert (tmp_path / "scores" / "missions.csv").read_bytes().startswith(flown)
+    rows, expected = table(tmp_path / "scores"), table(whole)
+    assert rows.drop(columns="source").equals(expected.drop(columns="source"))
+    assert json.loads((tmp_path / "scores" / "status.json").read_text())["state"] == "finished"
+
+
+def test_resuming_a_finished_evaluation_verifies_it(
+    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "again"
+    shutil.copytree(whole, folder)
+    assert resume(folder) == DONE
+    assert "of which 0 now" in capsys.readouterr().out
+    assert content(folder) == content(whole)
+    text = (folder / "designs.csv").read_text()
+    (folder / "designs.csv").write_text(text.replace(",3,", ",4,"))
+    assert resume(folder) == INPUT
+    assert "designs.csv" in capsys.readouterr().err
+
+
+def test_a_lost_mission_stops_the_evaluation_which_can_be_resumed(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    faulty = ["simulator.fault=raise", f"simulator.mark={tmp_path / 'mark'}"]
+    assert scored(tmp_path / "scores", file, *faulty) == STOPPED
+    assert f"evoros-evaluate resume={tmp_path / 'scores'}" in capsys.readouterr().err
+    assert resume(tmp_path / "scores") == DONE
+    assert len(table(tmp_path / "scores")) == 2
+
+
+def test_memory_does_not_grow_with_the_missions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Outcomes are kept for the designs in work alone."""
+    outcome = Outcome.failure("time_limit", "", 20.0, 1)
+
+    def instant(
+        task: object, missions: Sequence[Mission], *_: object
+    ) -> Iterator[list[tuple[Mission, Outcome]]]:
+        yield from ([(mission, outcome)] for mission in missions)
+
+    def drawn_up(path: Path, files: Mapping[str, str]) -> None:
+        create_folder(path, files)
+        tracemalloc.start()  # of what is allocated from now on
+
+    monkeypatch.setattr(assessment, "compute", instant)
+    monkeypatch.setattr(assessment, "draw_up", drawn_up)
+    monkeypatch.setattr(assessment, "BLOCK", 500)
+    rows = "\n".join(f"{i},0,0.1,0,{i}" for i in range(40))
+    (tmp_path / "forty.csv").write_text(f"{HEADER}\n{rows}\n")
+    peaks: list[int] = []
+    for trials in (10, 100):
+        folder = tmp_path / f"{trials}"
+        assert scored(folder, tmp_path / "forty.csv", f"trials={trials}") == DONE
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert len((folder / "missions.csv").read_text().splitlines()) == 1 + 40 * 2 * trials
+    assert peaks[1] < peaks[0] + 1_000_000  # all missions would be several times as much
+
+
+# What is refused ----------------------------------------------------------------------------
+
+
+def test_a_run_is_no_evaluation_and_the_other_way_round(
+    whole: Path, run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = everything(whole), everything(run)
+    assert resume(run) == INPUT
+    assert f"type: evoros resume={run}" in capsys.readouterr().err
+    assert resume_run(whole) == INPUT
+    assert f"type: evoros-evaluate resume={whole}" in capsys.readouterr().err
+    assert resume(whole, "optimizer.generations=30") == INPUT
+    assert "only executor, executor.* go with resume=" in capsys.readouterr().err
+    assert scored(whole, run) == INPUT
+    assert f"type: evoros-evaluate resume={whole}" in capsys.readouterr().err
+    assert before == (everything(whole), everything(run))
+
+
+BAD = [
+    ("", "line 1: must have the column design, not only nothing"),
+    (HEADER, "must have at least one design, not none; add a row"),
+    ("design,sensor,x_m,yaw_deg\n0,0,0,0", "line 1: must have the column y_m"),
+    (f"{HEADER},z\n0,0,0,0,0,0", "line 1: must not have the column 'z' which is unknown"),
+    (f"{HEADER},x_m\n0,0,0,0,0,0", "line 1: must not have the column 'x_m' again"),
+    (f"{HEADER}\n0,0,a,0,0", "line 2: x_m must be a number, not 'a'"),
+    (f"{HEADER}\n0,0,0.1,0,nan", "line 2: yaw_deg must be a number, not 'nan'"),
+    (f"{HEADER}\n0,0,0.1,0,1{'0' * 400}", "line 2: yaw_deg must be a number, not '1000"),
+    (f"{HEADER}\n0,0,0.1,,0", "line 2: y_m must be a number, not ''"),
+    (f"{HEADER}\n0,0,24,0,0", "line 2: sensor: x must be at most 0.05 m outside the outline"),
+    (f"{HEADER}\n0,0,0.1,0,400", "line 2: yaw_deg: must be a number, or [low, high]"),
+    (f"{HEADER}\n0,x,0.1,0,0", "line 2: sensor must be a whole number of at least 0, not 'x'"),
+    (f"{HEADER}\n,0,0.1,0,0", "line 2: design must be a name, not empty"),
+    (f"{HEADER}\n0,0,0.1,0", "line 2: must have 5 cells, as the first line has, not 4"),
+    (f"{HEADER}\n0,0,0.1,0,0\n0,0,0.2,0,0", "line 3: design '0' must have each sensor once, not 0"),
+    (f"{HEADER}\n0,0,0.1,0,0\n0,,,,", "line 3: design '0' must have either rows with sensors or"),
+    (f"{HEADER},type\n0,0,0.1,0,0,lidar", "line 2: type must be one of sonar, not 'lidar'"),
+    (f"{HEADER},link\n0,0,0.1,0,0,nix", "line 2: sensor.link: must be a link of"),
+    (f"{HEADER}\n0,0,0.1,0,\ufffd\xff", "line 2: yaw_deg must be a number"),
+]
+
+
+@pytest.mark.parametrize(("text", "said"), BAD, ids=[said[:40] for _, said in BAD])
+def test_a_bad_file_is_one_clear_line_and_leaves_no_folder(
+    text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "bad.csv").write_text(text)
+    refused(tmp_path, tmp_path / "bad.csv", f"{tmp_path / 'bad.csv'}: {said}", capsys)
+
+
+def refused(
+    folder: Path, designs: object, said: str, capsys: pytest.CaptureFixture[str], *more: str
+) -> None:
+    assert scored(folder / "scores", designs, *more) == INPUT
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert re.fullmatch(r"evoros-evaluate: [^\n]+\n", err)
+    assert said in err
+    assert not (folder / "scores").exists()
+
+
+def test_bad_sources_are_one_clear_line_each(
+    whole: Path, run: Path, file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refused(tmp_path, "null", "designs: must be a CSV file, the folder of a finished run", capsys)
+    refused(tmp_path, "3", "designs: must be a CSV file, the folder of a finished run", capsys)
+    refused(tmp_path, "[]", "designs: must be a CSV file, the folder of a finished run", capsys)
+    refused(tmp_path, "nix.csv", "nix.csv: must be a CSV file of designs or the folder", capsys)
+    refused(tmp_path, tmp_path, "the folder is no run's", capsys)
+    refused(tmp_path, whole, "the folder is an evaluation's", capsys)
+    refused(tmp_path, f"[{file},{file}]", "must name each source once", capsys)
+    refused(tmp_path, file, "designz: must be an existing key", capsys, "designz=1")
+    (tmp_path / "latin.csv").write_bytes(f"{HEADER}\n0,0,0,0,\xe9".encode("latin-1"))
+    refused(tmp_path, tmp_path / "latin.csv", "must be a CSV file in UTF-8", capsys)
+    shutil.copytree(run, tmp_path / "half")
+    status = json.loads((run / "status.json").read_text()) | {"state": "stopped"}
+    (tmp_path / "half" / "status.json").write_text(json.dumps(status))
+    half = tmp_path / "half"
+    said = f"with a champion, and its state is stopped; type: evoros resume={half}"
+    refused(tmp_path, half, said, capsys)
+
+
+def test_a_design_that_the_parts_refuse_is_refused_before_anything_is_made(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The champion's reach has no place in a controller that does not avoid."""
+    refused(
+        tmp_path,
+        run,
+        "controller.avoidance.range_m: must lead to an existing value",
+        capsys,
+        "controller/avoidance=blind",
+    )
+
+
+def test_what_was_scored_must_not_be_changed(
+    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "edited"
+    shutil.copytree(whole, folder)
+    text = (folder / "designs_in.csv").read_text()
+    (folder / "designs_in.csv").write_text(text.replace(",30.0,", ",31.0,"))
+    assert resume(folder) == INPUT
+    assert "designs_in.csv must be as it was when the run began" in capsys.readouterr().err
+
+
+# The documents ------------------------------------------------------------------------------
+
+
+def test_a_table_of_designs_can_be_given_as_it_is_written(tmp_path: Path) -> None:
+    """That of a champion, with several designs in one file."""
+    experiment = build(compose(["experiment=tiny"], USER_PARTS))
+    rng = np.random.default_rng(0)
+    size = experiment.space.size
+    designs: dict[int, Design] = {i: experiment.space.decode(rng.random(size)) for i in range(20)}
+    (tmp_path / "many.csv").write_text(design_table(designs))
+    given = read_given([str(tmp_path / "many.csv")], experiment.task)
+    assert [one.name for one in given] == [str(i) for i in designs]
+    assert [one.design.mounts for one in given] == [one.mounts for one in designs.values()]
+
+
+def documented(heading: str, first: str) -> list[str]:
+    """The first cells of the tables of one section of evaluation.md."""
+    text = (ROOT / "docs" / "evaluation.md").read_text()
+    (section,) = re.findall(rf"^#+ {re.escape(heading)}\n(.*?)(?=^#|\Z)", text, re.M | re.S)
+    rows = [
+        line.strip("|").split("|")[0].strip(" `")
+        for line in section.splitlines()
+        if line[:1] == "|"
+    ]
+    found = [row for row in rows if re.fullmatch(r"[\w.]+", row)]
+    assert found[0] == first
+    return found[1:]
+
+
+def test_columns_fields_and_files_are_documented(whole: Path) -> None:
+    names = (whole / "designs.csv").read_text().splitlines()[0].split(",")
+    columns = [name.replace("near", "WORLD") for name in names if "far" not in name]
+    assert documented("designs.csv", "column") == columns
+    status = json.loads((whole / "status.json").read_text())
+    assert documented("status.json", "field") == list(status)
+    assert set(documented("The folder", "file")) == {path.name for path in whole.iterdir()}
+    assert documented("Designs", "column") == list(DESIGN_COLUMNS)
+
+
+def commands() -> list[str]:
+    text = (ROOT / "docs" / "evaluation.md").read_text()
+    return re.findall(r"^evoros(?:-evaluate)? .*$", text, re.M)
+
+
+@pytest.mark.parametrize("line", [each for each in commands() if "resume=" not in each])
+def test_the_commands_of_the_document_build(line: str) -> None:
+    name, *arguments = line.split()
+    options = options_of(arguments)
+    primary = {"evoros": "config", "evoros-evaluate": "evaluate"}[name]
+    for job in Jobs(options.overrides, bool(options.multirun), None, primary):
+        assert isinstance(job, Job), job
+        keys = [str(key) for key in job.config if key != "designs"]
+        build(OmegaConf.masked_copy(job.config, keys))

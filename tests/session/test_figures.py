@@ -1,0 +1,127 @@
+"""A run draws its own figures when it is finished, whatever becomes of them."""
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from helpers import content, everything, resume, tiny
+
+from evoros.base.console import DONE, INPUT
+
+WANTED = "figures=[overlay,fitness,mission]"
+PICTURES = {"overlay.pdf", "fitness.pdf", "mission.pdf"}
+TABLES = {"overlay.csv", "fitness.csv", "mission.csv"}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("first") / "run"
+    assert tiny(folder, WANTED) == DONE
+    return folder
+
+
+def state(folder: Path) -> object:
+    return json.loads((folder / "status.json").read_text())["state"]
+
+
+def stamps(folder: Path) -> dict[str, int]:
+    return {file.name: file.stat().st_mtime_ns for file in (folder / "figures").iterdir()}
+
+
+def test_a_run_leaves_its_figures_with_their_numbers_and_nothing_else(run: Path) -> None:
+    names = set(stamps(run))
+    assert names >= PICTURES | TABLES
+    assert all(name.split(".")[0].split("_")[0] in WANTED for name in names)
+    assert all((run / "figures" / name).read_bytes().startswith(b"%PDF") for name in PICTURES)
+    points = pd.read_csv(run / "figures" / "fitness.csv")
+    assert len(points) == sum(len(pd.read_csv(file)) for file in run.glob("generations/*.csv"))
+    assert (
+        f"figures in {run / 'figures'}: overlay, fitness, mission"
+        in (run / "evoros.base.log").read_text()
+    )
+
+
+def test_the_summary_says_where(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert resume(run) == DONE
+    assert f"figures           {run / 'figures'}\n" in capsys.readouterr().out
+    assert tiny(tmp_path / "bare", "figures=[]", "optimizer.generations=1") == DONE
+    assert "figures" not in capsys.readouterr().out
+    assert not (tmp_path / "bare" / "figures").exists()
+
+
+def test_workers_draw_the_same_bytes(run: Path, tmp_path: Path) -> None:
+    again = tmp_path / "run"  # of the same name
+    assert tiny(again, WANTED, "executor=processes", "executor.workers=2") == DONE
+    assert everything(again / "figures") == everything(run / "figures")
+
+
+def test_resuming_draws_what_is_missing_and_nothing_again(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    assert tiny(folder, "figures=[fitness,mission]", "optimizer.generations=1") == DONE
+    before, bytes_before = stamps(folder), everything(folder / "figures")
+    for file in (folder / "figures").glob("fitness.*"):
+        file.unlink()
+    assert resume(folder) == DONE
+    after = stamps(folder)
+    assert everything(folder / "figures") == bytes_before
+    kept = [name for name in before if not name.startswith("fitness")]
+    assert all(after[name] == before[name] for name in kept)
+
+
+def test_an_extended_run_draws_all_of_itself_again(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    assert tiny(folder, "figures=[fitness]", "optimizer.generations=1") == DONE
+    assert resume(folder, "optimizer.generations=2") == DONE
+    points = pd.read_csv(folder / "figures" / "fitness.csv")
+    assert set(points["generation"]) == {0, 1}
+
+
+def test_a_figure_that_raises_leaves_a_finished_run_and_one_warning(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def failing(*_: object) -> None:
+        raise ZeroDivisionError("no\nluck")
+
+    monkeypatch.setattr("evoros.analysis.figures.fitness.product", failing)
+    folder = tmp_path / "run"
+    assert tiny(folder, WANTED) == DONE
+    said = [line for line in capsys.readouterr().err.splitlines() if "no luck" in line]
+    assert said == [
+        f"{folder / 'figures'}: fitness: it cannot be drawn (ZeroDivisionError: no luck)"
+    ]
+    assert state(folder) == "finished"
+    assert content(folder) == content(run)
+    assert {file.suffix for file in (folder / "figures").iterdir()} == {".pdf", ".csv"}
+    assert not list((folder / "figures").glob("fitness*"))
+
+
+def test_where_nothing_can_be_written_the_run_is_finished_all_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In worker processes, with a file in the place of the folder."""
+    folder = tmp_path / "run"
+    assert tiny(folder, "figures=[fitness]", "optimizer.generations=1") == DONE
+    for file in (folder / "figures").iterdir():
+        file.unlink()
+    (folder / "figures").rmdir()
+    (folder / "figures").write_text("")
+    capsys.readouterr()
+    assert resume(folder, "executor=processes", "executor.workers=1") == DONE
+    warnings = [line for line in capsys.readouterr().err.splitlines() if "fitness: " in line]
+    assert len(warnings) == 1
+    assert "cannot be drawn" in warnings[0]
+    assert state(folder) == "finished"
+
+
+@pytest.mark.parametrize("names", ["[fitnes]", "fitness", "[fitness,fitness]", "[1]", "null"])
+def test_a_wrong_name_is_one_line_before_the_run(
+    names: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert tiny(tmp_path / "run", f"figures={names}") == INPUT
+    said = capsys.readouterr().err
+    assert "figures: must be a list of subcommands of evoros-analyze" in said
+    assert said.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,188 @@
+"""The robot with differential drive: in both simulators, against geometry."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from lxml import etree
+
+from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, YAW_RATE, Array, X, Y
+from evoros.config.compose import build, compose
+from evoros.evolution.experiment import Experiment
+from evoros.formats.urdf.tree import read_tree
+from evoros.mission.mission import Mission
+from evoros.mission.rollout import run_mission
+from evoros.robot.model import Robot
+from evoros.simulator import pybullet as module
+from evoros.simulator.planar import Planar
+from evoros.simulator.pybullet import PyBullet
+from evoros.world.model import Body, Pose, Shape, World
+
+SIMULATORS: dict[str, tuple[Any, float]] = {
+    "pybullet": (PyBullet(), 0.01),
+    "planar": (Planar(), 1e-9),
+}
+"""Each at its default step, and how far it may be from the geometry."""
+
+
+@cache
+def experiment(*overrides: str) -> Experiment:
+    return build(compose(["robot=two_wheeler", *overrides]))
+
+
+def robot() -> Robot:
+    return experiment().robot
+
+
+def plain(*bodies: Body) -> World:
+    """Level ground with these bodies."""
+    world = experiment().world["boxes"]
+    ground = tuple(body for body in world.bodies if body.is_ground)
+    course = replace(world.course, home_x_m=0.0, home_y_m=0.0, home_z_m=0.0, home_yaw_rad=0.0)
+    return replace(world, bodies=(*ground, *bodies), course=course)
+
+
+@pytest.fixture(autouse=True)
+def _closed() -> Iterator[None]:
+    yield
+    module.close_engines()
+
+
+def state_of(simulation: Any) -> Array:
+    state = np.zeros(STATE_SIZE)
+    simulation.observe(state)
+    return state
+
+
+def attitude(simulation: Any) -> tuple[float, float, float]:
+    """Height [m], roll and pitch [deg] of the base link in PyBullet."""
+    bullet, client, model = simulation._bullet, simulation._client, simulation._model
+    pose = bullet.getBasePositionAndOrientation(model.body, client)
+    (_, _, z), quaternion = bullet.multiplyTransforms(*pose, *model.to_base)
+    roll, pitch, _ = bullet.getEulerFromQuaternion(quaternion)
+    return z, math.degrees(roll), math.degrees(pitch)
+
+
+# Open loop.
+
+COMMANDS = [(0.29, 0.1), (0.29, -0.3), (0.29, 0.6), (0.05, 0.9), (0.4, -0.9), (-0.29, 0.6), (9, 9)]
+
+
+def wanted(speed: float, steering: float) -> tuple[float, float]:
+    """Speed [m/s] and curvature [1/m] by the limits in the robot's YAML and the track in its file:
+    0.45 m/s of a wheel, 0.9 rad, 0.29 m.
+    """
+    curvature = math.tan(min(max(steering, -0.9), 0.9)) / 0.3
+    fastest = 0.45 / (1.0 + 0.145 * abs(curvature))
+    return min(max(speed, -fastest), fastest), curvature
+
+
+@pytest.mark.parametrize("simulator", SIMULATORS)
+@pytest.mark.parametrize("command", COMMANDS)
+def test_speed_turning_rate_and_radius_are_those_of_the_geometry(
+    simulator: str, command: tuple[float, float]
+) -> None:
+    engine, tolerance = SIMULATORS[simulator]
+    speed, curvature = wanted(*command)
+    rows = []
+    with engine.open(robot(), plain()) as simulation:
+        simulation.advance(np.array(command), 1.0)
+        for _ in range(100):
+            rows.append(state_of(simulation))
+            simulation.advance(np.array(command), 0.1)
+    path = np.array(rows)
+    yaw = np.unwrap(path[:, YAW])
+    axle = path[:, [X, Y]] - 0.1 * np.column_stack([np.cos(yaw), np.sin(yaw)])
+    chords = np.sqrt((np.diff(axle, axis=0) ** 2).sum(axis=1))
+    half = 0.5 * speed * curvature * 0.1
+    assert chords.sum() / 9.9 == pytest.approx(abs(speed) * math.sin(half) / half, rel=tolerance)
+    assert (yaw[-1] - yaw[0]) / 9.9 == pytest.approx(speed * curvature, rel=tolerance)
+    assert path[:, SPEED] == pytest.approx(speed, rel=3 * tolerance)
+    assert path[:, YAW_RATE] == pytest.approx(speed * curvature, rel=3 * tolerance)
+    left = np.column_stack([-np.sin(yaw), np.cos(yaw)])
+    assert np.ptp(axle + left / curvature, axis=0).max() < 0.04 * abs(1 / curvature)
+    assert not path[:, CONTACT].any()
+
+
+@pytest.mark.parametrize("simulator", SIMULATORS)
+@pytest.mark.parametrize("speed", [0.29, -0.29, 9.0])
+def test_straight_ahead_it_does_not_drift(simulator: str, speed: float) -> None:
+    engine, tolerance = SIMULATORS[simulator]
+    with engine.open(robot(), plain()) as simulation:
+        simulation.advance(np.array([speed, 0.0]), 1.0)
+        start = state_of(simulation)
+        simulation.advance(np.array([speed, 0.0]), 10.0)
+        x, y, yaw = (state_of(simulation) - start)[[X, Y, YAW]]
+    assert x == pytest.approx(10.0 * wanted(speed, 0.0)[0], rel=tolerance)
+    assert abs(y) < tolerance * abs(x)
+    assert abs(yaw) < tolerance
+
+
+# What only a rigid body can do wrong.
+
+
+def test_at_rest_it_stands_level_where_it_was_put() -> None:
+    with PyBullet().open(robot(), plain()) as simulation:
+        simulation.advance(np.zeros(2), 10.0)
+        assert attitude(simulation) == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
+        assert state_of(simulation) == pytest.approx(np.zeros(STATE_SIZE), abs=5e-3)
+
+
+def test_it_neither_tips_nor_sinks_at_the_hardest_manoeuvres() -> None:
+    rows = []
+    with PyBullet().open(robot(), plain()) as simulation:
+        for tick in range(100):
+            forward = 1.0 if tick // 5 % 2 else -1.0
+            turned = 0.9 if tick // 7 % 2 else -0.9
+            simulation.advance(np.array([0.45 * forward, turned * (tick < 60)]), 0.1)
+            rows.append(attitude(simulation))
+    height, roll, pitch = np.abs(rows).max(axis=0)
+    assert height < 1e-3
+    assert max(roll, pitch) < 0.5
+
+
+@pytest.mark.parametrize("name", ["two_wheeler", "erle_rover"])
+def test_wheels_and_casters_meet_nothing_but_the_ground(name: str) -> None:
+    """A wide sill far below the chassis: they pass through it."""
+    driven = experiment(f"robot={name}").robot
+    sill = Body("sill", Pose((0.7, 0.0, 0.0025)), (Shape("box", (0.5, 2.0, 0.005)),))
+    with PyBullet().open(driven, plain(sill)) as simulation:
+        for _ in range(40):
+            simulation.advance(np.array([0.3, 0.0]), 0.1)
+            assert attitude(simulation) == pytest.approx((0.0, 0.0, 0.0), abs=5e-3)
+        assert state_of(simulation)[X] > 1.1
+
+
+# As a part.
+
+
+@pytest.mark.parametrize("simulator", SIMULATORS)
+def test_it_flies_missions_with_the_sensors_of_the_rover(simulator: str) -> None:
+    limits = [f"world.{name}.course.time_limit_s=20" for name in ("boxes", "maze", "blocks")]
+    whole = experiment(f"simulator={simulator}", *limits)
+    design = whole.space.decode(np.full(whole.space.size, 0.5))
+    outcome, track = run_mission(
+        whole.task, Mission(0, 0, design, "blocks", 0, "evaluation", "test")
+    )
+    assert len(design.mounts) == 6
+    assert outcome.ended == "time_limit"
+    assert 4.0 < outcome.distance_m < 6.5  # 0.29 m/s for 20 s, weaving
+    assert np.isfinite(track).all()
+
+
+def test_wheels_and_caster_are_within_the_outline_and_no_part_of_it() -> None:
+    outline = robot().outline
+    assert outline.min(axis=0) == pytest.approx([-0.175, -0.165])
+    assert outline.max(axis=0) == pytest.approx([0.245, 0.165])
+    assert robot().height_m == pytest.approx(0.15)
+    links = read_tree(etree.fromstring(robot().urdf.encode()), "robot").poses
+    for link, radius, half in (("left_wheel", 0.06, 0.015), ("caster", 0.03, 0.03)):
+        x, y, _ = links[link].position
+        assert -0.175 < x - radius < x + radius < 0.245
+        assert abs(y) + half < 0.165
+    far = experiment("+robot.arguments.caster_x=0.4").robot
+    np.testing.assert_array_equal(far.outline, outline)

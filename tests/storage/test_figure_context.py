@@ -1,0 +1,163 @@
+"""What a folder says of its experiment is what the experiment is."""
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from documents import documented
+from evoros.analysis.tables.designs import candidate_mounts, sensors
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evoros.base.errors import InputError
+from evoros.config.compose import build, compose
+from evoros.design.design import Design
+from evoros.evolution.experiment import Experiment
+from evoros.sensor.protocol import Mount
+from evoros.storage.figure_context import FigureContext, Ring, describe_experiment
+from evoros.storage.tables import design_table
+
+EVOLVING = build(
+    compose(
+        [
+            "simulator=planar",
+            "executor=serial",
+            "+sensor@design.sensors.second=sonar",
+            "design.number=[1,3]",
+            "+design.regions.front.z_m=[0.1,0.2]",
+            "+design.regions.left.pitch_deg=5.0",
+        ]
+    )
+)
+SETTING = describe_experiment(EVOLVING)
+VALUES = {
+    "robot.mount.link": "base_link",
+    "robot.mount.z_m": 0.166,
+    "robot.mount.pitch_deg": 12.5,
+    "design.regions.left.pitch_deg": 5.0,
+}
+
+
+@pytest.fixture(scope="module")
+def experiment() -> Experiment:
+    return build(compose(["simulator=planar", "failure=combined", "executor=serial"]))
+
+
+@pytest.fixture(scope="module")
+def setting(experiment: Experiment) -> FigureContext:
+    return describe_experiment(experiment)
+
+
+def test_what_is_written_is_read(setting: FigureContext, tmp_path: Path) -> None:
+    (tmp_path / "setting.json").write_text(setting.text)
+    assert FigureContext.read(tmp_path) == setting
+
+
+def test_it_says_what_the_paper_and_the_configuration_say(setting: FigureContext) -> None:
+    assert setting.beams["sonar"].fov_deg == pytest.approx(30.0, abs=1e-9)
+    assert setting.beams["sonar"].range_max_m == 4.5
+    assert setting.rings == (Ring(0.03, 1.0), Ring(0.06, 2 / 3), Ring(0.09, 1 / 3))
+    assert setting.modes == ("avoiding", "navigating")
+    assert setting.regions["left"].corners == ((0.0, 0.1), (0.2, 0.1), (0.2, 0.15), (0.0, 0.15))
+    assert setting.regions["left"].yaw_deg == (40, 90)
+    assert list(setting.courses) == ["boxes", "maze", "blocks"]
+
+
+def test_the_parts_cover_what_the_robot_covers(
+    experiment: Experiment, setting: FigureContext
+) -> None:
+    """Of the rover, 0.465 m by 0.325 m, with four wheels of 0.127 m by 0.056 m (case study)."""
+    corners = np.array([point for part in setting.parts for point in part.vertices])
+    np.testing.assert_allclose(corners.min(axis=0), (-0.215, -0.1625), atol=1e-12)
+    np.testing.assert_allclose(corners.max(axis=0), (0.25, 0.1625), atol=1e-12)
+    wheels = [np.array(part.vertices) for part in setting.parts if part.wheel]
+    assert len(wheels) == 4
+    for wheel in wheels:
+        np.testing.assert_allclose(np.ptp(wheel, axis=0), (0.127, 0.056), atol=1e-12)
+
+
+def test_a_robot_that_shows_a_mesh_is_drawn_by_what_can_touch(experiment: Experiment) -> None:
+    urdf = experiment.robot.base_urdf
+    link = urdf.index("<visual>")
+    mesh = '<visual><geometry><mesh filename="a.dae"/></geometry></visual>'
+    robot = replace(experiment.robot, base_urdf=f"{urdf[:link]}{mesh}{urdf[link:]}")
+    parts = describe_experiment(replace(experiment, robot=robot)).parts
+    corners = [part.vertices[2] for part in parts if part.link == "base_link"]
+    np.testing.assert_allclose(corners, [(0.25, 0.1625), (-0.01, 0.1)])  # box and roll cage
+
+
+@pytest.mark.parametrize(
+    ("change", "rule"),
+    [
+        (lambda raw: raw.pop("parts"), "as evoros wrote it"),
+        (lambda raw: raw["parts"][0]["vertices"].append([1.0]), "must be 2 numbers"),
+        (lambda raw: raw["courses"]["maze"].update(time_limit_s=-1), "time_limit_s"),
+        (lambda raw: raw.update(unknown=1), "as evoros wrote it"),
+    ],
+)
+def test_a_damaged_one_is_said_in_one_line(
+    change: object, rule: str, setting: FigureContext, tmp_path: Path
+) -> None:
+    raw = json.loads(setting.text)
+    change(raw)  # type: ignore[operator]
+    (tmp_path / "setting.json").write_text(json.dumps(raw))
+    with pytest.raises(InputError, match=rule) as error:
+        FigureContext.read(tmp_path)
+    assert "\n" not in str(error.value)
+    assert str(tmp_path / "setting.json") in str(error.value)
+
+
+@settings(deadline=None)
+@given(
+    poses=st.lists(
+        st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-360, 360)), min_size=1, max_size=4
+    ),
+    yaw=st.floats(-3, 3),
+)
+def test_sensors_are_where_the_robot_has_them(
+    poses: list[tuple[float, float, float]], yaw: float
+) -> None:
+    """In the robot's frame, whatever link carries them."""
+    place = (0.1, -0.2, 0.3, yaw)
+    robot = replace(EVOLVING.robot, places={"mast": place})
+    mounts = [Mount("sonar", "mast", x, y, 0.05, turn, 12.5) for x, y, turn in poses]
+    equipped = robot.equipped(mounts, EVOLVING.design.sensors)
+    table = pd.read_csv(io.StringIO(design_table({1: Design(tuple(mounts))})))
+    found = sensors(table, replace(SETTING, places={"mast": place}))
+    expected = equipped.sensor_poses()
+    np.testing.assert_allclose(found[["x_m", "y_m", "z_m"]], expected[:, :3], atol=1e-12)
+    turned = np.radians(found.yaw_deg) - expected[:, 3]
+    np.testing.assert_allclose(np.cos(turned), 1.0, atol=1e-12)
+    assert found.yaw_deg.between(-180, 180).all()
+
+
+@settings(deadline=None)
+@given(st.data())
+def test_a_candidate_has_the_mounts_of_its_design(data: st.DataObject) -> None:
+    """Whatever evolves: types, regions with heights of their own, the number of sensors."""
+    experiment = EVOLVING
+    space = experiment.space
+    genome = np.array([data.draw(st.floats(0, 1)) for _ in range(space.size)])
+    design = space.decode(genome)
+    row = pd.DataFrame([{"id": 7, **space.values(genome)}])
+    record = type("Record", (), {"setting": SETTING, "values": VALUES})()
+    found = candidate_mounts(row, record)
+    assert [_mount(each) for each in found.to_dict("records")] == list(design.mounts)
+    assert list(found.sensor) == list(range(len(design.mounts)))
+
+
+def _mount(row: dict[str, object]) -> Mount:
+    names = ("link", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
+    return Mount(str(row["type"]), *(row[name] for name in names))  # type: ignore[arg-type]
+
+
+def test_a_design_without_sensors_has_no_rows(setting: FigureContext) -> None:
+    assert sensors(pd.read_csv(io.StringIO(design_table({1: Design(())}))), setting).empty
+
+
+def test_its_fields_are_documented_in_order(setting: FigureContext) -> None:
+    assert documented("setting.json") == list(json.loads(setting.text))

@@ -1,0 +1,76 @@
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from helpers import USER_PARTS, everything
+
+from evoros.base.console import DONE, INPUT
+from evoros.cli.run import evoros
+from evoros.storage.manifest import DECISIVE, PACKAGES
+
+ONE = ["experiment=tiny", "executor=serial", "optimizer.generations=1"]
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Path:
+    """A user's folder that may be edited, with a module of a name of its own."""
+    copy = tmp_path / "own"
+    shutil.copytree(USER_PARTS, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    name = f"planar_{abs(hash(str(tmp_path)))}"
+    (copy / "planar.py").rename(copy / f"{name}.py")
+    for file in copy.rglob("*.yaml"):
+        file.write_text(file.read_text().replace("planar.P", f"{name}.P"))
+    return copy
+
+
+def test_a_users_module_that_has_changed_is_refused(
+    own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, (module,) = tmp_path / "run", own.glob("planar_*.py")
+    assert evoros(["--config-dir", str(own), *ONE, f"hydra.run.dir={run}"]) == DONE
+    recorded = json.loads((run / "manifest.json").read_text())["sha256"]
+    assert {key for key in recorded if key.startswith("module ")} == {f"module {module.stem}"}
+    again = ["--config-dir", str(own), f"resume={run}"]
+    assert evoros(again) == DONE
+    before = everything(run)
+    module.write_text(module.read_text() + "\n# another thought\n")
+    capsys.readouterr()
+    assert evoros(again) == INPUT
+    err = capsys.readouterr().err
+    assert f"module {module.stem} must be as it was when the run began" in err
+    assert err.count("\n") == 1
+    assert everything(run) == before
+
+
+def test_the_executors_module_may_change_for_no_result_depends_on_it(
+    own: Path, tmp_path: Path
+) -> None:
+    (own / "mine_exec.py").write_text("from evoros.executor.serial import Serial\n")
+    run = tmp_path / "run"
+    arguments = ["--config-dir", str(own), *ONE, "executor._target_=mine_exec.Serial"]
+    assert evoros([*arguments, f"hydra.run.dir={run}"]) == DONE
+    (own / "mine_exec.py").write_text("from evoros.executor.serial import Serial  # faster\n")
+    assert evoros(["--config-dir", str(own), f"resume={run}"]) == DONE
+    assert evoros(["--config-dir", str(own), f"resume={run}", "executor=serial"]) == DONE
+
+
+def test_other_versions_are_said_on_the_terminal_and_in_the_log(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    assert evoros(["--config-dir", str(USER_PARTS), *ONE, f"hydra.run.dir={run}"]) == DONE
+    manifest = json.loads((run / "manifest.json").read_text())
+    assert set(DECISIVE) < set(manifest["packages"]) == set(PACKAGES)
+    manifest["packages"] |= {"numpy": "0.1", "pybullet": None, "lxml": "0.2"}
+    (run / "manifest.json").write_text(json.dumps(manifest))
+    assert "0.1" not in (run / "evoros.base.log").read_text()
+    capsys.readouterr()
+    assert evoros(["--config-dir", str(USER_PARTS), f"resume={run}"]) == DONE
+    log = (run / "evoros.base.log").read_text()
+    for said in (capsys.readouterr().err, log):
+        assert "made with numpy 0.1, and this is " in said
+        assert "made with pybullet (not installed), and this is " in said
+        assert "lxml" not in said
+        assert "made with evoros" not in said
+    assert log.count("made with numpy") == 1

@@ -1,0 +1,336 @@
+import json
+import os
+import random
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from helpers import TINY, content, copied, cut, everything, resume, start, tiny, wait_for_missions
+
+from evoros.base.console import DONE, INPUT
+from evoros.base.errors import InputError
+from evoros.cli.run import evoros
+from evoros.storage.figure_context import FigureContext
+from evoros.storage.run_folder import RunFolder
+
+BARE = FigureContext("robot", (), {}, {}, {}, False, (), (), {})
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An uninterrupted run."""
+    run = tmp_path_factory.mktemp("whole") / "run"
+    assert tiny(run) == DONE
+    return run
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_run_cut_anywhere_ends_with_the_same_bytes(
+    seed: int, whole: Path, tmp_path: Path
+) -> None:
+    run = copied(whole, tmp_path / "run")
+    size = (run / "missions.csv").stat().st_size
+    header = (run / "missions.csv").read_bytes().index(b"\n") + 1
+    cut(run, random.Random(seed).randrange(header, size))
+    assert resume(run, "executor=serial") == DONE
+    assert content(run) == content(whole)
+
+
+@pytest.mark.parametrize("missions", [0, 5, 13])
+def test_a_killed_run_ends_with_the_same_bytes_and_leaves_no_process(
+    missions: int, whole: Path, tmp_path: Path
+) -> None:
+    arguments = [*TINY, "simulator.pause_s=0.05", "executor.workers=2", "hydra.run.dir=run"]
+    process = start(arguments, tmp_path)
+    wait_for_missions(tmp_path / "run", missions)
+    workers = children(process.pid)
+    process.kill()
+    process.communicate(timeout=20)
+    assert resume(tmp_path / "run", "executor.workers=1") == DONE
+    assert content(tmp_path / "run") == content(whole)
+    deadline = time.monotonic() + 10
+    while any(map(lives, workers)) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not any(map(lives, workers))
+
+
+def lives(pid: int) -> bool:
+    """Whether the process is there and no zombie that its new parent has yet to bury."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def children(pid: int) -> list[int]:
+    found = subprocess.run(["pgrep", "-P", str(pid)], capture_output=True, text=True, check=False)
+    return [int(line) for line in found.stdout.split()]
+
+
+def test_a_character_cut_in_half_is_only_a_row_cut_short(tmp_path: Path) -> None:
+    whole, run = tmp_path / "whole", tmp_path / "run"
+    assert tiny(whole, "simulator.fault=fail", "optimizer.generations=1") == DONE
+    copied(whole, run)
+    cut(run, (run / "missions.csv").read_bytes().index("“".encode()) + 1)
+    assert resume(run) == DONE
+    assert content(run) == content(whole)
+
+
+def test_resuming_a_finished_run_verifies_it_and_changes_nothing(
+    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = copied(whole, tmp_path / "run")
+    stamps = {path: path.stat().st_mtime_ns for path in (run / "champion").iterdir()}
+    assert resume(run) == DONE
+    assert "of which 0 now" in capsys.readouterr().out
+    assert content(run) == content(whole)
+    assert stamps == {path: path.stat().st_mtime_ns for path in (run / "champion").iterdir()}
+
+
+def test_an_extended_run_is_a_longer_run(whole: Path, tmp_path: Path) -> None:
+    longer, run = tmp_path / "longer", copied(whole, tmp_path / "run")
+    assert tiny(longer, "optimizer.generations=6") == DONE
+    assert resume(run, "optimizer.generations=5") == DONE
+    assert resume(run, "optimizer.generations=6", "executor=processes") == DONE
+    assert content(run) == content(longer)
+    assert (run / "config.yaml").read_bytes() == (whole / "config.yaml").read_bytes()
+    assert resume(run) == DONE  # still six
+    assert content(run) == content(longer)
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "optimizer.generations=2",
+        "optimizer.generations=many",
+        "optimizer.generations=4,5",
+        "seed=1",
+        "+seed=0",
+        "~failure",
+        "executor=nix",
+        "executor.nix=1",
+        "executor.workers=-1",
+        "executor=[",
+        "resume=another",
+        "experiment=quickstart",
+        "hydra.run.dir=elsewhere",
+        "-m",
+        "--cfg=job",
+    ],
+)
+def test_resuming_refuses_other_overrides_untouched(
+    override: str,
+    whole: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    before = everything(whole)
+    assert resume(whole, override) == INPUT
+    assert capsys.readouterr().err.count("\n") == 1
+    assert everything(whole) == before
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "said"),
+    [
+        ("config.yaml", "trials: 1", "trials: 2", "configuration must be as it was"),
+        ("config.yaml", "trials: 1", "trials: [", "line"),
+        ("manifest.json", '"format_version": 1', '"format_version": 2', "format_version must be"),
+        ("manifest.json", "{", "[", "must be valid JSON"),
+        ("missions.csv", "generation,design", "design,generation", "line 1"),
+        ("missions.csv", "\n0,0,", "\n0,zero,", "line"),
+        ("generations/00001.csv", "\n1,", "\n1,9", "replaying the run gives another table"),
+        ("missions.csv", "/selection/", "/selected/", "has been edited"),
+    ],
+)
+def test_a_run_that_was_edited_is_refused_in_one_line(
+    file: str,
+    old: str,
+    new: str,
+    said: str,
+    whole: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    run = copied(whole, tmp_path / "run")
+    text = (run / file).read_text()
+    assert old in text
+    (run / file).write_text(text.replace(old, new, 1))
+    edited = (run / file).read_text()
+    assert resume(run) == INPUT
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert said in lines[-1]
+    assert lines[-1].startswith("evoros: ")
+    assert (run / file).read_text() == edited
+
+
+def test_an_edited_outcome_shows_in_the_replay(whole: Path, tmp_path: Path) -> None:
+    run = copied(whole, tmp_path / "run")
+    lines = (run / "missions.csv").read_text().splitlines(keepends=True)
+    at = lines[0].split(",").index("progress")
+    cells = lines[1].split(",")
+    cells[at] = "0.123"
+    (run / "missions.csv").write_text("".join([lines[0], ",".join(cells), *lines[2:]]))
+    assert resume(run) == INPUT
+
+
+def test_files_may_be_relative_and_the_run_resumed_from_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from evoros.base.resources import find_file
+
+    (tmp_path / "here" / "worlds").mkdir(parents=True)
+    world = tmp_path / "here" / "worlds" / "mine.sdf"
+    world.write_text(find_file("boxes.sdf", "worlds").read_text())
+    monkeypatch.chdir(tmp_path / "here")
+    assert tiny(Path("run"), "world.near.sdf=worlds/mine.sdf") == DONE
+    monkeypatch.chdir(tmp_path)
+    assert resume(Path("here/run")) == DONE
+    world.write_text(world.read_text().replace("4.914", "4.814", 1))
+    capsys.readouterr()
+    assert resume(Path("here/run")) == INPUT
+    err = capsys.readouterr().err
+    assert "world.near must be as it was when the run began" in err
+    assert err.count("\n") == 1
+
+
+def test_what_the_configuration_refers_to_must_not_change_either(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("EVOROS_SEED", "15")
+    reference = "seed='${oc.decode:${oc.env:EVOROS_SEED}}'"
+    assert tiny(tmp_path / "run", reference, "optimizer.generations=1") == DONE
+    assert resume(tmp_path / "run") == DONE
+    monkeypatch.setenv("EVOROS_SEED", "16")
+    capsys.readouterr()
+    assert resume(tmp_path / "run") == INPUT
+    assert "refer to" in capsys.readouterr().err
+    monkeypatch.delenv("EVOROS_SEED")
+    assert resume(tmp_path / "run") == INPUT
+    assert "seed: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("folder", ["", "nix", ".", "..", "a,b", "${oc.env:HOME}", "nix=1"])
+def test_resuming_what_is_no_run_is_one_line(
+    folder: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert evoros([f"resume={folder}"]) == INPUT
+    assert capsys.readouterr().err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_has_one_writer(whole: Path, tmp_path: Path) -> None:
+    run = copied(whole, tmp_path / "run")
+    before = everything(run)
+    with RunFolder(run):
+        assert resume(run) == INPUT
+        with pytest.raises(InputError, match="another process"):
+            RunFolder(run)
+    assert everything(run) == before
+
+
+def test_a_class_that_cannot_be_imported_is_one_line(
+    whole: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    process = start([f"resume={whole}"], tmp_path)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == INPUT
+    assert "No module named 'planar'" in err
+    assert err.count("\n") == 1
+
+
+def test_the_missions_are_on_disk_before_they_are_used(tmp_path: Path) -> None:
+    """Whatever the status counts was already in the table when a kill came."""
+    process = start(
+        [*TINY, "simulator.pause_s=0.05", "executor.workers=2", "hydra.run.dir=run"], tmp_path
+    )
+    wait_for_missions(tmp_path / "run", 12)
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate(timeout=20)
+    status = json.loads((tmp_path / "run" / "status.json").read_text())
+    rows = (tmp_path / "run" / "missions.csv").read_bytes().count(b"\n") - 1
+    assert status["state"] == "running"
+    assert rows >= status["missions"]
+
+
+def test_the_current_folder_is_used_where_it_is_empty(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And stays itself: an empty mount point could not be replaced by another folder."""
+    monkeypatch.chdir(tmp_path)
+    before = tmp_path.stat()
+    assert tiny(Path(".")) == DONE
+    assert tmp_path.stat().st_ino == before.st_ino
+    assert list(Path.cwd().iterdir()) != []
+    assert content(tmp_path) == content(whole)
+    assert resume(Path(".")) == DONE
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "link").symlink_to("elsewhere")
+    assert tiny(Path("link"), "optimizer.generations=1") == DONE
+    assert (tmp_path / "link").is_symlink()
+
+
+@pytest.mark.parametrize("exists", [False, True])
+@pytest.mark.parametrize("at", range(4))
+def test_what_fails_while_the_folder_is_made_leaves_nothing(
+    at: int, exists: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = tmp_path / "run"
+    if exists:
+        run.mkdir()
+    calls = iter(range(100))
+    replace = Path.replace
+
+    def failing(path: Path, target: Path) -> Path:
+        if next(calls) == at:
+            raise OSError(28, "No space left on device")
+        return replace(path, target)
+
+    monkeypatch.setattr(Path, "replace", failing)
+    moved = 3 if exists else 4  # manifest, setting, missions and a new folder are put in place
+    if at >= moved:
+        RunFolder.create(run, "", {}, BARE).__exit__()
+        return
+    with pytest.raises(InputError, match="cannot be made"):
+        RunFolder.create(run, "", {}, BARE)
+    assert list(tmp_path.rglob("*")) == ([run] if exists else [])
+
+
+@pytest.mark.parametrize("parts", [1, 2])
+def test_a_folder_that_a_kill_left_half_made_says_what_to_do(
+    parts: int, whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    for name in ("config.yaml", "manifest.json")[:parts]:
+        (run / name).write_bytes((whole / name).read_bytes())
+    before = everything(run)
+    for command in (tiny, resume):
+        assert command(run) == INPUT
+        err = capsys.readouterr().err
+        assert "killed before its first mission; delete what is in the folder" in err
+        assert err.count("\n") == 1
+    assert everything(run) == before
+
+
+def test_of_two_runs_that_are_made_in_one_folder_one_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second looks before the first writes."""
+    from evoros.storage import run_folder as record
+
+    monkeypatch.setattr(record, "require_unused", lambda path: None)
+    first = RunFolder.create(tmp_path, "first", {}, BARE)
+    with pytest.raises(InputError):
+        RunFolder.create(tmp_path, "second", {}, BARE)
+    assert (tmp_path / "config.yaml").read_text() == "first"
+    first.__exit__()

@@ -1,0 +1,46 @@
+import csv
+import io
+import math
+from dataclasses import fields
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from evoros.design.design import Design
+from evoros.mission.mission import Mission
+from evoros.mission.outcome import Outcome
+from evoros.storage.tables import MISSIONS_HEADER, cell, mission_row, read_mission, to_csv
+
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+# Reasons are one line; lists of effects hold names.
+LINE = st.text(st.characters(exclude_categories=["Cs", "Cc", "Zl", "Zp"]), max_size=30)
+NAME = st.from_regex(r"[a-z_]+", fullmatch=True)
+KINDS: dict[object, st.SearchStrategy[object]] = {
+    str: LINE,
+    bool: st.booleans(),
+    int: st.integers(0, 10**9),
+    float: st.one_of(FINITE, st.just(math.nan)),
+    tuple[float, ...]: st.lists(FINITE, max_size=4).map(tuple),
+    tuple[int, ...]: st.lists(st.integers(0, 99), max_size=4).map(tuple),
+    tuple[str, ...]: st.lists(NAME, max_size=4).map(tuple),
+}
+OUTCOMES = st.builds(Outcome, **{field.name: KINDS[field.type] for field in fields(Outcome)})
+
+
+@given(OUTCOMES, LINE.filter(bool), st.integers(0, 99))
+def test_a_mission_read_back_is_the_one_that_was_written(
+    outcome: Outcome, world: str, number: int
+) -> None:
+    mission = Mission(number, 7, Design(()), world, 2, "selection", f"0/{world}")
+    written = to_csv([MISSIONS_HEADER, mission_row(mission, outcome)])
+    assert written.count("\n") == 2
+    (row,) = csv.DictReader(io.StringIO(written, newline=""))
+    place, draws, back = read_mission(row)
+    assert (place, draws) == (mission.place, mission.draws)
+    # repr: it tells NaN from a number, -0.0 from 0.0, and a tuple from its items
+    assert repr(back) == repr(outcome)
+
+
+@given(FINITE)
+def test_numbers_are_written_in_full(value: float) -> None:
+    assert float(cell(value)) == value
