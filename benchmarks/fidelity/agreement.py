@@ -4,7 +4,7 @@ Random designs in the three environments under the three treatments, the same de
 same draws in both simulators. Killed at any time it goes on where it was; it ends with the tables
 of docs/fidelity.md and docs/img/agreement.png. Hours of processor time:
 
-    python benchmarks/fidelity/agreement.py [--designs 60] [--draws 4] [--workers 2] [--folder FOLDER]
+    python benchmarks/fidelity/agreement.py [--designs 60] [--draws 4] [--workers 2] [--folder F]
 
 With ``--tables`` it flies nothing and makes the tables from the series that are finished.
 """

@@ -22,12 +22,13 @@ from openloop import commands
 
 from evoros.base.arrays import SPEED, Array, X, Y
 from evoros.config.compose import build, compose
+from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
 from evoros.simulator.engines import pybullet_model
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
 from evoros.simulator.protocol import Simulator
 from evoros.simulator.pybullet import PyBullet, import_pybullet
-from evoros.world.model import Body, Pose, Shape, World
+from evoros.world.model import World
 
 STEPS = (0.0025, 0.005, 0.01, 0.02, 0.025, 0.05)  # [s]
 ITERATIONS = (50, 20, 10, 4)
@@ -94,7 +95,7 @@ def fidelity(robots: dict[str, Robot], world: World) -> list[Row]:
 def show(rows: Sequence[Row], robot: Robot) -> None:
     drive_ = robot.drive
     curve = drive_.wheelbase_m / math.tan(0.3)
-    exact = math.hypot(curve, drive_.turning_x_m)  # that of the base frame's origin
+    exact = math.hypot(curve, drive_.rear_axle_x_m)  # that of the base frame's origin
     print(f"greatest deviation in {SECONDS:g} s [% of the way]; radius by geometry {exact:.4f} m")
     print("wheels    step [ms]  iterations  straight    turn   weave  radius [m]  speed [m/s]")
     for row in rows:
@@ -240,7 +241,9 @@ def main() -> None:
     cylinder = build(compose(["+robot.arguments.wheel_collision=cylinder"]))
     design = sphere.space.decode(np.full(sphere.space.size, 0.5))
     bare = {"sphere": sphere.robot, "cylinder": cylinder.robot}
-    robots = {name: r.equipped(design.mounts, sphere.design.sensors) for name, r in bare.items()}
+    robots = {
+        name: r.with_sensors(design.mounts, sphere.design.sensors) for name, r in bare.items()
+    }
     ground, *_ = sphere.world.values()
     block = Body(
         "block", Pose((0.0, 1.0, 0.0715)), (Shape("box", (0.397, 0.194, 0.143)),), mass=5.0

@@ -48,9 +48,9 @@ def heading(robot: str, lag_s: float, hold_s: float) -> Array:
     controller = experiment.controller
     assert isinstance(controller, Rover)
     controller = replace(controller, localization=late | {"delay": Delay(lag_s)})
-    task = replace(experiment.task, controller=controller, world={"leg": leg(experiment)})
+    scenario = replace(experiment.scenario, controller=controller, world={"leg": leg(experiment)})
     mission = Mission(0, 0, Design(()), "leg", 0, "evaluation", "weave")
-    _, track = run_mission(task, mission)
+    _, track = run_mission(scenario, mission)
     return np.column_stack((track[:, TIME], np.degrees(track[:, HEADING])))
 
 

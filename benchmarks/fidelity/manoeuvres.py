@@ -87,7 +87,7 @@ def circles(experiment: Experiment) -> None:
     print("|---" * (len(SIMULATORS) + 2) + "|")
     for angle in ANGLES:
         steering = min(angle, drive_.steering_limit)
-        exact = math.hypot(drive_.wheelbase_m / math.tan(steering), drive_.turning_x_m)
+        exact = math.hypot(drive_.wheelbase_m / math.tan(steering), drive_.rear_axle_x_m)
         cells = []
         for simulator in SIMULATORS.values():
             wanted = commands(lambda time, to=angle: (0.29, to), 60.0)  # type: ignore[misc]

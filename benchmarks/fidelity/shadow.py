@@ -90,6 +90,6 @@ class _Simulation:
 def shadowed(experiment: Experiment, design: Design, world: str, draws: str) -> Log:
     """The log of one mission in PyBullet."""
     log = Log()
-    task = replace(experiment.task, simulator=Shadowed(log))
-    run_mission(task, Mission(0, 0, design, world, 0, "evaluation", draws))
+    scenario = replace(experiment.scenario, simulator=Shadowed(log))
+    run_mission(scenario, Mission(0, 0, design, world, 0, "evaluation", draws))
     return log

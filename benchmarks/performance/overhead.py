@@ -64,16 +64,16 @@ class _Noting:
 
 
 def bare(
-    task: Scenario, robot: Robot, world: World, commands: list[Command], sense_every: int
+    scenario: Scenario, robot: Robot, world: World, commands: list[Command], sense_every: int
 ) -> tuple[float, Array]:
     """Seconds in the engine's two calls alone, and the state at the end."""
     state = np.zeros(STATE_SIZE)
     spent = 0.0
-    with task.simulator.open(robot, world) as opened:
+    with scenario.simulator.open(robot, world) as opened:
         simulation: Any = opened
         bullet, client, body = simulation._bullet, simulation._client, simulation._model.body
         rays = [(starts, ends) for starts, ends, _ in simulation._beams]
-        step = task.simulator.time_step
+        step = scenario.simulator.time_step
         for number, (command, duration) in enumerate(commands):
             if number % sense_every == 0:
                 begin = perf_counter()
@@ -98,14 +98,16 @@ def bare(
 
 def pair(experiment: Experiment, recorder: Recorder, mission: Mission) -> tuple[float, ...]:
     """Seconds of the mission, of its bare calls, and simulated."""
-    task = experiment.task
-    _, track = run_mission(replace(task, simulator=recorder), mission)
+    scenario = experiment.scenario
+    _, track = run_mission(replace(scenario, simulator=recorder), mission)
     forget_models()  # so that building counts, as for every new design
     begin = perf_counter()
-    outcome, _ = run_mission(task, mission)
+    outcome, _ = run_mission(scenario, mission)
     whole = perf_counter() - begin
-    embodied = task.embody(mission.design)
-    spent, state = bare(task, embodied.robot, task.world[mission.world], recorder.commands, 1)
+    equipped = scenario.with_design(mission.design)
+    spent, state = bare(
+        scenario, equipped.robot, scenario.world[mission.world], recorder.commands, 1
+    )
     assert (track[-1, [AT_X, AT_Y]] == state[[X, Y]]).all(), "the bare calls went another way"
     return whole, spent, outcome.time_s
 

@@ -47,7 +47,7 @@ def rover(experiment: Experiment, sensors: int, rays_per_axis: int) -> Robot:
     sonar = Sonar(rays_per_axis=rays_per_axis)
     around = [360.0 * i / sensors for i in range(sensors)]
     mounts = [Mount("sonar", "base_link", 0.1, 0.0, 0.166, yaw, 12.5) for yaw in around]
-    return experiment.robot.equipped(mounts, {"sonar": sonar})
+    return experiment.robot.with_sensors(mounts, {"sonar": sonar})
 
 
 def field(experiment: Experiment, obstacles: int) -> World:

@@ -20,6 +20,7 @@ from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.extending import register_jitable
 
 from evoros.base.log import LOGGER
+from evoros.base.resources import PACKAGE
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -113,7 +114,7 @@ def try_compile(rule: Any, kind: Any) -> CompiledRule | NotCompilable:
 @cache
 def _compile(rule: Any, kind: Any) -> CompiledRule | NotCompilable:
     # What a user's rule calls may change without our noticing: it is compiled in every process.
-    ours = rule.__module__.partition(".")[0] == __package__
+    ours = rule.__module__.partition(".")[0] == "evoros"
     try:
         with compiling() as kept:
             return CompiledRule(njit(kind, cache=ours and kept, **HOW)(rule), kind)
@@ -147,9 +148,8 @@ def _cache_folder() -> Path | None:
     numba checks the file of a function alone, and not what it calls: hence the name by the
     content of all sources.
     """
-    here = Path(__file__).parent
     digest = hashlib.sha256(numba.__version__.encode())
-    for file in sorted(here.rglob("*.py")):
+    for file in sorted(PACKAGE.rglob("*.py")):
         digest.update(file.read_bytes())
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     for base in (Path(home) / "evoros", Path(tempfile.gettempdir()) / f"evoros-{os.getuid()}"):

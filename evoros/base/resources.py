@@ -4,13 +4,14 @@ from pathlib import Path
 
 from evoros.base.errors import InputError
 
-_PACKAGE = Path(__file__).resolve().parent
+PACKAGE = Path(__file__).resolve().parents[1]
+"""The folder of the package ``evoros`` itself."""
 
 
 def bundled_folder(name: str) -> Path:
     """The bundled folder ``conf``, ``robots`` or ``worlds``."""
-    installed = _PACKAGE / name
-    return installed if installed.is_dir() else _PACKAGE.parent / name
+    installed = PACKAGE / name
+    return installed if installed.is_dir() else PACKAGE.parent / name
 
 
 def find_file(name: str, kind: str) -> Path:

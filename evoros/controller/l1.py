@@ -210,7 +210,7 @@ class L1:
         parameters[LEAST_SPEED] = self.least_speed_mps
         # What has been integrated is out of date once avoidance has driven for a while.
         parameters[INTERRUPTION] = max(self.interruption_s, 1.5 * period)
-        parameters[AXLE] = robot.drive.turning_x_m
+        parameters[AXLE] = robot.drive.rear_axle_x_m
         memory = np.zeros(LAST_TIME + 1)
         memory[LAST_TIME] = -math.inf
         return parameters, memory

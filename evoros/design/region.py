@@ -62,17 +62,17 @@ class Region:
         return bound
 
     def _check_link(self, link: str, robot: "Robot", mirrored: bool, where: str) -> None:
-        if link not in robot.places:
+        if link not in robot.sensor_links:
             raise InputError(
                 f"{where}.link: must be a link of {robot.name} that can carry sensors, "
-                f"not {link!r}; choose one of {', '.join(robot.places)}"
+                f"not {link!r}; choose one of {', '.join(robot.sensor_links)}"
             )
         if self.z_m is None and link != robot.mount_link:
             raise InputError(
                 f"{where}.z_m: must be a number on the link {link}, not null; "
                 f"give it, for the robot's default height is that on {robot.mount_link}"
             )
-        _, y, _, yaw = robot.places[link]
+        _, y, _, yaw = robot.sensor_links[link]
         if mirrored and (y, yaw) != (0, 0):
             raise InputError(
                 f"{where}.link: must lie on the robot's x axis and face along it where sensors "
@@ -81,7 +81,7 @@ class Region:
             )
 
     def _check_outline(self, link: str, robot: "Robot", mirrored: bool, where: str) -> None:
-        x, y, _, yaw = robot.places[link]
+        x, y, _, yaw = robot.sensor_links[link]
         sides = (1, -1) if mirrored else (1,)
         corners = [
             (a, side * b) for a in bounds(self.x_m) for b in bounds(self.y_m) for side in sides
@@ -99,10 +99,10 @@ class Region:
                 )
 
     def _check_height(self, link: str, robot: "Robot", where: str) -> None:
-        base = robot.places[link][2]
+        base = robot.sensor_links[link][2]
         low, high = (base + end for end in bounds(self.z_m))
         # What cannot touch obstacles may reach higher: a mast, the robot's place for sensors.
-        mount = robot.places[robot.mount_link][2] + robot.mount_z_m
+        mount = robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
         top = max(robot.height_m, base, mount)
         if low < 0 or high > top + self.overhang_m:
             raise InputError(

@@ -155,7 +155,7 @@ class DesignSpace:
 
         A placed sensor is followed by its twin where the design is mirrored. Where the number of
         sensors evolves, the first so many are there. The mounts have the robot's order (that of
-        ``Robot.equipped``): by the types in ``design.sensors``, those of one type as placed.
+        ``Robot.with_sensors``): by the types in ``design.sensors``, those of one type as placed.
 
         Raises:
             InputError: the genome is not a vector of the closed unit cube.

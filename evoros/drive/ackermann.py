@@ -28,7 +28,7 @@ class Ackermann:
     front_track_m: float  # between the centres of the front wheels, straight ahead
     rear_track_m: float
     wheel_radius_m: float
-    turning_x_m: float  # of the rear axle, in the robot's frame
+    rear_axle_x_m: float  # of the rear axle, in the robot's frame
     steering_stop_rad: float  # how far the steering joints can turn
     steering_limit_rad: float  # how far each of them may turn
     max_speed_mps: float  # of the rear axle's middle
@@ -41,7 +41,7 @@ class Ackermann:
             front_track_m=POSITIVE,
             rear_track_m=POSITIVE,
             wheel_radius_m=POSITIVE,
-            turning_x_m=NUMBER,
+            rear_axle_x_m=NUMBER,
             steering_stop_rad=POSITIVE,
             steering_limit_rad=ANGLE,
             max_speed_mps=POSITIVE,
@@ -51,7 +51,7 @@ class Ackermann:
             raise invalid(self, "steering_limit_rad", self.steering_limit_rad, rule)
 
     @property
-    def limited_at_m(self) -> float:
+    def speed_limit_offset_m(self) -> float:
         """The limit of the speed is that of the rear axle's middle."""
         return 0.0
 
@@ -140,7 +140,7 @@ class AckermannDescription:
             front_track_m=front_track,
             rear_track_m=rear_track,
             wheel_radius_m=radius,
-            turning_x_m=rear_x,
+            rear_axle_x_m=rear_x,
             steering_stop_rad=stop,
             steering_limit_rad=self.steering_limit_rad,
             max_speed_mps=self.max_speed_mps,

@@ -35,7 +35,7 @@ class Differential:
     wheelbase_m: float  # of the bicycle model
     track_m: float  # between the centres of the wheels
     wheel_radius_m: float
-    turning_x_m: float  # of the axle, in the robot's frame
+    rear_axle_x_m: float  # of the axle, in the robot's frame
     steering_limit_rad: float  # of the bicycle model
     max_speed_mps: float  # of each wheel
 
@@ -45,7 +45,7 @@ class Differential:
             wheelbase_m=POSITIVE,
             track_m=POSITIVE,
             wheel_radius_m=POSITIVE,
-            turning_x_m=NUMBER,
+            rear_axle_x_m=NUMBER,
             steering_limit_rad=ANGLE,
             max_speed_mps=POSITIVE,
         )
@@ -61,7 +61,7 @@ class Differential:
         return self.steering_limit_rad
 
     @property
-    def limited_at_m(self) -> float:
+    def speed_limit_offset_m(self) -> float:
         """Half the track: there is the outer wheel, which is the faster one."""
         return 0.5 * self.track_m
 
@@ -73,7 +73,7 @@ class Differential:
         """
         lock = self.steering_limit_rad
         curvature = math.tan(min(max(steering, -lock), lock)) / self.wheelbase_m
-        side = self.limited_at_m * curvature
+        side = self.speed_limit_offset_m * curvature
         fastest = self.max_speed_mps / (1.0 + abs(side))
         rate = min(max(speed, -fastest), fastest) / self.wheel_radius_m
         return (), (rate * (1.0 - side), rate * (1.0 + side))
@@ -119,7 +119,7 @@ class DifferentialDescription:
             wheelbase_m=self.wheelbase_m,
             track_m=track,
             wheel_radius_m=radius,
-            turning_x_m=x,
+            rear_axle_x_m=x,
             steering_limit_rad=self.steering_limit_rad,
             max_speed_mps=self.max_speed_mps,
         )

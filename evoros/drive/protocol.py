@@ -10,16 +10,16 @@ class Drive(Protocol):
 
     @property
     def max_speed_mps(self) -> float:
-        """Greatest speed, straight ahead, of the point at ``turning_x_m``."""
+        """Greatest speed, straight ahead, of the point at ``rear_axle_x_m``."""
         ...
 
     @property
-    def limited_at_m(self) -> float:
+    def speed_limit_offset_m(self) -> float:
         """How far to the side of that point the limit of the speed applies.
 
-        In a turn the speed of the point is at most ``max_speed_mps / (1 + |curvature| *
-        limited_at_m)``: 0 where the limit is that of the point itself, half the track where each
-        of two wheels has a limit.
+        In a turn the speed of the point is at most
+        ``max_speed_mps / (1 + |curvature| * speed_limit_offset_m)``. The offset is 0 if the limit
+        is that of the point itself, and half the track if each of two wheels has a limit.
         """
         ...
 
@@ -34,7 +34,7 @@ class Drive(Protocol):
         ...
 
     @property
-    def turning_x_m(self) -> float:
+    def rear_axle_x_m(self) -> float:
         """Where on the robot's x axis the point lies that moves straight ahead (rear axle)."""
         ...
 

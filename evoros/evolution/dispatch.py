@@ -36,7 +36,7 @@ AHEAD = 3
 
 
 def compute(
-    task: Scenario, missions: Sequence[Mission], pool: Pool, workers: int, lost: str
+    scenario: Scenario, missions: Sequence[Mission], pool: Pool, workers: int, lost: str
 ) -> Iterator[list[MissionResult]]:
     """The outcomes of the missions, those together that come together.
 
@@ -46,7 +46,7 @@ def compute(
     Raises:
         RunStopped: a mission crashed or hung in spite of its retries, and ``lost`` is ``stop``.
     """
-    flights = _Batch(task, pool, workers, list(reversed(missions)))
+    flights = _Batch(scenario, pool, workers, list(reversed(missions)))
     try:
         while flights.submit():
             flown, failed = flights.collect(lost)
@@ -58,13 +58,15 @@ def compute(
         flights.cancel()
 
 
-def trajectories(task: Scenario, missions: Sequence[Mission], pool: Pool, lost: str) -> list[Array]:
+def trajectories(
+    scenario: Scenario, missions: Sequence[Mission], pool: Pool, lost: str
+) -> list[Array]:
     """The trajectories of the missions, in order; without rows where one could not be flown.
 
     Raises:
         RunStopped: as in ``compute``.
     """
-    packed = _pack(task)
+    packed = _pack(scenario)
     futures = [pool.submit(_run_for_trajectory, packed, mission) for mission in missions]
     return [
         _result_of(mission, future, lost, partial(_empty_trajectory_of, mission))
@@ -78,9 +80,9 @@ def _empty_trajectory_of(mission: Mission, reason: str) -> Array:
 
 @dataclass(frozen=True)
 class _PackedScenario:
-    """A task for the workers. It goes with every call: any worker may be a fresh one."""
+    """A scenario for the workers. It goes with every call: any worker may be a fresh one."""
 
-    digest: bytes  # so that a worker which has the task need not compare megabytes
+    digest: bytes  # so that a worker which has the scenario need not compare megabytes
     content: bytes = field(compare=False, repr=False)
 
 
@@ -88,7 +90,7 @@ class _PackedScenario:
 class _Batch:
     """The missions of one computation: they wait, the next last, or are in a call."""
 
-    task: Scenario
+    scenario: Scenario
     pool: Pool
     workers: int
     waiting: list[Mission]
@@ -100,7 +102,7 @@ class _Batch:
         """Keep the workers busy; False when there is nothing left to wait for."""
         while (self.alone or self.waiting) and len(self.running) < self.workers * AHEAD:
             missions = self._next()
-            future = self.pool.submit(_run_missions, _pack(self.task), missions)
+            future = self.pool.submit(_run_missions, _pack(self.scenario), missions)
             self.running[future] = missions
             if future.done():  # in this process: to be recorded before the next one is flown
                 break
@@ -122,7 +124,7 @@ class _Batch:
             if len(missions) > 1 and _error_of(future) is not None:
                 self.alone += reversed(missions)
                 continue
-            worst = partial(_lost_outcome, self.task, missions[0])
+            worst = partial(_lost_outcome, self.scenario, missions[0])
             try:
                 outcomes = _result_of(missions[0], future, lost, worst)
             except EvorosError as error:
@@ -145,19 +147,19 @@ class _Batch:
             future.cancel()
 
 
-def _lost_outcome(task: Scenario, mission: Mission, reason: str) -> list[Outcome]:
-    return [failed_mission(task, mission, LOST, reason)]
+def _lost_outcome(scenario: Scenario, mission: Mission, reason: str) -> list[Outcome]:
+    return [failed_mission(scenario, mission, LOST, reason)]
 
 
 @lru_cache(maxsize=16)
-def _pack(task: Scenario) -> _PackedScenario:
-    """The task for the workers, packed once for all missions.
+def _pack(scenario: Scenario) -> _PackedScenario:
+    """The scenario for the workers, packed once for all missions.
 
     Raises:
         InputError: a part does not pickle.
     """
     try:
-        content = pickle.dumps(task)
+        content = pickle.dumps(scenario)
     except Exception as error:  # whatever a user's class raises
         raise InputError(
             f"the experiment cannot be sent to worker processes ({error}); define every class at "
@@ -195,12 +197,12 @@ def _error_of(future: "Future[Any]") -> BaseException | None:
 
 def _run_missions(packed: _PackedScenario, missions: Sequence[Mission]) -> list[Outcome]:
     """In a worker: the outcomes of the missions, or of the first ones, as time allows."""
-    task, end = _unpack(packed), perf_counter() + CALL_S
-    outcomes = [run_mission(task, missions[0])[0]]
+    scenario, end = _unpack(packed), perf_counter() + CALL_S
+    outcomes = [run_mission(scenario, missions[0])[0]]
     for mission in missions[1:]:
         if perf_counter() > end:
             break
-        outcomes.append(run_mission(task, mission)[0])
+        outcomes.append(run_mission(scenario, mission)[0])
     return outcomes
 
 
@@ -211,5 +213,5 @@ def _run_for_trajectory(packed: _PackedScenario, mission: Mission) -> Array:
 @lru_cache(maxsize=16)
 def _unpack(packed: _PackedScenario) -> Scenario:
     """Unpacked once in each worker process."""
-    task: Scenario = pickle.loads(zlib.decompress(packed.content))
-    return task
+    scenario: Scenario = pickle.loads(zlib.decompress(packed.content))
+    return scenario

@@ -76,7 +76,7 @@ class Experiment:
             course=instance_of(Course | None, "a course (evoros.world.course.Course)"),
         )
         parts = {"robot": self.robot, "controller": self.controller, "design": self.design}
-        check_genes(self.task.design.genes, parts)
+        check_genes(self.scenario.design.genes, parts)
         for name in self.world:
             if not NAME.holds(name):
                 raise InputError(
@@ -95,18 +95,18 @@ class Experiment:
         middle = self.space.decode(np.full(self.space.size, 0.5))
         places = middle.mounts[:1]  # none where no sensors are placed
         mounts = tuple(replace(at, sensor=name) for at in places for name in self.design.sensors)
-        task = self.task.embody(Design(mounts, middle.values))
-        faults = self.failure.draw(sensor_channels(task.robot), rng("failure"))
+        scenario = self.scenario.with_design(Design(mounts, middle.values))
+        faults = self.failure.draw(sensor_channels(scenario.robot), rng("failure"))
         values, tick = np.zeros(len(mounts)), self.simulator.time_step
-        filters = sensor_chain(task.robot, faults, values, values, tick, rng)
-        controller, pose = task.controller, np.zeros(POSE_SIZE)
+        filters = sensor_chain(scenario.robot, faults, values, values, tick, rng)
+        controller, pose = scenario.controller, np.zeros(POSE_SIZE)
         localization = localization_chain(controller.localization, pose, controller.period_s, rng)
         try:
-            with controller.open(task.robot, rng) as layers:
+            with controller.open(scenario.robot, rng) as layers:
                 steps = [LayerStage(layer.rule, layer.parameters, layer.memory) for layer in layers]
         except InputError as error:
             raise InputError(f"controller: {error}") from None
-        simulators = (self.task.simulator, self.confirming.simulator)
+        simulators = (self.scenario.simulator, self.confirming.simulator)
         made = dict.fromkeys(each.rules for each in simulators if isinstance(each, RuleSimulator))
         for rules in made:
             simulation = RuleSimulation(rules, np.zeros(0), np.zeros(0))
@@ -123,7 +123,7 @@ class Experiment:
             LOGGER.warning("%s; missions are flown step by step, several times slower", line)
 
     @cached_property
-    def task(self) -> Scenario:
+    def scenario(self) -> Scenario:
         """What a mission needs of the experiment."""
         return Scenario(
             self.robot, self.world, self.design, self.failure, self.controller, self.simulator
@@ -131,24 +131,24 @@ class Experiment:
 
     @cached_property
     def confirming(self) -> Scenario:
-        """The task in the confirming simulator; the run's own without a confirmation.
+        """The scenario in the confirming simulator; the run's own without a confirmation.
 
         Raises:
             InputError: the time step of that simulator does not fit the periods.
         """
         if self.confirmation is None:
-            return self.task
+            return self.scenario
         try:
-            return replace(self.task, simulator=self.confirmation.simulator)
+            return replace(self.scenario, simulator=self.confirmation.simulator)
         except InputError as error:
             raise InputError(f"confirmation.simulator: {error}") from None
 
-    def task_of(self, purpose: str) -> Scenario:
-        """The task of the missions of a purpose: what is to be trusted is flown in the confirming.
+    def scenario_for(self, purpose: str) -> Scenario:
+        """The scenario for missions of a purpose: confirmation and validation use the confirming one.
 
         So validated and confirmed fitness compare, as they do without a confirmation.
         """
-        return self.confirming if purpose in (CONFIRMATION, VALIDATION) else self.task
+        return self.confirming if purpose in (CONFIRMATION, VALIDATION) else self.scenario
 
     @cached_property
     def space(self) -> DesignSpace:

@@ -85,8 +85,8 @@ class Evolution:
         missing = [mission for mission in wanted if folder.find(mission) is None]
         self.observer.begin(number, len(wanted), len(wanted) - len(missing))
         workers, lost = experiment.executor.workers, experiment.lost_missions
-        task = experiment.task_of(purpose)
-        for flown in compute(task, missing, pool, workers, lost):
+        scenario = experiment.scenario_for(purpose)
+        for flown in compute(scenario, missing, pool, workers, lost):
             folder.record(flown)
             for mission, outcome in flown:
                 self.observer.mission(mission, outcome)
@@ -136,21 +136,21 @@ class Evolution:
         """
         experiment, one = self.experiment, best.individual
         design = experiment.space.decode(one.genome)
-        task, plan = experiment.task, experiment.plan.selection
+        scenario, plan = experiment.scenario, experiment.plan.selection
         if experiment.confirmation:
-            task, plan = experiment.confirming, experiment.plan.confirmation
+            scenario, plan = experiment.confirming, experiment.plan.confirmation
         missions = plan(self.born[one.id], one.id, design)
         first = missions[: len(experiment.world)]
         names = {gene.key: name for name, gene in experiment.design.genes.items()}
         files = {"genes.csv": gene_table(one.id, design, names)}
         with suppress(InputError):  # no design of the run could be built, and so this one neither
-            files["robot.urdf"] = experiment.task.embody(design).robot.urdf
-        worlds = {each.world: task.world[each.world].at(each.draws) for each in first}
+            files["robot.urdf"] = experiment.scenario.with_design(design).robot.urdf
+        worlds = {each.world: scenario.world[each.world].at(each.draws) for each in first}
         files |= {f"world_{name}.sdf": world.sdf for name, world in worlds.items()}
         files["design.csv"] = design_table({one.id: design})
         tracks = [f"trajectory_{mission.world}.csv" for mission in first]
         if self.folder.has_champion(files, tracks):
             return
-        flown = trajectories(task, first, pool, experiment.lost_missions)
+        flown = trajectories(scenario, first, pool, experiment.lost_missions)
         tables = map(trajectory_table, flown)
         self.folder.write_champion({**dict(zip(tracks, tables, strict=True)), **files})

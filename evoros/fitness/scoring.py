@@ -34,7 +34,7 @@ def trial_scores(
     """
     by_trial: dict[int, list[Outcome]] = {}
     for mission in missions:
-        by_trial.setdefault(mission.trial, []).append(outcomes[mission.place])
+        by_trial.setdefault(mission.trial, []).append(outcomes[mission.key])
     scores = [float(_score(fitness, trial)) for trial in by_trial.values()]
     if not all(map(math.isfinite, scores)):
         raise InputError(
@@ -68,7 +68,7 @@ def scores(
     trials = trial_scores(fitness, missions, outcomes)
     there: dict[str, list[Outcome]] = {}
     for mission in missions:
-        there.setdefault(mission.world, []).append(outcomes[mission.place])
+        there.setdefault(mission.world, []).append(outcomes[mission.key])
     values = [
         sum(trials) / len(trials),  # as fitness_of
         stdev(trials) if len(trials) > 1 else float("nan"),

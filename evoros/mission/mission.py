@@ -7,7 +7,7 @@ from evoros.design.design import Design
 
 @dataclass(frozen=True)
 class Mission:
-    """Which design in which world under which draws: with the task, all that an outcome needs."""
+    """A design in a world under given draws; with a scenario, it determines the outcome."""
 
     generation: int
     design_id: int
@@ -18,7 +18,7 @@ class Mission:
     draws: str  # the key of all random draws
 
     @property
-    def place(self) -> "MissionKey":
+    def key(self) -> "MissionKey":
         """What identifies the mission in its run."""
         return (self.generation, self.design_id, self.world, self.trial)
 

@@ -46,7 +46,7 @@ Prepare = Callable[[LoopInputs], tuple[Loop, LoopInputs]]
 
 
 def run_mission(
-    task: Scenario, mission: Mission, prepare: Prepare = prepare
+    scenario: Scenario, mission: Mission, prepare: Prepare = prepare
 ) -> tuple[Outcome, Array]:
     """Fly the mission; returns its outcome and its trajectory, (rows, columns + sensors).
 
@@ -57,24 +57,24 @@ def run_mission(
         InputError: a part refuses to start, and it is not for an evolved value.
     """
     try:
-        embodied = task.embody(mission.design)
+        equipped = scenario.with_design(mission.design)
     except InputError as error:
         ended, reason = result.REFUSED, str(error)
     else:
         try:
-            return _run(embodied, mission, prepare)
+            return _run(equipped, mission, prepare)
         except SimulationError as error:
             ended, reason = result.SIMULATION_FAILURE, str(error)
         except InputError as error:
             if not mission.design.values:
                 raise
             ended, reason = result.REFUSED, str(error)
-    return failed_mission(task, mission, ended, reason), empty_trajectory(mission)
+    return failed_mission(scenario, mission, ended, reason), empty_trajectory(mission)
 
 
-def failed_mission(task: Scenario, mission: Mission, ended: str, reason: str) -> Outcome:
+def failed_mission(scenario: Scenario, mission: Mission, ended: str, reason: str) -> Outcome:
     """The outcome of a mission that could not be flown."""
-    limit = task.world[mission.world].course.time_limit_s
+    limit = scenario.world[mission.world].course.time_limit_s
     return Outcome.failure(ended, reason, limit, len(mission.design.mounts))
 
 
@@ -83,24 +83,24 @@ def empty_trajectory(mission: Mission) -> Array:
     return np.empty((0, len(TRAJECTORY) + len(mission.design.mounts)))
 
 
-def _run(task: Scenario, mission: Mission, prepare: Prepare) -> tuple[Outcome, Array]:
-    """``task`` is embodied: its robot carries the design's sensors."""
-    robot, controller = task.robot, task.controller
-    world = task.world[mission.world].at(mission.draws)
+def _run(scenario: Scenario, mission: Mission, prepare: Prepare) -> tuple[Outcome, Array]:
+    """``scenario`` is equipped: its robot carries the design's sensors."""
+    robot, controller = scenario.robot, scenario.controller
+    world = scenario.world[mission.world].at(mission.draws)
 
     def draws(part: str) -> Generator:
         return generator(mission.draws, part)
 
     route = world.course.route(world.course.goes_forward(mission.generation, draws("course")))
-    timing = _timing(task, world)
+    timing = _timing(scenario, world)
     arrays = _arrays(timing, world, route, len(robot.mounts))
-    faults = task.failure.draw(sensor_channels(robot), draws("failure"))
+    faults = scenario.failure.draw(sensor_channels(robot), draws("failure"))
     chain = sensor_chain(robot, faults, arrays.raw, arrays.readings, timing.tick, draws)
     pose = arrays.pose[:POSE_SIZE]
     localization = localization_chain(controller.localization, pose, controller.period_s, draws)
     with (
         controller.open(robot, lambda name: draws(f"controller.{name}")) as layers,
-        task.simulator.open(robot, world) as simulation,
+        scenario.simulator.open(robot, world) as simulation,
     ):
         steps = tuple(LayerStage(layer.rule, layer.parameters, layer.memory) for layer in layers)
         fly, parts = prepare(loop_inputs(simulation, chain, localization, steps))
@@ -130,14 +130,16 @@ def _arrays(timing: Timing, world: World, route: Array, sensors: int) -> Arrays:
     )
 
 
-def _timing(task: Scenario, world: World) -> Timing:
+def _timing(scenario: Scenario, world: World) -> Timing:
     """All periods in ticks of their greatest common divisor."""
-    decide = task.steps_of("controller.period_s", task.controller.period_s)
-    used = {mount.sensor for mount in task.robot.mounts}
-    periods = [task.steps_of(name, task.robot.sensors[name].period_s) for name in sorted(used)]
+    decide = scenario.steps_of("controller.period_s", scenario.controller.period_s)
+    used = {mount.sensor for mount in scenario.robot.mounts}
+    periods = [
+        scenario.steps_of(name, scenario.robot.sensors[name].period_s) for name in sorted(used)
+    ]
     sense = math.gcd(*periods) if periods else decide
     common = math.gcd(decide, sense)
-    tick = common * task.simulator.time_step
+    tick = common * scenario.simulator.time_step
     limit = math.ceil(round(world.course.time_limit_s / tick, 6))
     decide //= common
     record = decide * math.ceil(LEAST_RECORD_S / (decide * tick) - 1e-9)

@@ -89,11 +89,13 @@ class Scenario:
             )
         return count
 
-    def embody(self, design: Design) -> "Scenario":
-        """This task with the robot carrying the design's sensors and its evolved values applied.
+    def with_design(self, design: Design) -> "Scenario":
+        """Return this scenario with the design's sensors on the robot and its evolved values.
 
         Raises:
             InputError: a value that the part refuses, a sensor that cannot be mounted.
         """
-        task = replace_values(self, design.values)
-        return replace(task, robot=task.robot.equipped(design.mounts, task.design.sensors))
+        scenario = replace_values(self, design.values)
+        return replace(
+            scenario, robot=scenario.robot.with_sensors(design.mounts, scenario.design.sensors)
+        )

@@ -62,10 +62,10 @@ def load_robot(
         mount_link=mount.link,
         mount_z_m=float(mount.z_m),
         mount_pitch_deg=float(mount.pitch_deg),
-        places=_places(urdf),
+        sensor_links=_places(urdf),
         taken=frozenset(urdf.poses) | frozenset(urdf.joints),
     )
-    if mount.link not in robot.places:
+    if mount.link not in robot.sensor_links:
         raise robot._no_place(mount.link)
     return robot
 
@@ -100,12 +100,12 @@ def _touching(urdf: Urdf, drive: Drive) -> list[tuple[Shape, Pose]]:
 
 def _places(urdf: Urdf) -> dict[str, tuple[float, float, float, float]]:
     """The links that keep their place on the robot and stand upright."""
-    places = {}
+    sensor_links = {}
     for link, pose in urdf.poses.items():
         fixed = all(joint.type == "fixed" for joint in urdf.above(link))
         if fixed and pose.rotation[2, 2] > 1.0 - 1e-9:
-            places[link] = (*pose.position, pose.yaw)
-    return places
+            sensor_links[link] = (*pose.position, pose.yaw)
+    return sensor_links
 
 
 def _outline(shapes: Sequence[tuple[Shape, Pose]]) -> Array:

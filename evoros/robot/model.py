@@ -31,7 +31,7 @@ class Robot:
     mount_link: str
     mount_z_m: float
     mount_pitch_deg: float
-    places: Mapping[str, tuple[float, float, float, float]]
+    sensor_links: Mapping[str, tuple[float, float, float, float]]
     """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot's frame."""
     taken: frozenset[str] = frozenset()  # names of links and joints
     mounts: tuple[Mount, ...] = ()  # those of one sensor type are contiguous
@@ -47,7 +47,7 @@ class Robot:
         ]
         return "".join((head, *parts, "</robot>\n"))
 
-    def equipped(self, mounts: Sequence[Mount], sensors: Mapping[str, Sensor]) -> "Robot":
+    def with_sensors(self, mounts: Sequence[Mount], sensors: Mapping[str, Sensor]) -> "Robot":
         """This robot with these sensors instead of its own, ordered by the types in ``sensors``.
 
         Raises:
@@ -70,7 +70,7 @@ class Robot:
         """(n, 5): x, y, z [m], yaw (left positive), pitch (nose up positive) [rad]."""
         poses = np.empty((len(self.mounts), 5))
         for i, mount in enumerate(self.mounts):
-            x, y, z, yaw = self.places[mount.link]
+            x, y, z, yaw = self.sensor_links[mount.link]
             cos, sin = math.cos(yaw), math.sin(yaw)
             poses[i] = (
                 x + cos * mount.x_m - sin * mount.y_m,
@@ -104,7 +104,7 @@ class Robot:
             raise InputError(
                 f"sensor {mount.sensor!r}: names must consist of letters, digits and _; rename it"
             )
-        if mount.link not in self.places:
+        if mount.link not in self.sensor_links:
             raise self._no_place(mount.link)
         for entry in fields(mount):
             value = getattr(mount, entry.name)
@@ -116,7 +116,7 @@ class Robot:
     def _no_place(self, link: str) -> InputError:
         return InputError(
             f"robot {self.name}: mount link must be fixed to the root link and upright, "
-            f"not {link!r}; name one of {', '.join(self.places)}"
+            f"not {link!r}; name one of {', '.join(self.sensor_links)}"
         )
 
 

@@ -138,7 +138,7 @@ class Evaluator:
     def missions(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
         """A row for each mission, with the columns of a run's ``missions.csv``."""
         missions, outcomes = self._fly(designs, generation)
-        rows = [mission_row(m, outcomes[m.place]) for each in missions for m in each]
+        rows = [mission_row(m, outcomes[m.key]) for each in missions for m in each]
         return pd.DataFrame(rows, columns=list(MISSIONS_HEADER))
 
     def _fly(
@@ -150,14 +150,14 @@ class Evaluator:
             )
         experiment = self.experiment
         for design in designs:  # made by hand, maybe: what is wrong is said and not scored
-            experiment.task.embody(design)
+            experiment.scenario.with_design(design)
         missions = [
             experiment.plan.evaluation(generation, i, design) for i, design in enumerate(designs)
         ]
         wanted = [mission for each in missions for mission in each]
         workers, lost = experiment.executor.workers, experiment.lost_missions
-        flown = compute(experiment.task, wanted, self._pool, workers, lost)
-        return missions, {mission.place: outcome for each in flown for mission, outcome in each}
+        flown = compute(experiment.scenario, wanted, self._pool, workers, lost)
+        return missions, {mission.key: outcome for each in flown for mission, outcome in each}
 
 
 def _composed(config: Configuration) -> DictConfig:

@@ -106,7 +106,7 @@ def create_evaluation(config: DictConfig, folder: Path) -> Evaluation:
         sources = _sources(config)
         rest = OmegaConf.masked_copy(config, [str(key) for key in config if key != "designs"])
         experiment = configuration.build(rest)
-        given = read_given(sources, experiment.task)
+        given = read_given(sources, experiment.scenario)
         content, files = configuration.to_text(rest), to_files(given)
         values = configuration.to_values(rest)
         described = manifest(experiment, content, values, COMMAND, files)
@@ -132,7 +132,7 @@ def open_evaluation(
     with remembering() as said:
         files = (DESIGN_FILE, GENE_FILE)
         experiment, _ = rebuild(folder, overrides, config_dir, COMMAND, files)
-        given = read_kept(folder, experiment.task)
+        given = read_kept(folder, experiment.scenario)
     return Evaluation(experiment, given, folder, said)
 
 
@@ -202,7 +202,7 @@ class _Evaluator:
         missing = self._missing()
         while block := list(islice(missing, BLOCK)):
             workers, lost = experiment.executor.workers, experiment.lost_missions
-            for flown in compute(experiment.task, block, pool, workers, lost):
+            for flown in compute(experiment.scenario, block, pool, workers, lost):
                 self.folder.append([self._row(*each) for each in flown])
                 for mission, outcome in flown:
                     self._fly(mission, outcome)
@@ -244,9 +244,7 @@ class _Evaluator:
         if number not in self.partial:
             plan, design = self.experiment.plan, self.given[number].design
             missions = plan.evaluation(GENERATION, number, design)
-            self.partial[number] = _UnfinishedDesign(
-                {mission.place: mission for mission in missions}
-            )
+            self.partial[number] = _UnfinishedDesign({mission.key: mission for mission in missions})
         return self.partial[number]
 
     def _missing(self) -> Iterator[Mission]:
@@ -272,7 +270,7 @@ class _Evaluator:
     def _take(self, mission: Mission, outcome: Outcome) -> None:
         """Of a design whose missions are all flown, nothing is kept but its row."""
         some = self._begun(mission.design_id)
-        some.outcomes[mission.place] = outcome
+        some.outcomes[mission.key] = outcome
         if len(some.outcomes) == len(some.missions):
             missions = list(some.missions.values())
             self.rows[mission.design_id] = scores(self.experiment.fitness, missions, some.outcomes)

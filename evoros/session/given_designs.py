@@ -50,8 +50,8 @@ class _Draft:
     values: dict[str, float] = field(default_factory=dict)
 
 
-def read_given(sources: Sequence[str], task: Scenario) -> list[NamedDesign]:
-    """The designs of all sources, in order; each fits the robot and the parts of ``task``.
+def read_given(sources: Sequence[str], scenario: Scenario) -> list[NamedDesign]:
+    """The designs of all sources, in order; each fits the robot and the parts of ``scenario``.
 
     A source is a CSV file, the folder of a finished run, which stands for its champion, or that of
     a sweep, which stands for the champions of all its finished runs.
@@ -62,7 +62,7 @@ def read_given(sources: Sequence[str], task: Scenario) -> list[NamedDesign]:
     given: list[NamedDesign] = []
     known: set[Path] = set()
     for source in sources:
-        for each, one in _designs_by_place(source, task):
+        for each, one in _designs_by_place(source, scenario):
             if each.resolve() in known:
                 raise InputError(f"designs: must name each source once, not {each} again; drop one")
             known.add(each.resolve())
@@ -70,22 +70,22 @@ def read_given(sources: Sequence[str], task: Scenario) -> list[NamedDesign]:
     return given
 
 
-def _designs_by_place(source: str, task: Scenario) -> Iterator[tuple[Path, list[NamedDesign]]]:
+def _designs_by_place(source: str, scenario: Scenario) -> Iterator[tuple[Path, list[NamedDesign]]]:
     """The designs of each file or run that a source stands for."""
     path = Path(source).expanduser()
     if not path.is_dir():
-        yield path, _all_fitted(_of_file(_one_line(source), path, task), task)
+        yield path, _all_fitted(_of_file(_one_line(source), path, scenario), scenario)
         return
     below = list(folders_below(path))
     if below in ([], [path]):
-        yield path, _all_fitted(_of_run(_one_line(source), path, task), task)
+        yield path, _all_fitted(_of_run(_one_line(source), path, scenario), scenario)
         return
     runs = [folder for folder in below if command_of(folder) == "evoros"]
     finished = 0
     for folder in runs:
         name = _one_line(str(Path(source, folder.relative_to(path))))
         try:
-            champion = _all_fitted(_of_run(name, folder, task), task)
+            champion = _all_fitted(_of_run(name, folder, scenario), scenario)
         except InputError as error:
             LOGGER.warning("%s; left out", error)
             continue
@@ -102,15 +102,15 @@ def _one_line(name: str) -> str:
     return " ".join(name.split())
 
 
-def read_kept(folder: Path, task: Scenario) -> list[NamedDesign]:
+def read_kept(folder: Path, scenario: Scenario) -> list[NamedDesign]:
     """The designs that an evaluation has in its folder.
 
     Raises:
         InputError: a file is missing or damaged.
     """
-    drafts = _designs(folder / DESIGN_FILE, None, task)
+    drafts = _designs(folder / DESIGN_FILE, None, scenario)
     _add_genes(drafts, folder / GENE_FILE, None)
-    return _all_fitted(drafts, task)
+    return _all_fitted(drafts, scenario)
 
 
 def to_files(given: Sequence[NamedDesign]) -> dict[str, str]:
@@ -131,8 +131,8 @@ def to_files(given: Sequence[NamedDesign]) -> dict[str, str]:
     return {DESIGN_FILE: to_csv(sensors), GENE_FILE: to_csv(genes)}
 
 
-def _of_file(source: str, path: Path, task: Scenario) -> dict[Name, _Draft]:
-    drafts = _designs(path, source, task)
+def _of_file(source: str, path: Path, scenario: Scenario) -> dict[Name, _Draft]:
+    drafts = _designs(path, source, scenario)
     beside = path.with_name("genes.csv")
     if path.name == "design.csv" and beside.is_file() and any(read_rows(beside, GENE_COLUMNS, ())):
         LOGGER.warning(
@@ -144,7 +144,7 @@ def _of_file(source: str, path: Path, task: Scenario) -> dict[Name, _Draft]:
     return drafts
 
 
-def _of_run(source: str, path: Path, task: Scenario) -> dict[Name, _Draft]:
+def _of_run(source: str, path: Path, scenario: Scenario) -> dict[Name, _Draft]:
     """The champion of a run, with its other genes."""
     if command_of(path) != "evoros" or not (path / STATUS).is_file():
         what = "an evaluation's" if (path / DESIGN_FILE).is_file() else "no run's"
@@ -160,7 +160,7 @@ def _of_run(source: str, path: Path, task: Scenario) -> dict[Name, _Draft]:
             f"{'that is missing' if state == 'finished' else f'its state is {state}'}; type: "
             f"{resume_command(path)}"
         )
-    drafts = _designs(designs, source, task, least=0)
+    drafts = _designs(designs, source, scenario, least=0)
     if not drafts:  # a champion without sensors has a name only where it has genes
         names = (cells["design"] for _, cells in read_rows(genes, GENE_COLUMNS, ()))
         drafts[source, next(names, CHAMPION)] = _Draft(str(designs))
@@ -168,7 +168,9 @@ def _of_run(source: str, path: Path, task: Scenario) -> dict[Name, _Draft]:
     return drafts
 
 
-def _designs(path: Path, source: str | None, task: Scenario, least: int = 1) -> dict[Name, _Draft]:
+def _designs(
+    path: Path, source: str | None, scenario: Scenario, least: int = 1
+) -> dict[Name, _Draft]:
     """The designs of one table; without a ``source`` the table has a column of that name."""
     needed = NEEDED if source is not None else ("source", *NEEDED)
     optional = tuple(name for name in DESIGN_COLUMNS if name not in needed)
@@ -191,7 +193,7 @@ def _designs(path: Path, source: str | None, task: Scenario, least: int = 1) -> 
         if bare:
             empty.add(name)
             continue
-        number, mount = _mount(at, cells, task)
+        number, mount = _mount(at, cells, scenario)
         if number in draft.mounts:
             raise InputError(
                 f"{at}: design {name[1]!r} must have each sensor once, not {number} again; number "
@@ -203,14 +205,14 @@ def _designs(path: Path, source: str | None, task: Scenario, least: int = 1) -> 
     return drafts
 
 
-def _mount(at: str, cells: Mapping[str, str], task: Scenario) -> tuple[int, Mount]:
+def _mount(at: str, cells: Mapping[str, str], scenario: Scenario) -> tuple[int, Mount]:
     """The sensor of one row, with the robot's own mount where a cell is empty."""
     if not re.fullmatch(r"[0-9]+", cells["sensor"]):
         raise InputError(
             f"{at}: sensor must be a whole number of at least 0, not {cells['sensor']!r}; number "
             f"the sensors of a design 0, 1, 2 ..."
         )
-    types = list(task.design.sensors)
+    types = list(scenario.design.sensors)
     kind = cells.get("type") or (types[0] if len(types) == 1 else "")
     if kind not in types:
         raise InputError(
@@ -222,12 +224,12 @@ def _mount(at: str, cells: Mapping[str, str], task: Scenario) -> tuple[int, Moun
         float(_number(at, name, cells[name])) if cells.get(name) else None
         for name in ("z_m", "pitch_deg")
     )
-    overhang = max([each.overhang_m for each in task.design.regions.values()], default=0.05)
+    overhang = max([each.overhang_m for each in scenario.design.regions.values()], default=0.05)
     try:
         place = Region(x, y, yaw, z, pitch, cells.get("link") or None, overhang)
     except InputError as error:
         raise InputError(f"{at}: {str(error).removeprefix('Region.')}") from None
-    place = place.on(task.robot, False, f"{at}: sensor")
+    place = place.on(scenario.robot, False, f"{at}: sensor")
     assert place.link is not None
     z, pitch = bounds(place.z_m)[0], bounds(place.pitch_deg)[0]
     return int(cells["sensor"]), Mount(kind, place.link, x, y, z, yaw, pitch)
@@ -256,15 +258,15 @@ def _number(at: str, name: str, content: str) -> float:
     raise InputError(f"{at}: {name} must be a number, not {content!r}; correct the cell")
 
 
-def _all_fitted(drafts: Mapping[Name, _Draft], task: Scenario) -> list[NamedDesign]:
-    return [_fitted(name, draft, task) for name, draft in drafts.items()]
+def _all_fitted(drafts: Mapping[Name, _Draft], scenario: Scenario) -> list[NamedDesign]:
+    return [_fitted(name, draft, scenario) for name, draft in drafts.items()]
 
 
-def _fitted(name: Name, draft: _Draft, task: Scenario) -> NamedDesign:
+def _fitted(name: Name, draft: _Draft, scenario: Scenario) -> NamedDesign:
     """The design, in the order that the robot gives its sensors."""
     mounts = [mount for _, mount in sorted(draft.mounts.items())]
     try:
-        robot = task.embody(Design(tuple(mounts), draft.values)).robot
+        robot = scenario.with_design(Design(tuple(mounts), draft.values)).robot
     except InputError as error:
         raise InputError(f"{draft.at}: design {name[1]!r}: {error}") from None
     return NamedDesign(*name, Design(robot.mounts, draft.values))

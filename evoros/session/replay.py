@@ -47,7 +47,7 @@ def replay(
     flown = replay_designs(run, experiment)[design]
     purpose, draws = str(row["purpose"]), str(row["draws"])
     mission = Mission(generation, design, flown, world, trial, purpose, draws)
-    outcome, track = run_mission(experiment.task_of(purpose), mission)
+    outcome, track = run_mission(experiment.scenario_for(purpose), mission)
     return outcome, pd.DataFrame(track, columns=trajectory_columns(track))
 
 

@@ -1,6 +1,6 @@
 """Rigid-body physics in PyBullet, in this process, without a display. Deterministic.
 
-The cheapest set-up that is faithful (``benchmarks/fidelity/engine.py`` shows what each choice gains):
+The cheapest faithful set-up (``benchmarks/fidelity/engine.py`` measures each choice):
 
 - wheels roll on the ground only; what meets obstacles is the chassis, which covers the wheels;
 - movable bodies sleep until something comes near them; links that cannot move are merged;

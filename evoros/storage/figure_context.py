@@ -148,7 +148,7 @@ def describe_experiment(experiment: "Experiment") -> FigureContext:
     return FigureContext(
         robot=robot.name,
         parts=tuple(_parts(robot)),
-        places=dict(robot.places),
+        places=dict(robot.sensor_links),
         beams={name: _beam(sensor) for name, sensor in experiment.design.sensors.items()},
         regions={name: _area(region, robot) for name, region in regions.items()},
         mirrored=experiment.design.mirrored,
@@ -181,7 +181,7 @@ def _beam(sensor: Sensor) -> Beam:
 def _area(region: Region, robot: Robot) -> Area:
     """Of a region that is bound to the robot."""
     assert region.link is not None
-    x, y, _, yaw = robot.places[region.link]
+    x, y, _, yaw = robot.sensor_links[region.link]
     (a, b), (c, d) = bounds(region.x_m), bounds(region.y_m)
     cos, sin = math.cos(yaw), math.sin(yaw)
     corners = tuple(

@@ -13,6 +13,7 @@ from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER
+from evoros.base.resources import PACKAGE
 from evoros.evolution.experiment import Experiment
 from evoros.storage.mission_log import FORMAT_VERSION
 
@@ -147,10 +148,9 @@ def _version(package: str) -> str | None:
 
 def _commit() -> str | None:
     """The commit of the checkout that evoros runs from, marked where files differ from it."""
-    here = Path(__file__).resolve().parent
-    if not (here.parent / ".git").exists():
+    if not (PACKAGE.parent / ".git").exists():
         return None
-    command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=40"]
+    command = ["git", "-C", str(PACKAGE), "describe", "--always", "--dirty", "--abbrev=40"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
     except (OSError, subprocess.TimeoutExpired):

@@ -61,7 +61,7 @@ class RunFolder(MissionLog):
     def record(self, flown: Sequence[tuple[Mission, Outcome]]) -> None:
         """Put finished missions on disk."""
         self.append([mission_row(mission, outcome) for mission, outcome in flown])
-        self.outcomes |= {mission.place: (mission.draws, outcome) for mission, outcome in flown}
+        self.outcomes |= {mission.key: (mission.draws, outcome) for mission, outcome in flown}
 
     def find(self, mission: Mission) -> Outcome | None:
         """The recorded outcome of the mission.
@@ -69,10 +69,10 @@ class RunFolder(MissionLog):
         Raises:
             InputError: it was recorded under other draws.
         """
-        draws, outcome = self.outcomes.get(mission.place, ("", None))
+        draws, outcome = self.outcomes.get(mission.key, ("", None))
         if outcome is not None and draws != mission.draws:
             raise InputError(
-                f"{self.path / MISSIONS}: the mission {mission.place} was recorded under the draws "
+                f"{self.path / MISSIONS}: the mission {mission.key} was recorded under the draws "
                 f"{draws}, not {mission.draws}: the run was made by another version or has been "
                 f"edited; start a new run"
             )

@@ -10,11 +10,8 @@ from evoros.base.checks import TEXT, check, instance_of, invalid, sequence_of
 from evoros.base.errors import InputError
 from evoros.formats.sdf.writer import write_sdf
 from evoros.geometry.footprint import contains, footprint, highest, lowest
-from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.geometry.shapes import Body
 from evoros.world.course import Course
-from evoros.world.loading import load_world
-
-__all__ = ["Body", "Course", "Pose", "Shape", "World", "load_world"]
 
 LOW_M = 0.3
 """An obstacle whose underside is higher than this above the ground may stand over a waypoint."""

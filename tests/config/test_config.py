@@ -50,8 +50,8 @@ def test_an_experiment_that_does_not_pickle_is_refused_before_anything_is_flown(
     experiment = build(compose(["experiment=tiny", "executor=serial"], USER_PARTS))
     failing = replace(experiment.failure)  # type: ignore[type-var]
     object.__setattr__(failing, "lock", threading.Lock())
-    task = replace(experiment.task, failure=failing)
+    scenario = replace(experiment.scenario, failure=failing)
     middle = np.full(experiment.space.size, 0.5)
     missions = experiment.plan.selection(0, 0, experiment.space.decode(middle))
     with experiment.executor.open() as pool, pytest.raises(InputError, match="cannot be sent"):
-        list(compute(task, missions, pool, 1, "stop"))
+        list(compute(scenario, missions, pool, 1, "stop"))

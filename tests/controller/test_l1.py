@@ -31,7 +31,8 @@ AXLE = 0.0  # [m]: the pose is that of the rear axle
 
 def started(law: L1) -> tuple[Array, Array]:
     robot = cast(
-        "Robot", SimpleNamespace(drive=SimpleNamespace(steering_limit=FULL_LOCK, turning_x_m=AXLE))
+        "Robot",
+        SimpleNamespace(drive=SimpleNamespace(steering_limit=FULL_LOCK, rear_axle_x_m=AXLE)),
     )
     return law.start(robot, PERIOD, generator("seed", "layer"))
 

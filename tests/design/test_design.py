@@ -231,7 +231,7 @@ def test_the_mounts_of_a_design_are_in_the_robots_order(name: str) -> None:
     space = SPACES[name]
     for genome in np.random.default_rng(6).random((50, space.size)):
         mounts = space.decode(genome).mounts
-        assert ROBOT.equipped(mounts, space.design.sensors).mounts == mounts
+        assert ROBOT.with_sensors(mounts, space.design.sensors).mounts == mounts
 
 
 @pytest.mark.parametrize("name", SPACES)

@@ -172,7 +172,7 @@ def quick(overrides: list[str]) -> Experiment:
 def flown(experiment: Experiment) -> tuple[Outcome, Array]:
     design = experiment.space.decode(np.linspace(0.1, 0.9, experiment.space.size))
     mission = Mission(0, 0, design, "yard", 0, "evaluation", "a key of draws")
-    return run_mission(experiment.task, mission)
+    return run_mission(experiment.scenario, mission)
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ def drive(
         front_track_m=front_track,
         rear_track_m=rear_track,
         wheel_radius_m=0.0635,
-        turning_x_m=-0.15,
+        rear_axle_x_m=-0.15,
         steering_stop_rad=limit,
         steering_limit_rad=limit,
         max_speed_mps=0.397,
@@ -104,7 +104,7 @@ def test_speed_is_clipped(car: Ackermann, speed: float, fraction: float) -> None
 def test_the_limit_of_the_speed_is_that_of_the_middle_of_the_rear_axle(
     car: Ackermann, fraction: float
 ) -> None:
-    assert car.limited_at_m == 0.0
+    assert car.speed_limit_offset_m == 0.0
     *_, left, right = car.targets(9.0, fraction * car.steering_limit)[1]
     speed = 0.5 * (left + right) * car.wheel_radius_m
     assert speed == pytest.approx(car.max_speed_mps, rel=1e-12)

@@ -30,7 +30,7 @@ def drive(
         wheelbase_m=wheelbase,
         track_m=track,
         wheel_radius_m=0.06,
-        turning_x_m=-0.1,
+        rear_axle_x_m=-0.1,
         steering_limit_rad=limit,
         max_speed_mps=fastest,
     )
@@ -46,10 +46,10 @@ fractions = st.floats(-1.0, 1.0)
 def test_both_wheels_roll_as_one_rigid_body(
     robot: Differential, speed: float, fraction: float
 ) -> None:
-    """Of the bicycle model, its speed clipped as ``limited_at_m`` tells every simulator."""
+    """Of the bicycle model, its speed clipped as ``speed_limit_offset_m`` tells every simulator."""
     steering = fraction * robot.steering_limit
     curvature = math.tan(steering) / robot.wheelbase_m
-    fastest = robot.max_speed_mps / (1.0 + abs(curvature) * robot.limited_at_m)
+    fastest = robot.max_speed_mps / (1.0 + abs(curvature) * robot.speed_limit_offset_m)
     rolled = min(max(speed, -fastest), fastest)
     angles, rates = robot.targets(speed, steering)
     assert angles == ()
@@ -178,9 +178,9 @@ def test_track_axle_and_radius_are_those_of_the_robot(x: float, track: float, r:
             put(f"link[@name='{name}_wheel']/collision/geometry/sphere", radius=f"{r}")(root)
 
     fitted = described().fit(edited(edit))
-    assert fitted.turning_x_m == pytest.approx(x, abs=1e-12)
+    assert fitted.rear_axle_x_m == pytest.approx(x, abs=1e-12)
     assert fitted.track_m == pytest.approx(track, abs=1e-12)
-    assert fitted.limited_at_m == pytest.approx(track / 2, abs=1e-12)
+    assert fitted.speed_limit_offset_m == pytest.approx(track / 2, abs=1e-12)
     assert fitted.wheel_radius_m == pytest.approx(r, abs=1e-12)
 
 

@@ -82,7 +82,7 @@ def test_a_confirmation_is_the_selection_again_at_places_of_its_own(policy: str)
     assert [(m.world, m.draws) for m in selection] == [(m.world, m.draws) for m in confirmation]
     assert {mission.purpose for mission in confirmation} == {"confirmation"}
     every = [*selection, *confirmation, *plan.validation(*one)]
-    assert len({mission.place for mission in every}) == len(every)
+    assert len({mission.key for mission in every}) == len(every)
 
 
 # A run ---------------------------------------------------------------------------------------
@@ -117,7 +117,7 @@ def test_each_generations_best_few_have_the_fitness_of_the_confirming_simulator(
             one = (number, row["id"], Design(()))
             screened = fitness_of(fitness, plan.selection(*one), outcomes)
             assert row["screened_fitness"] == screened
-            again = [m for m in plan.confirmation(*one) if m.place in outcomes]
+            again = [m for m in plan.confirmation(*one) if m.key in outcomes]
             assert bool(again) == (row["loss"] == row["loss"])
             if again:
                 assert row["fitness"] == fitness_of(fitness, again, outcomes)

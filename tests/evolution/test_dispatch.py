@@ -48,12 +48,12 @@ def missions(designs: int = 20) -> tuple[Mission, ...]:
     return tuple(m for i, design in enumerate(drawn) for m in plan.selection(0, i, design))
 
 
-def flown(executor: Executor, task: Scenario, lost: str = STOP) -> dict[MissionKey, Outcome]:
+def flown(executor: Executor, scenario: Scenario, lost: str = STOP) -> dict[MissionKey, Outcome]:
     with executor.open() as pool:
-        batches = list(compute(task, missions(), pool, executor.workers, lost))
+        batches = list(compute(scenario, missions(), pool, executor.workers, lost))
     pairs = [pair for batch in batches for pair in batch]
     assert len(pairs) == len(missions())  # none twice
-    return {mission.place: outcome for mission, outcome in pairs}
+    return {mission.key: outcome for mission, outcome in pairs}
 
 
 @cache
@@ -71,10 +71,10 @@ def harmless(design: int) -> Scenario:
 
 
 def trapped(what: str, design: int, tally: str = os.devnull) -> Scenario:
-    """The task with something that happens in the missions of one design."""
+    """The scenario with something that happens in the missions of one design."""
     mounts = [m.design.mounts for m in missions() if m.design_id == design]
     x = mounts[0][0].x_m if mounts else -99.0
-    return replace(experiment().task, failure=Trap(what, x, tally))
+    return replace(experiment().scenario, failure=Trap(what, x, tally))
 
 
 @dataclass(frozen=True)
@@ -176,12 +176,12 @@ def test_outcomes_are_the_same_in_calls_of_any_size(
 
 @pytest.mark.parametrize("what", ["crash", "hang", "fail"])
 def test_a_fault_amid_a_call_costs_its_own_mission_only(what: str, tmp_path: Path) -> None:
-    task = trapped(what, 13, str(tmp_path / "tally"))
+    scenario = trapped(what, 13, str(tmp_path / "tally"))
     expected = sound()  # first: what is compiled counts against the time limit of a worker
     limit = 3.0 if what == "hang" else 60.0
-    outcomes = flown(Processes(workers=2, retries=0, time_limit_s=limit), task, WORST)
+    outcomes = flown(Processes(workers=2, retries=0, time_limit_s=limit), scenario, WORST)
     lost = {place for place, outcome in outcomes.items() if outcome.ended == LOST}
-    assert lost == {mission.place for mission in missions() if mission.design_id == 13}
+    assert lost == {mission.key for mission in missions() if mission.design_id == 13}
     rest = {place: text for place, text in as_text(outcomes).items() if place not in lost}
     assert rest == {place: text for place, text in expected.items() if place not in lost}
     reasons = {"crash": "by signal 9", "hang": "time_limit_s = 3 s", "fail": "the trap"}
@@ -191,12 +191,12 @@ def test_a_fault_amid_a_call_costs_its_own_mission_only(what: str, tmp_path: Pat
 @pytest.mark.parametrize("what", ["crash", "fail", "refuse"])
 def test_a_fault_that_stops_the_run_is_that_of_one_mission(what: str, tmp_path: Path) -> None:
     """And what was flown before or in the same call is not lost with it."""
-    task = trapped(what, 13, str(tmp_path / "tally"))
+    scenario = trapped(what, 13, str(tmp_path / "tally"))
     recorded: list[tuple[Mission, Outcome]] = []
     said = "^the trap: must" if what == "refuse" else "the mission of design 13 in "
     error = InputError if what == "refuse" else RunStopped
     with Processes(workers=1, retries=0).open() as pool:
-        batches = compute(task, missions(), pool, 1, STOP)
+        batches = compute(scenario, missions(), pool, 1, STOP)
         with pytest.raises(error, match=said):
             recorded.extend(pair for batch in batches for pair in batch)
     designs = [mission.design_id for mission, _ in recorded]
@@ -206,8 +206,8 @@ def test_a_fault_that_stops_the_run_is_that_of_one_mission(what: str, tmp_path: 
 
 def test_an_attempt_at_a_call_is_one_at_each_mission_alone(tmp_path: Path) -> None:
     """A retry: two attempts at the call, if there was one, and two at each of two missions."""
-    task = trapped("crash", 13, str(tmp_path / "tally"))
-    outcomes = flown(Processes(workers=1, retries=1), task, WORST)
+    scenario = trapped("crash", 13, str(tmp_path / "tally"))
+    outcomes = flown(Processes(workers=1, retries=1), scenario, WORST)
     lost = [outcome for outcome in outcomes.values() if outcome.ended == LOST]
     assert ["lost 2 times" in outcome.reason for outcome in lost] == [True, True]
     assert len((tmp_path / "tally").read_text().splitlines()) in (6, 8)
@@ -215,25 +215,25 @@ def test_an_attempt_at_a_call_is_one_at_each_mission_alone(tmp_path: Path) -> No
 
 def test_lost_missions_stop_or_are_the_worst() -> None:
     wanted = experiment().plan.selection(3, 4, DESIGN)
-    task = experiment().task
+    scenario = experiment().scenario
     for error in (WorkerLost("it hung"), ValueError("no\nluck")):
         with pytest.raises(RunStopped, match=r"design 4 in \w+, generation 3, trial 0: "):
-            list(compute(task, wanted, Broken(error), 1, STOP))
-        (*batches,) = compute(task, wanted, Broken(error), 1, WORST)
+            list(compute(scenario, wanted, Broken(error), 1, STOP))
+        (*batches,) = compute(scenario, wanted, Broken(error), 1, WORST)
         outcomes = [outcome for batch in batches for _, outcome in batch]
         assert {outcome.ended for outcome in outcomes} == {LOST}
         assert {outcome.progress for outcome in outcomes} == {0.0}
         assert len(outcomes) == len(wanted)
-        tracks = trajectories(task, wanted, Broken(error), WORST)
+        tracks = trajectories(scenario, wanted, Broken(error), WORST)
         assert [len(track) for track in tracks] == [0] * len(wanted)
         with pytest.raises(RunStopped):
-            trajectories(task, wanted, Broken(error), STOP)
+            trajectories(scenario, wanted, Broken(error), STOP)
 
 
 @pytest.mark.parametrize("error", [InputError("bad"), SimulationError("odd"), CancelledError()])
 def test_errors_of_ours_are_never_recorded_as_lost(error: Exception) -> None:
     with pytest.raises(type(error)):
-        list(compute(experiment().task, missions(), Broken(error), 1, WORST))
+        list(compute(experiment().scenario, missions(), Broken(error), 1, WORST))
 
 
 # ---- how it is done
@@ -242,7 +242,7 @@ def test_errors_of_ours_are_never_recorded_as_lost(error: Exception) -> None:
 def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     pool = Watched(at_once=True)
     monkeypatch.setattr(dispatch, "CALL_S", 1e9)
-    list(compute(experiment().task, missions(), pool, 1, STOP))
+    list(compute(experiment().scenario, missions(), pool, 1, STOP))
     assert pool.sizes[0] == 1
     assert max(pool.sizes) >= 7
     assert len(pool.sizes) < len(missions()) / 2
@@ -252,7 +252,7 @@ def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.Monk
 
     pool = Watched(at_once=True)
     monkeypatch.setattr(dispatch, "CALL_S", 0.0)
-    list(compute(experiment().task, missions(), pool, 1, STOP))
+    list(compute(experiment().scenario, missions(), pool, 1, STOP))
     assert max(pool.sizes[1:]) <= 2  # it tries once more whether there is time now
     assert len(pool.sizes) == len(missions())
 
@@ -260,7 +260,7 @@ def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.Monk
 @pytest.mark.parametrize("workers", [1, 3])
 def test_only_a_few_calls_are_submitted_ahead(workers: int) -> None:
     pool = Watched()
-    flights = dispatch._Batch(experiment().task, pool, workers, list(missions()))
+    flights = dispatch._Batch(experiment().scenario, pool, workers, list(missions()))
     while flights.submit():
         assert len(pool.calls) <= workers * AHEAD
         pool.finish()
@@ -270,7 +270,7 @@ def test_only_a_few_calls_are_submitted_ahead(workers: int) -> None:
 
 def test_what_runs_in_this_process_is_recorded_before_the_next_call_begins() -> None:
     pool = Watched(at_once=True)
-    batches = compute(experiment().task, missions(), pool, 2, STOP)
+    batches = compute(experiment().scenario, missions(), pool, 2, STOP)
     for number, _ in zip(range(1, 6), batches, strict=False):
         assert len(pool.sizes) == number
 
@@ -298,9 +298,9 @@ def unpack() -> Counted:
 
 
 def test_the_task_is_packed_once_and_unpacked_once() -> None:
-    task = replace(experiment().task, failure=Counted())
+    scenario = replace(experiment().scenario, failure=Counted())
     for _ in range(2):
-        assert len(list(compute(task, missions(), Watched(at_once=True), 1, STOP))) > 2
+        assert len(list(compute(scenario, missions(), Watched(at_once=True), 1, STOP))) > 2
     assert COUNT == {"packed": 1, "unpacked": 1}
 
 

@@ -126,8 +126,8 @@ def outcomes(*overrides: str) -> list[Outcome]:
         for name, world in experiment.world.items()
     }
     middle = experiment.space.decode(np.full(experiment.space.size, 0.5))
-    task = replace(experiment.task, world=short)
-    flown = [run_mission(task, mission) for mission in experiment.plan.selection(0, 0, middle)]
+    scenario = replace(experiment.scenario, world=short)
+    flown = [run_mission(scenario, mission) for mission in experiment.plan.selection(0, 0, middle)]
     for outcome, track in flown:
         assert (outcome.ended, outcome.time_s) == ("time_limit", 2.0)
         assert track.shape[1] == len(TRAJECTORY) + len(middle.mounts)

@@ -90,7 +90,7 @@ class HomeOnly:
     """Pickles in the main process, but a worker finds no such class."""
 
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[str, str]]:
-        return find, ("test_executor", "NoSuchClass")
+        return find, (__name__, "NoSuchClass")
 
 
 def find(module: str, name: str) -> Any:

@@ -66,14 +66,14 @@ def test_a_trial_with_a_mission_that_was_not_flown_is_the_worst(
     outcomes = [flown(each, time=0.0, sensors=sensors) for each in done]
     nothing = [flown(0.0, sensors=sensors) for _ in done]
     outcomes[0] = Outcome.failure(ended, "why", LIMIT, sensors)
-    known = dict(zip([mission.place for mission in missions], outcomes, strict=True))
+    known = dict(zip([mission.key for mission in missions], outcomes, strict=True))
     assert fitness_of(fitness, missions, known) == pytest.approx(fitness.score(nothing))
 
 
 def test_other_trials_of_such_a_design_still_count() -> None:
     missions = [Mission(0, 0, Design(()), "a", trial, "selection", "a") for trial in range(2)]
     outcomes = [Outcome.failure(LOST, "why", LIMIT, 0), flown(1.0, time=0.0)]
-    known = dict(zip([mission.place for mission in missions], outcomes, strict=True))
+    known = dict(zip([mission.key for mission in missions], outcomes, strict=True))
     assert fitness_of(EquationOne(), missions, known) == (1 + 8) / 2
 
 

@@ -71,8 +71,8 @@ def same(one: Any, other: Any) -> bool:
 def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> None:
     experiment = experiment_of(*overrides)
     for mission in missions(experiment, 12):
-        whole = run_mission(experiment.task, mission)
-        stepped = run_mission(experiment.task, mission, prepare_interpreted)
+        whole = run_mission(experiment.scenario, mission)
+        stepped = run_mission(experiment.scenario, mission, prepare_interpreted)
         assert same(whole, stepped)
 
 
@@ -88,9 +88,9 @@ def test_bodies_of_all_kinds_and_bumps_are_compiled_alike() -> None:
     )
     bumps = 0
     for mission in missions(experiment, 2):
-        whole = run_mission(experiment.task, mission)
+        whole = run_mission(experiment.scenario, mission)
         bumps += whole[0].collisions
-        assert same(whole, run_mission(experiment.task, mission, prepare_interpreted))
+        assert same(whole, run_mission(experiment.scenario, mission, prepare_interpreted))
     assert bumps > 0
 
 
@@ -107,7 +107,7 @@ def test_bundled_parts_are_compiled_from_start_to_end() -> None:
     seen: list[Any] = []
     for overrides in COMBINATIONS:
         experiment = experiment_of(*overrides)
-        run_mission(experiment.task, missions(experiment, 1)[0], watched(prepare, seen))
+        run_mission(experiment.scenario, missions(experiment, 1)[0], watched(prepare, seen))
     loops = {loop for loop, _ in seen}
     assert all(isbuiltin(loop) for loop in loops)
 
@@ -187,8 +187,8 @@ def test_a_plain_python_rule_works_and_is_named(
     assert "slower" in line
     for mission in missions(compilable, 2):
         seen: list[Any] = []
-        one = run_mission(compilable.task, mission, watched(prepare, seen))
-        other = run_mission(interpreted.task, mission, watched(prepare, seen))
+        one = run_mission(compilable.scenario, mission, watched(prepare, seen))
+        other = run_mission(interpreted.scenario, mission, watched(prepare, seen))
         assert same(one, other)
         assert isbuiltin(seen[0][0])
         assert not isbuiltin(seen[1][0])
@@ -285,7 +285,7 @@ experiment = build(compose(["simulator=planar", "course.time_limit_s=5", "failur
 rng = np.random.default_rng(0)
 design = experiment.space.decode(rng.random(experiment.space.size))
 for mission in experiment.plan.evaluation(0, 0, design):
-    run_mission(experiment.task, mission)
+    run_mission(experiment.scenario, mission)
 print(listener.count)
 """
 

@@ -140,7 +140,7 @@ def experiment() -> Experiment:
     return build(compose([]))
 
 
-def task(
+def scenario(
     experiment: Experiment,
     simulator: Any = None,
     controller: Any = None,
@@ -160,11 +160,11 @@ def task(
     ground = tuple(body for body in old.bodies if body.is_ground)
     world = replace(old, name="open", bodies=ground, course=Course(**values))
     return replace(
-        experiment.task,
+        experiment.scenario,
         world={"open": world},
         simulator=simulator or Plane(),
         controller=controller or Pilot(),
-        design=replace(experiment.task.design, sensors=sensors or {"sonar": Sonar()}),
+        design=replace(experiment.scenario.design, sensors=sensors or {"sonar": Sonar()}),
     )
 
 
@@ -178,7 +178,7 @@ def mission(*kinds: str, draws: str = "key") -> Mission:
 
 def test_a_mission_that_is_completed(experiment: Experiment) -> None:
     """3 m to the first circle, then back and forth between the circles: 2 m each."""
-    outcome, rows = run_mission(task(experiment), mission("sonar"))
+    outcome, rows = run_mission(scenario(experiment), mission("sonar"))
     assert outcome.ended == "completed"
     assert outcome.completed
     assert outcome.progress == 1.0
@@ -197,7 +197,7 @@ def test_a_mission_that_is_completed(experiment: Experiment) -> None:
 
 
 def test_a_mission_that_runs_to_its_limit(experiment: Experiment) -> None:
-    outcome, rows = run_mission(task(experiment, time_limit_s=5.0), mission("sonar"))
+    outcome, rows = run_mission(scenario(experiment, time_limit_s=5.0), mission("sonar"))
     assert outcome.ended == "time_limit"
     assert outcome.time_s == pytest.approx(5.0)
     assert rows[-1, 1] == pytest.approx(2.5)
@@ -209,12 +209,12 @@ def test_a_mission_that_runs_to_its_limit(experiment: Experiment) -> None:
 def test_progress_is_shared_by_the_way_that_is_left(
     experiment: Experiment, limit: float, left: float
 ) -> None:
-    outcome, _ = run_mission(task(experiment, time_limit_s=limit), mission("sonar"))
+    outcome, _ = run_mission(scenario(experiment, time_limit_s=limit), mission("sonar"))
     assert outcome.progress == pytest.approx(1 / left / 4)
 
 
 def test_a_collision_ends_the_mission(experiment: Experiment) -> None:
-    outcome, _ = run_mission(task(experiment, Plane(wall=(1.99, 9.0))), mission("sonar"))
+    outcome, _ = run_mission(scenario(experiment, Plane(wall=(1.99, 9.0))), mission("sonar"))
     assert outcome.ended == "collision"
     assert outcome.time_s == outcome.first_collision_s == pytest.approx(4.0)
     assert outcome.collisions == 1
@@ -223,7 +223,7 @@ def test_a_collision_ends_the_mission(experiment: Experiment) -> None:
 
 def test_a_collision_that_lasts_counts_once_and_need_not_end_it(experiment: Experiment) -> None:
     """The wall is passed on each of the four legs."""
-    flown = task(experiment, Plane(wall=(1.99, 2.51)), end_on_collision=False)
+    flown = scenario(experiment, Plane(wall=(1.99, 2.51)), end_on_collision=False)
     outcome, rows = run_mission(flown, mission("sonar"))
     assert outcome.ended == "completed"
     assert outcome.collisions == 4
@@ -233,7 +233,7 @@ def test_a_collision_that_lasts_counts_once_and_need_not_end_it(experiment: Expe
 
 def test_the_last_waypoint_counts_even_if_it_is_touched(experiment: Experiment) -> None:
     outcome, _ = run_mission(
-        task(experiment, Plane(wall=(-1.0, 9.0)), end_on_collision=True, acceptance_m=9.0),
+        scenario(experiment, Plane(wall=(-1.0, 9.0)), end_on_collision=True, acceptance_m=9.0),
         mission("sonar"),
     )
     assert outcome.visited == 1
@@ -241,7 +241,7 @@ def test_the_last_waypoint_counts_even_if_it_is_touched(experiment: Experiment) 
 
 
 def test_the_share_of_avoiding(experiment: Experiment) -> None:
-    flown = task(experiment, controller=Pilot(stands=(1.0, 3.0)), time_limit_s=8.0)
+    flown = scenario(experiment, controller=Pilot(stands=(1.0, 3.0)), time_limit_s=8.0)
     outcome, rows = run_mission(flown, mission("sonar"))
     assert outcome.avoiding == pytest.approx(2.0 / 8.0, abs=1e-9)
     assert outcome.distance_m == pytest.approx(PACE * 6.0)
@@ -250,7 +250,7 @@ def test_the_share_of_avoiding(experiment: Experiment) -> None:
 
 
 def test_a_state_that_is_not_finite_is_an_outcome(experiment: Experiment) -> None:
-    outcome, rows = run_mission(task(experiment, Plane(sick_after=30)), mission("sonar"))
+    outcome, rows = run_mission(scenario(experiment, Plane(sick_after=30)), mission("sonar"))
     assert outcome.ended == result.SIMULATION_FAILURE
     assert "not finite after 3.1 s" in outcome.reason
     assert outcome.progress == 0.0
@@ -272,7 +272,9 @@ def test_each_part_runs_at_its_own_period(
 ) -> None:
     limit = decisions * decide
     simulator, pilot = Plane(), Pilot(period_s=decide)
-    flown = task(experiment, simulator, pilot, {"sonar": Sonar(period_s=sense)}, time_limit_s=limit)
+    flown = scenario(
+        experiment, simulator, pilot, {"sonar": Sonar(period_s=sense)}, time_limit_s=limit
+    )
     outcome, _ = run_mission(flown, mission("sonar"))
     end = outcome.time_s
     assert end == pytest.approx(limit)
@@ -284,7 +286,7 @@ def test_sensor_types_publish_at_their_own_periods(experiment: Experiment) -> No
     """A point's readings count its calls of sense, one every 0.1 s."""
     sensors = {"fast": Sonar(period_s=0.1), "slow": Sonar(period_s=0.3)}
     _, rows = run_mission(
-        task(experiment, sensors=sensors, time_limit_s=3.0), mission("fast", "slow", "fast")
+        scenario(experiment, sensors=sensors, time_limit_s=3.0), mission("fast", "slow", "fast")
     )
     ticks = np.arange(30)
     assert (rows[:30, 9:11] == (ticks + 1)[:, None]).all()
@@ -302,7 +304,7 @@ def test_periods_are_multiples_of_the_step(
     experiment: Experiment, sensors: Any, controller: Any, key: str
 ) -> None:
     with pytest.raises(InputError, match=key):
-        task(experiment, controller=controller, sensors=sensors)
+        scenario(experiment, controller=controller, sensors=sensors)
 
 
 @pytest.mark.parametrize("limit", [1.03, 0.05, 1.001])
@@ -310,7 +312,7 @@ def test_a_time_limit_is_a_multiple_of_the_control_period(
     experiment: Experiment, limit: float
 ) -> None:
     with pytest.raises(InputError, match=r"world.open.course.time_limit_s: .* multiple"):
-        task(experiment, time_limit_s=limit)
+        scenario(experiment, time_limit_s=limit)
 
 
 # Draws.
@@ -345,7 +347,7 @@ def test_a_new_filter_does_not_shift_the_draws_of_others(experiment: Experiment)
         sensor = Sonar(filters={**before, "noise": noise, "spy": spy}, range_max_m=1e6)
         pilot = Pilot(localization=dict(before))
         _, rows = run_mission(
-            task(experiment, controller=pilot, sensors={"sonar": sensor}, time_limit_s=2.0),
+            scenario(experiment, controller=pilot, sensors={"sonar": sensor}, time_limit_s=2.0),
             mission("sonar", "sonar"),
         )
         seen.append(spy.noted)
@@ -356,7 +358,7 @@ def test_a_new_filter_does_not_shift_the_draws_of_others(experiment: Experiment)
 
 def test_equal_draws_repeat_a_mission_and_others_do_not(experiment: Experiment) -> None:
     sensor = Sonar(filters={"noise": GaussianNoise(0.01)}, range_max_m=1e6)
-    flown = task(experiment, sensors={"sonar": sensor}, time_limit_s=2.0)
+    flown = scenario(experiment, sensors={"sonar": sensor}, time_limit_s=2.0)
     (first, a), (again, b), (_, other) = (
         run_mission(flown, mission("sonar", draws=key)) for key in ("a", "a", "b")
     )
@@ -382,7 +384,9 @@ def test_late_positions_make_ardupilots_law_weave(experiment: Experiment) -> Non
             "home_yaw_rad": 0.5,
         }
         blind = replace(controller, avoidance=Blind())
-        _, rows = run_mission(task(experiment, experiment.simulator, blind, **course), mission())
+        _, rows = run_mission(
+            scenario(experiment, experiment.simulator, blind, **course), mission()
+        )
         settled = rows[rows[:, TIME] > 15.0]
         swings.append(np.degrees(np.ptp(settled[:, HEADING])))
         if localization == "autopilot_gps":

@@ -42,7 +42,7 @@ def heard(experiment: Experiment, failure: Failure, seconds: float = 3.0) -> Arr
     """(ticks, sensors): what the controller reads of constant ranges under the failure."""
     space = experiment.space
     design = space.decode(np.full(space.size, 0.5))
-    robot = experiment.robot.equipped(design.mounts, experiment.design.sensors)
+    robot = experiment.robot.with_sensors(design.mounts, experiment.design.sensors)
     draws = partial(generator, "test")
     faults = failure.draw(sensor_channels(robot), draws("failure"))
     raw, readings = np.full(len(robot.mounts), 2.0), np.zeros(len(robot.mounts))

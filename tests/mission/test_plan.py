@@ -32,14 +32,14 @@ def outcome(progress: float) -> Outcome:
 
 def test_fitness_is_the_mean_over_trials_of_the_score_over_worlds() -> None:
     missions = Plan(0, WORLDS, 3, 0, "generation").selection(0, 0, DESIGN)
-    values = {m.place: outcome(10.0**m.trial * (1 + (m.world == "b"))) for m in missions}
+    values = {m.key: outcome(10.0**m.trial * (1 + (m.world == "b"))) for m in missions}
     assert fitness_of(ByTrial(), missions, values) == pytest.approx(3 * 111 / 3)
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf")])
 def test_a_score_that_is_no_number_is_refused(bad: float) -> None:
     missions = Plan(0, WORLDS, 1, 0, "generation").selection(0, 0, DESIGN)
-    values = {mission.place: outcome(bad) for mission in missions}
+    values = {mission.key: outcome(bad) for mission in missions}
     with pytest.raises(InputError, match="ByTrial"):
         fitness_of(ByTrial(), missions, values)
 
@@ -47,9 +47,9 @@ def test_a_score_that_is_no_number_is_refused(bad: float) -> None:
 def test_what_was_not_flown_never_reaches_the_score() -> None:
     """It is NaN where nothing was measured, and would make the fitness NaN for ever."""
     missions = Plan(0, WORLDS, 2, 0, "generation").selection(0, 0, DESIGN)
-    values = {mission.place: outcome(3.0) for mission in missions}
+    values = {mission.key: outcome(3.0) for mission in missions}
     lost = replace(Outcome.failure(LOST, "why", 10.0, 0), progress=float("nan"))
-    values[missions[0].place] = lost
+    values[missions[0].key] = lost
     assert fitness_of(ByTrial(), missions, values) == (-2.0 + 6.0) / 2
 
 
@@ -74,5 +74,5 @@ def test_no_draw_is_met_twice_by_a_design_or_for_two_purposes(policy: str) -> No
     ]
     assert len({mission.draws for mission in missions}) == len(missions)
     in_run = [*plan.selection(2, 9, DESIGN), *plan.validation(2, 9, DESIGN)]
-    assert len({mission.place for mission in in_run}) == len(in_run)
+    assert len({mission.key for mission in in_run}) == len(in_run)
     assert plan.validation(0, 1, DESIGN)[0].draws == plan.validation(7, 8, DESIGN)[0].draws

@@ -167,7 +167,7 @@ mounts = st.lists(
 @settings(max_examples=50, deadline=None)
 @given(mounts)
 def test_sensors_are_where_they_were_asked_to_be(placed: list[Mount]) -> None:
-    robot = rover().equipped(placed, SENSORS)
+    robot = rover().with_sensors(placed, SENSORS)
     model = independent(robot.urdf)
     poses, frames = robot.sensor_poses(), robot.sensor_frames()
     assert poses.shape == (len(placed), 5)
@@ -184,7 +184,7 @@ def test_sensors_are_where_they_were_asked_to_be(placed: list[Mount]) -> None:
 @settings(max_examples=50, deadline=None)
 @given(mounts)
 def test_sensors_of_a_type_are_together_in_their_order(placed: list[Mount]) -> None:
-    robot = rover().equipped(placed, SENSORS)
+    robot = rover().with_sensors(placed, SENSORS)
     assert list(robot.mounts) == [m for name in SENSORS for m in placed if m.sensor == name]
     root = etree.fromstring(robot.urdf.encode())
     blocks = root.xpath("gazebo[sensor]")
@@ -198,11 +198,12 @@ def some_mounts(count: int = 6) -> list[Mount]:
 
 
 def test_equipping_again_replaces_the_sensors() -> None:
-    once = rover().equipped(some_mounts(2), SENSORS)
+    once = rover().with_sensors(some_mounts(2), SENSORS)
     assert (
-        rover().equipped(some_mounts(), SENSORS).equipped(some_mounts(2), SENSORS).urdf == once.urdf
+        rover().with_sensors(some_mounts(), SENSORS).with_sensors(some_mounts(2), SENSORS).urdf
+        == once.urdf
     )
-    assert once.equipped([], SENSORS).urdf == rover().urdf
+    assert once.with_sensors([], SENSORS).urdf == rover().urdf
 
 
 def test_equipping_is_fast_enough_for_every_individual() -> None:
@@ -210,13 +211,13 @@ def test_equipping_is_fast_enough_for_every_individual() -> None:
     best = math.inf
     for _ in range(20):
         start = time.perf_counter()
-        assert robot.equipped(some_mounts(), SENSORS).urdf
+        assert robot.with_sensors(some_mounts(), SENSORS).urdf
         best = min(best, time.perf_counter() - start)
     assert best < 2e-3
 
 
 def test_a_robot_travels_to_workers() -> None:
-    robot = rover().equipped(some_mounts(), SENSORS)
+    robot = rover().with_sensors(some_mounts(), SENSORS)
     copy = pickle.loads(pickle.dumps(robot))
     assert copy.urdf == robot.urdf
     assert copy.drive == robot.drive
@@ -246,7 +247,7 @@ print(*yourdfpy.URDF.load(sys.argv[1]).joint_map)
 def test_other_readers_load_it_without_a_word(tmp_path: Path, reader: str, name: str) -> None:
     if reader == "pybullet":
         pytest.importorskip("pybullet")
-    robot = rover(name).equipped(some_mounts(), SENSORS)
+    robot = rover(name).with_sensors(some_mounts(), SENSORS)
     (tmp_path / "r.urdf").write_text(robot.urdf)
     command = [
         sys.executable,
@@ -279,7 +280,7 @@ def test_the_collision_shape_of_the_wheels_can_be_chosen(shape: str) -> None:
 def test_the_wheelbase_follows_the_description(front: float, rear: float) -> None:
     drive = load(arguments={"front_axle_x": front, "rear_axle_x": rear}).drive
     assert drive.wheelbase_m == pytest.approx(front - rear, abs=1e-12)
-    assert drive.turning_x_m == pytest.approx(rear, abs=1e-12)
+    assert drive.rear_axle_x_m == pytest.approx(rear, abs=1e-12)
 
 
 Edit = Callable[[etree._Element], object]
@@ -392,16 +393,16 @@ def test_a_sound_copy_of_the_urdf_is_the_same_robot(tmp_path: Path) -> None:
 def test_a_mount_that_cannot_be_is_refused(change: dict[str, Any], says: str) -> None:
     mount = dataclasses.replace(some_mounts(1)[0], **change)
     with pytest.raises(InputError, match=says):
-        rover().equipped([mount], SENSORS)
+        rover().with_sensors([mount], SENSORS)
 
 
 def test_names_must_be_free_and_plain() -> None:
     mount = dataclasses.replace(some_mounts(1)[0], sensor='"/><evil')
     with pytest.raises(InputError, match="letters"):
-        rover().equipped([mount], {mount.sensor: Whisker()})
+        rover().with_sensors([mount], {mount.sensor: Whisker()})
     taken = dataclasses.replace(rover(), taken=frozenset({"sonar_0"}))
     with pytest.raises(InputError, match="sonar_0"):
-        taken.equipped(some_mounts(1), SENSORS)
+        taken.with_sensors(some_mounts(1), SENSORS)
 
 
 def test_the_default_place_must_be_on_the_robot() -> None:
@@ -414,7 +415,7 @@ def test_the_default_place_must_be_on_the_robot() -> None:
 def test_a_sensor_has_the_body_of_its_type() -> None:
     heavy = dataclasses.replace(SENSORS["whisker"], mass_kg=2, size_m=[1, 2, 3])
     mounts = [dataclasses.replace(m, sensor=kind) for kind in SENSORS for m in some_mounts(1)]
-    model = independent(rover().equipped(mounts, {**SENSORS, "whisker": heavy}).urdf)
+    model = independent(rover().with_sensors(mounts, {**SENSORS, "whisker": heavy}).urdf)
     for link, mass, (x, y, z) in (
         ("sonar_0", 0.012, (0.01, 0.02, 0.03)),
         ("whisker_1", 2.0, (1, 2, 3)),
@@ -438,7 +439,7 @@ def test_sensors_on_a_turned_link_keep_their_place(tmp_path: Path) -> None:
     (tmp_path / "r.urdf").write_bytes(etree.tostring(root))
     bare = load(description=str(tmp_path / "r.urdf"), arguments={})
     mount = Mount("sonar", "mast", 0.05, 0.02, 0.01, 30.0, -20.0)
-    robot = bare.equipped([mount], SENSORS)
+    robot = bare.with_sensors([mount], SENSORS)
     frame = independent(robot.urdf).get_transform("sonar_0", "base_link")
     np.testing.assert_allclose(robot.sensor_frames()[0], frame, atol=1e-12)
 

@@ -83,7 +83,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_table_is_that_of_python_and_follows_from_the_missions(whole: Path, file: Path) -> None:
     config = compose(["experiment=tiny", "executor=serial", "trials=3"], USER_PARTS)
-    given = read_given([str(file)], build(config).task)
+    given = read_given([str(file)], build(config).scenario)
     expected = evoros.evaluate([one.design for one in given], config)
     rows = table(whole)
     assert list(rows["design"]) == ["b", "7"]
@@ -121,8 +121,8 @@ def test_what_is_left_out_is_the_robots_mount_and_the_only_type(tmp_path: Path) 
     mount = f"sonar,{robot.mount_link},0.2,0.1,{robot.mount_z_m},30,{robot.mount_pitch_deg}"
     names = "design,sensor,type,link,x_m,y_m,z_m,yaw_deg,pitch_deg"
     (tmp_path / "long.csv").write_text(f"{names}\n0,0,{mount}\n")
-    task = build(compose(["experiment=tiny"], USER_PARTS)).task
-    short, long = (read_given([str(tmp_path / f"{n}.csv")], task) for n in ("short", "long"))
+    scenario = build(compose(["experiment=tiny"], USER_PARTS)).scenario
+    short, long = (read_given([str(tmp_path / f"{n}.csv")], scenario) for n in ("short", "long"))
     assert short[0].design == long[0].design
 
 
@@ -330,7 +330,7 @@ def test_memory_does_not_grow_with_the_missions(
     outcome = Outcome.failure("time_limit", "", 20.0, 1)
 
     def instant(
-        task: object, missions: Sequence[Mission], *_: object
+        scenario: object, missions: Sequence[Mission], *_: object
     ) -> Iterator[list[tuple[Mission, Outcome]]]:
         yield from ([(mission, outcome)] for mission in missions)
 
@@ -468,7 +468,7 @@ def test_a_table_of_designs_can_be_given_as_it_is_written(tmp_path: Path) -> Non
     size = experiment.space.size
     designs: dict[int, Design] = {i: experiment.space.decode(rng.random(size)) for i in range(20)}
     (tmp_path / "many.csv").write_text(design_table(designs))
-    given = read_given([str(tmp_path / "many.csv")], experiment.task)
+    given = read_given([str(tmp_path / "many.csv")], experiment.scenario)
     assert [one.name for one in given] == [str(i) for i in designs]
     assert [one.design.mounts for one in given] == [one.mounts for one in designs.values()]
 

@@ -71,7 +71,7 @@ def world_of(*placed: tuple[Shape, Pose]) -> World:
 def rover(*poses: tuple[float, float, float, float, float], **sonar: float) -> Robot:
     """The rover with sonars at x, y, z [m], yaw, pitch [deg]."""
     mounts = [Mount("sonar", "base_link", *pose) for pose in poses]
-    return experiment().robot.equipped(mounts, {"sonar": Sonar(**sonar)})  # type: ignore[arg-type]
+    return experiment().robot.with_sensors(mounts, {"sonar": Sonar(**sonar)})  # type: ignore[arg-type]
 
 
 def started(
@@ -104,7 +104,7 @@ def test_the_turning_point_drives_along_a_circle(
     state = state_of(simulation)
     steering = min(max(steering, -drive.steering_limit), drive.steering_limit)
     curvature = math.tan(steering) / drive.wheelbase_m
-    turn, axle = speed * curvature * 0.1 * ticks, drive.turning_x_m
+    turn, axle = speed * curvature * 0.1 * ticks, drive.rear_axle_x_m
     # In the frame of the turning point at its start: along (sin, 1 - cos) of the turn, by radius.
     along = math.sin(turn) / curvature if abs(curvature) > 1e-6 else speed * 0.1 * ticks
     aside = (1.0 - math.cos(turn)) / curvature if abs(curvature) > 1e-6 else 0.0
@@ -207,7 +207,7 @@ def test_contact_is_that_of_the_outlines() -> None:
 
 def test_a_robot_that_reaches_farther_than_it_sees_meets_obstacles() -> None:
     """Without any sensor, and with an outline of more than a metre."""
-    bare = experiment().robot.equipped([], {})
+    bare = experiment().robot.with_sensors([], {})
     robot = replace(bare, outline=4.0 * bare.outline)
     post = Shape("box", (0.2, 0.2, 0.5)), Pose((4.0, 0.0, 0.25))
     simulation = started(world_of(post), robot)

@@ -63,7 +63,7 @@ def test_sensors_read_the_same_in_the_same_places(experiment: Experiment, name: 
     apart = []
     for world in standing(25, experiment.robot, experiment.world[name], 0.001):
         design = experiment.space.decode(rng.random(experiment.space.size))
-        robot = experiment.task.embody(design).robot
+        robot = experiment.scenario.with_design(design).robot
         apart.append(read(Planar(), robot, world) - read(PyBullet(), robot, world))
     far = np.abs(np.concatenate(apart))
     assert np.median(far) < 1e-6
@@ -76,7 +76,7 @@ def test_rays_end_where_the_planar_simulator_says(experiment: Experiment, name: 
     """No ray of a sensor has been inside of anything before, and one of them is there."""
     rng = np.random.default_rng(1)
     design = experiment.space.decode(rng.random(experiment.space.size))
-    robot = experiment.task.embody(design).robot
+    robot = experiment.scenario.with_design(design).robot
     for world in standing(5, robot, experiment.world[name], 0.001):
         for i, reading in enumerate(read(Planar(), robot, world)):
             rays = robot.sensors[robot.mounts[i].sensor].rays()

@@ -15,6 +15,7 @@ from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, Array, X, Y
 from evoros.base.errors import InputError
 from evoros.config.compose import build, compose
 from evoros.evolution.experiment import Experiment
+from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot
@@ -22,7 +23,7 @@ from evoros.sensor.protocol import Mount, Sensor
 from evoros.sensor.sonar import Sonar
 from evoros.simulator import pybullet as module
 from evoros.simulator.pybullet import LARGEST_STEP, PyBullet
-from evoros.world.model import Body, Pose, Shape, World
+from evoros.world.model import World
 
 STEPS = (0.0025, 0.005, 0.01, 0.02, LARGEST_STEP)
 LIMITS = [f"world.{name}.course.time_limit_s=8" for name in ("boxes", "maze", "blocks")]
@@ -58,7 +59,7 @@ def flights(experiment: Experiment) -> str:
     """A digest of every bit of some missions."""
     digest = hashlib.sha256()
     for world in experiment.world:
-        outcome, track = run_mission(experiment.task, mission(experiment, world))
+        outcome, track = run_mission(experiment.scenario, mission(experiment, world))
         digest.update(track.tobytes() + repr(outcome).encode())
     return digest.hexdigest()
 
@@ -92,7 +93,7 @@ def mounted(
 ) -> Robot:
     """Sensors at x, y, z [m], yaw, pitch [deg] of the base link."""
     mounts = [Mount("sonar", "base_link", *pose) for pose in poses]
-    return experiment.robot.equipped(mounts, {"sonar": sensor})
+    return experiment.robot.with_sensors(mounts, {"sonar": sensor})
 
 
 def ranges(robot: Robot, world: World, settle: float = 0.0) -> Array:
@@ -118,14 +119,14 @@ def test_missions_repeat_in_a_process_and_in_a_fresh_one(experiment: Experiment)
 def test_a_mission_does_not_know_what_was_flown_before(experiment: Experiment, world: str) -> None:
     wanted = mission(experiment, world, 1)
     module.close_engines()
-    _, alone = run_mission(experiment.task, wanted)
+    _, alone = run_mission(experiment.scenario, wanted)
     for before in (
         mission(experiment, world, 1, trial=1),  # the same robot and world: reset
         mission(experiment, world, 2),  # another robot
         mission(experiment, "maze" if world != "maze" else "boxes", 1),  # another world
     ):
-        run_mission(experiment.task, before)
-        _, after = run_mission(experiment.task, wanted)
+        run_mission(experiment.scenario, before)
+        _, after = run_mission(experiment.scenario, wanted)
         assert np.array_equal(after, alone, equal_nan=True)
 
 
@@ -206,7 +207,7 @@ def test_turning_radius_and_speed_are_those_of_the_geometry(
         for _ in range(50):
             simulation.advance(np.array([0.3, 0.3]), 0.1)
             simulation.observe(state)
-            yaw, rear = state[YAW], robot.drive.turning_x_m
+            yaw, rear = state[YAW], robot.drive.rear_axle_x_m
             places.append([state[X] + rear * math.cos(yaw), state[Y] + rear * math.sin(yaw), yaw])
     path = np.array(places)
     way = np.sqrt((np.diff(path[:, :2], axis=0) ** 2).sum(axis=1)).sum()
@@ -308,7 +309,7 @@ def test_more_rays_than_one_call_takes(experiment: Experiment) -> None:
 def test_a_mission_without_sensors_flies(experiment: Experiment) -> None:
     wanted = mission(experiment, "maze")
     outcome, rows = run_mission(
-        experiment.task, replace(wanted, design=replace(wanted.design, mounts=()))
+        experiment.scenario, replace(wanted, design=replace(wanted.design, mounts=()))
     )
     assert outcome.sensors == 0
     assert outcome.distance_m > 1.0
@@ -382,7 +383,7 @@ def test_merged_links_move_as_the_separate_ones(
     experiment: Experiment, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     design = mission(experiment, "boxes", 4).design
-    robot = experiment.robot.equipped(design.mounts, experiment.design.sensors)
+    robot = experiment.robot.with_sensors(design.mounts, experiment.design.sensors)
     tracks = []
     for separate in (False, True):
         module.close_engines()

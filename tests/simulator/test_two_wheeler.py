@@ -14,13 +14,14 @@ from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, YAW_RATE, Array,
 from evoros.config.compose import build, compose
 from evoros.evolution.experiment import Experiment
 from evoros.formats.urdf.tree import read_tree
+from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot
 from evoros.simulator import pybullet as module
 from evoros.simulator.planar import Planar
 from evoros.simulator.pybullet import PyBullet
-from evoros.world.model import Body, Pose, Shape, World
+from evoros.world.model import World
 
 SIMULATORS: dict[str, tuple[Any, float]] = {
     "pybullet": (PyBullet(), 0.01),
@@ -166,7 +167,7 @@ def test_it_flies_missions_with_the_sensors_of_the_rover(simulator: str) -> None
     whole = experiment(f"simulator={simulator}", *limits)
     design = whole.space.decode(np.full(whole.space.size, 0.5))
     outcome, track = run_mission(
-        whole.task, Mission(0, 0, design, "blocks", 0, "evaluation", "test")
+        whole.scenario, Mission(0, 0, design, "blocks", 0, "evaluation", "test")
     )
     assert len(design.mounts) == 6
     assert outcome.ended == "time_limit"

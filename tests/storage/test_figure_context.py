@@ -123,12 +123,12 @@ def test_sensors_are_where_the_robot_has_them(
 ) -> None:
     """In the robot's frame, whatever link carries them."""
     place = (0.1, -0.2, 0.3, yaw)
-    robot = replace(EVOLVING.robot, places={"mast": place})
+    robot = replace(EVOLVING.robot, sensor_links={"mast": place})
     mounts = [Mount("sonar", "mast", x, y, 0.05, turn, 12.5) for x, y, turn in poses]
-    equipped = robot.equipped(mounts, EVOLVING.design.sensors)
+    with_sensors = robot.with_sensors(mounts, EVOLVING.design.sensors)
     table = pd.read_csv(io.StringIO(design_table({1: Design(tuple(mounts))})))
     found = sensors(table, replace(SETTING, places={"mast": place}))
-    expected = equipped.sensor_poses()
+    expected = with_sensors.sensor_poses()
     np.testing.assert_allclose(found[["x_m", "y_m", "z_m"]], expected[:, :3], atol=1e-12)
     turned = np.radians(found.yaw_deg) - expected[:, 3]
     np.testing.assert_allclose(np.cos(turned), 1.0, atol=1e-12)

@@ -36,7 +36,7 @@ def test_a_mission_read_back_is_the_one_that_was_written(
     assert written.count("\n") == 2
     (row,) = csv.DictReader(io.StringIO(written, newline=""))
     place, draws, back = read_mission(row)
-    assert (place, draws) == (mission.place, mission.draws)
+    assert (place, draws) == (mission.key, mission.draws)
     # repr: it tells NaN from a number, -0.0 from 0.0, and a tuple from its items
     assert repr(back) == repr(outcome)
 

@@ -68,10 +68,10 @@ def parameters_of(
 def _limits(drive: Drive) -> tuple[float, ...]:
     return (
         drive.max_speed_mps,
-        drive.limited_at_m,
+        drive.speed_limit_offset_m,
         drive.steering_limit,
         drive.wheelbase_m,
-        drive.turning_x_m,
+        drive.rear_axle_x_m,
     )
 
 
