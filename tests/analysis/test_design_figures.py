@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.drawing import rover
+from evoros.analysis.drawing import robot as rover
 from evoros.analysis.drawing.sheet import Sheet
 from evoros.analysis.drawing.style import CATEGORIES
 from evoros.analysis.figures import failure, overlay, panel, regions
