@@ -20,7 +20,7 @@ from evoros.storage.tables import to_csv
 
 FORMAT_VERSION = 1
 CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
-LOG = "evoros.base.log"
+LOG = "evoros.log"
 Row = TypeVar("Row")
 
 

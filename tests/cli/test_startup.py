@@ -78,7 +78,7 @@ def test_warnings_of_the_readers_are_on_the_terminal_and_in_the_log(
     said = capsys.readouterr().err
     warnings = [line for line in said.splitlines() if "nonsense" in line]
     assert warnings
-    log = (folder / "evoros.base.log").read_text().splitlines()
+    log = (folder / "evoros.log").read_text().splitlines()
     for warning in warnings:
         assert sum(line.endswith(f"WARNING {warning}") for line in log) == 1
     assert "generations, seed" in log[len(warnings)]

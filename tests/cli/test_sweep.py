@@ -118,11 +118,11 @@ def test_the_folders_of_a_sweep_are_those_of_its_runs_alone(
         alone = tmp_path / f"alone {seed}"
         assert tiny(alone, "optimizer.generations=2", f"seed={seed}") == DONE
         assert content(run) == content(alone)
-        log = (run / "evoros.base.log").read_text()
+        log = (run / "evoros.log").read_text()
         assert len(re.findall(r"INFO generation \d/1: ", log)) == 2
         assert all(str(path) not in log for path in run.parent.iterdir() if path != run)
         failed = tmp_path / "sweep" / name.format(seed, "raise")
-        assert "ZeroDivisionError" in (failed / "evoros.base.log").read_text()
+        assert "ZeroDivisionError" in (failed / "evoros.log").read_text()
         assert err.count(f"evoros: {failed.name}: the mission of design ") == 1
         assert err.count(f"evoros resume={failed}") == 1
         assert out.count(f"run folder        {run}\n") == 1
@@ -162,7 +162,7 @@ def test_a_message_about_a_run_goes_into_its_own_log_and_is_shown_with_its_name(
     runs = sorted((tmp_path / "sweep").iterdir())
     assert len(runs) == 2
     for run in runs:
-        warned = re.findall(r"WARNING (.*)", (run / "evoros.base.log").read_text())
+        warned = re.findall(r"WARNING (.*)", (run / "evoros.log").read_text())
         assert len(warned) >= 4
         assert [line for line in shown if line.startswith(f"{run.name}: ")] == [
             f"{run.name}: {line}" for line in warned

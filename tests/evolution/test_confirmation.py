@@ -269,7 +269,7 @@ def test_the_loss_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str], wh
     assert status["best_loss"] == best
     said = f"{best:.3f} of the best, {losses.mean():.3f} on average of {len(losses)} designs"
     assert said in capsys.readouterr().out
-    assert f", loss {best:.3f}, mean " in (run / "evoros.base.log").read_text()
+    assert f", loss {best:.3f}, mean " in (run / "evoros.log").read_text()
 
 
 def test_the_confirming_simulators_module_is_part_of_the_run(whole: Path) -> None:

@@ -23,7 +23,7 @@ def test_run_is_the_command(tiny_config: object, tmp_path: Path) -> None:
     assert tiny(tmp_path / "command") == DONE
     assert content(tmp_path / "api") == content(tmp_path / "command")
     assert run.status["state"] == "finished"
-    assert "generation 2/2" in (tmp_path / "api" / "evoros.base.log").read_text()
+    assert "generation 2/2" in (tmp_path / "api" / "evoros.log").read_text()
     longer = evoros.resume(run.path, ["optimizer.generations=4"])
     assert longer.generations["generation"].max() == 3
     with pytest.raises(evoros.InputError, match="already holds a run"):

@@ -198,7 +198,7 @@ def test_a_folder_of_runs_stands_for_the_champions_of_the_finished_ones(
     assert len(said) == 3
     for name, why in (("damaged", "x_m"), ("killed", "no run's"), ("stopped", "is stopped")):
         assert [why in line for line in said if f"sweep/{name}" in line] == [True]
-    assert "left out" in (tmp_path / "scores" / "evoros.base.log").read_text()
+    assert "left out" in (tmp_path / "scores" / "evoros.log").read_text()
     alone = tmp_path / "alone"
     assert scored(alone, sweep / "a-9", "trials=2") == DONE
     other = [each.drop(columns="source").iloc[0] for each in (rows, table(alone))]

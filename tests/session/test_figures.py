@@ -38,7 +38,7 @@ def test_a_run_leaves_its_figures_with_their_numbers_and_nothing_else(run: Path)
     assert len(points) == sum(len(pd.read_csv(file)) for file in run.glob("generations/*.csv"))
     assert (
         f"figures in {run / 'figures'}: overlay, fitness, mission"
-        in (run / "evoros.base.log").read_text()
+        in (run / "evoros.log").read_text()
     )
 
 

@@ -64,10 +64,10 @@ def test_other_versions_are_said_on_the_terminal_and_in_the_log(
     assert set(DECISIVE) < set(manifest["packages"]) == set(PACKAGES)
     manifest["packages"] |= {"numpy": "0.1", "pybullet": None, "lxml": "0.2"}
     (run / "manifest.json").write_text(json.dumps(manifest))
-    assert "0.1" not in (run / "evoros.base.log").read_text()
+    assert "0.1" not in (run / "evoros.log").read_text()
     capsys.readouterr()
     assert evoros(["--config-dir", str(USER_PARTS), f"resume={run}"]) == DONE
-    log = (run / "evoros.base.log").read_text()
+    log = (run / "evoros.log").read_text()
     for said in (capsys.readouterr().err, log):
         assert "made with numpy 0.1, and this is " in said
         assert "made with pybullet (not installed), and this is " in said
