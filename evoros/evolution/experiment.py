@@ -144,7 +144,7 @@ class Experiment:
             raise InputError(f"confirmation.simulator: {error}") from None
 
     def scenario_for(self, purpose: str) -> Scenario:
-        """The scenario for missions of a purpose: confirmation and validation use the confirming one.
+        """Return the scenario of a purpose: confirmation and validation use the confirming one.
 
         So validated and confirmed fitness compare, as they do without a confirmation.
         """
