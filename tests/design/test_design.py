@@ -41,7 +41,11 @@ ROBOT = Robot(
     mount_link="base",
     mount_z_m=0.166,
     mount_pitch_deg=12.5,
-    places={"base": (0, 0, 0, 0), "mast": (-0.1, 0, 0.3, 0), "door": (0, 0.15, 0.1, math.pi / 2)},
+    sensor_links={
+        "base": (0, 0, 0, 0),
+        "mast": (-0.1, 0, 0.3, 0),
+        "door": (0, 0.15, 0.1, math.pi / 2),
+    },
 )
 FRONT = Region(x_m=[0.2, 0.25], y_m=[-0.1, 0.1], yaw_deg=[-30, 30])
 SIDE = Region(x_m=[0, 0.2], y_m=0.15, yaw_deg=[40, 90], z_m=[0.1, 0.25], pitch_deg=[-5, 15])
