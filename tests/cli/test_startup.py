@@ -26,7 +26,7 @@ def test_nothing_slow_is_imported_before_the_first_line(tmp_path: Path) -> None:
     """Of a run of the default experiment; workers import the engine, the command never does."""
     code = f"""
 import json, logging, sys
-from evoros.cli import evoros
+from evoros.cli.run import evoros
 
 class First(logging.Handler):
     def emit(self, record):

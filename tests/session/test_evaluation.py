@@ -339,7 +339,7 @@ def test_memory_does_not_grow_with_the_missions(
         tracemalloc.start()  # of what is allocated from now on
 
     monkeypatch.setattr(assessment, "compute", instant)
-    monkeypatch.setattr(assessment, "draw_up", drawn_up)
+    monkeypatch.setattr(assessment, "create_folder", drawn_up)
     monkeypatch.setattr(assessment, "BLOCK", 500)
     rows = "\n".join(f"{i},0,0.1,0,{i}" for i in range(40))
     (tmp_path / "forty.csv").write_text(f"{HEADER}\n{rows}\n")
