@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result
-from evoros.base.errors import EvorosError, InputError
+from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.log import LOGGER, logging_to_terminal
 
 from .drawing.style import save
@@ -32,7 +32,7 @@ def evoros_analyze(arguments: Sequence[str]) -> int:
             LOGGER.error("%s: interrupted", NAME)
             return INTERRUPTED
         except EvorosError as error:
-            LOGGER.error("%s: %s", NAME, " ".join(str(error).split()))
+            LOGGER.error("%s: %s", NAME, single_line(error))
             return INPUT
     return DONE
 

@@ -22,3 +22,8 @@ class WorkerLost(EvorosError):
 
 class RunStopped(EvorosError):
     """The run stopped before its end and can be resumed. Exit status 1."""
+
+
+def single_line(message: object) -> str:
+    """Return the text of an error or another object with all whitespace as single spaces."""
+    return " ".join(str(message).split())
