@@ -8,7 +8,7 @@ from statistics import fmean
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.design.design import Design
-from evoros.evolution.dispatch import compute, trajectories
+from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation, Observer
 from evoros.executor.protocol import Pool
@@ -82,14 +82,10 @@ class Evolution:
         experiment, folder = self.experiment, self.folder
         missions = {one: plan(number, one, design) for one, design in designs.items()}
         wanted = [mission for each in missions.values() for mission in each]
-        missing = [mission for mission in wanted if folder.find(mission) is None]
-        self.observer.begin(number, len(wanted), len(wanted) - len(missing))
-        workers, lost = experiment.executor.workers, experiment.lost_missions
+        self.observer.begin(number, len(wanted), sum(map(folder.has, wanted)))
+        dispatcher = Dispatcher(pool, experiment.executor.workers, experiment.lost_missions)
         scenario = experiment.scenario_for(purpose)
-        for flown in compute(scenario, missing, pool, workers, lost):
-            folder.record(flown)
-            for mission, outcome in flown:
-                self.observer.mission(mission, outcome)
+        dispatcher.run_missing(scenario, wanted, folder, self.observer.mission)
         known = {place: outcome for place, (_, outcome) in folder.outcomes.items()}
         return {one: fitness_of(experiment.fitness, each, known) for one, each in missions.items()}
 
@@ -151,6 +147,7 @@ class Evolution:
         tracks = [f"trajectory_{mission.world}.csv" for mission in first]
         if self.folder.has_champion(files, tracks):
             return
-        flown = trajectories(scenario, first, pool, experiment.lost_missions)
+        dispatcher = Dispatcher(pool, experiment.executor.workers, experiment.lost_missions)
+        flown = dispatcher.run_for_trajectories(scenario, first)
         tables = map(trajectory_table, flown)
         self.folder.write_champion({**dict(zip(tracks, tables, strict=True)), **files})

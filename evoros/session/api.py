@@ -30,7 +30,7 @@ from evoros.base.errors import InputError
 from evoros.config import compose as configuration
 from evoros.design.design import Design
 from evoros.design.space import DesignSpace
-from evoros.evolution.dispatch import compute
+from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Pool
 from evoros.fitness.scoring import fitness_of, scores
@@ -156,8 +156,8 @@ class Evaluator:
         ]
         wanted = [mission for each in missions for mission in each]
         workers, lost = experiment.executor.workers, experiment.lost_missions
-        flown = compute(experiment.scenario, wanted, self._pool, workers, lost)
-        return missions, {mission.key: outcome for each in flown for mission, outcome in each}
+        batches = Dispatcher(self._pool, workers, lost).run(experiment.scenario, wanted)
+        return missions, {mission.key: outcome for batch in batches for mission, outcome in batch}
 
 
 def _composed(config: Configuration) -> DictConfig:

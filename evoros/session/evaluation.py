@@ -4,7 +4,6 @@ import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
 from logging import LogRecord
 from pathlib import Path
 from statistics import fmean
@@ -15,7 +14,7 @@ from evoros.base.checks import TEXT
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER, remembering
 from evoros.config import compose as configuration
-from evoros.evolution.dispatch import compute
+from evoros.evolution.dispatch import Dispatcher, MissionResult
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Executor, Pool
 from evoros.fitness.scoring import score_columns, scores
@@ -49,9 +48,6 @@ DESIGNS = "designs.csv"
 HEADER = ("source", "design", "world", "trial", "draws", *OUTCOME_COLUMNS)
 GENERATION = 0
 """All designs meet the draws of one generation of evaluations; another seed gives others."""
-BLOCK = 10_000
-"""Missions handed over at a time: memory stays flat, and at the end of a block workers wait for no
-more than one mission."""
 STATUS_S = 5.0
 """Wall clock between two updates of ``status.json``."""
 
@@ -199,13 +195,8 @@ class _Evaluator:
         experiment = self.experiment
         self.display.start(1)
         self.display.begin(0, self.wanted, self.known)
-        missing = self._missing()
-        while block := list(islice(missing, BLOCK)):
-            workers, lost = experiment.executor.workers, experiment.lost_missions
-            for flown in compute(experiment.scenario, block, pool, workers, lost):
-                self.folder.append([self._row(*each) for each in flown])
-                for mission, outcome in flown:
-                    self._fly(mission, outcome)
+        dispatcher = Dispatcher(pool, experiment.executor.workers, experiment.lost_missions)
+        dispatcher.run_missing(experiment.scenario, self._missions(), self, self._notify)
         self.folder.sync()
         columns = score_columns(list(experiment.world))
         table: list[Sequence[object]] = [("source", "design", *columns)]
@@ -247,21 +238,30 @@ class _Evaluator:
             self.partial[number] = _UnfinishedDesign({mission.key: mission for mission in missions})
         return self.partial[number]
 
-    def _missing(self) -> Iterator[Mission]:
+    def has(self, mission: Mission) -> bool:
+        """Whether the mission is on disk."""
+        number = mission.design_id
+        return number in self.rows or mission.key in self._begun(number).outcomes
+
+    def record(self, results: Sequence[MissionResult]) -> None:
+        """Put finished missions on disk."""
+        self.folder.append([self._row(mission, outcome) for mission, outcome in results])
+        for mission, outcome in results:
+            self._take(mission, outcome)
+
+    def _missions(self) -> Iterator[Mission]:
+        """All missions of the designs that are not done."""
         for number in range(len(self.given)):
             if number not in self.rows:
-                some = self._begun(number)
-                known = set(some.outcomes)
-                yield from (m for place, m in some.missions.items() if place not in known)
+                yield from self._begun(number).missions.values()
 
     def _row(self, mission: Mission, outcome: Outcome) -> list[object]:
         one = self.given[mission.design_id]
         place = (one.source, one.name, mission.world, mission.trial, mission.draws)
         return [*place, *outcome_cells(outcome)]
 
-    def _fly(self, mission: Mission, outcome: Outcome) -> None:
-        """A mission was flown and is on disk."""
-        self._take(mission, outcome)
+    def _notify(self, mission: Mission, outcome: Outcome) -> None:
+        """Report a mission that is on disk."""
         self.tally.count(mission, outcome)
         self.display.mission(mission, outcome)
         if time.monotonic() - self.written > STATUS_S:

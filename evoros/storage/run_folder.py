@@ -63,6 +63,14 @@ class RunFolder(MissionLog):
         self.append([mission_row(mission, outcome) for mission, outcome in flown])
         self.outcomes |= {mission.key: (mission.draws, outcome) for mission, outcome in flown}
 
+    def has(self, mission: Mission) -> bool:
+        """Whether the mission has been recorded.
+
+        Raises:
+            InputError: it was recorded under other draws.
+        """
+        return self.find(mission) is not None
+
     def find(self, mission: Mission) -> Outcome | None:
         """The recorded outcome of the mission.
 

@@ -8,7 +8,7 @@ from helpers import USER_PARTS
 
 from evoros.base.errors import InputError
 from evoros.config.compose import build, compose, own_folder, read, to_text
-from evoros.evolution.dispatch import compute
+from evoros.evolution.dispatch import Dispatcher
 
 
 def test_what_a_run_keeps_composes_to_the_same_experiment(tmp_path: Path) -> None:
@@ -54,4 +54,4 @@ def test_an_experiment_that_does_not_pickle_is_refused_before_anything_is_flown(
     middle = np.full(experiment.space.size, 0.5)
     missions = experiment.plan.selection(0, 0, experiment.space.decode(middle))
     with experiment.executor.open() as pool, pytest.raises(InputError, match="cannot be sent"):
-        list(compute(scenario, missions, pool, 1, "stop"))
+        list(Dispatcher(pool, 1, "stop").run(scenario, missions))

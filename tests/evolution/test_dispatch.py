@@ -3,7 +3,7 @@
 import os
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -18,8 +18,8 @@ from numpy.random import Generator
 from evoros.base.errors import InputError, RunStopped, SimulationError, WorkerLost
 from evoros.config.compose import build, compose
 from evoros.design.design import Design
-from evoros.evolution import dispatch
-from evoros.evolution.dispatch import AHEAD, compute, trajectories
+from evoros.evolution import calls, dispatch
+from evoros.evolution.dispatch import CALLS_PER_WORKER, Dispatcher, MissionResult
 from evoros.evolution.experiment import Experiment
 from evoros.executor.processes import Processes
 from evoros.executor.protocol import Executor
@@ -50,7 +50,7 @@ def missions(designs: int = 20) -> tuple[Mission, ...]:
 
 def flown(executor: Executor, scenario: Scenario, lost: str = STOP) -> dict[MissionKey, Outcome]:
     with executor.open() as pool:
-        batches = list(compute(scenario, missions(), pool, executor.workers, lost))
+        batches = list(Dispatcher(pool, executor.workers, lost).run(scenario, missions()))
     pairs = [pair for batch in batches for pair in batch]
     assert len(pairs) == len(missions())  # none twice
     return {mission.key: outcome for mission, outcome in pairs}
@@ -167,7 +167,7 @@ def test_outcomes_are_the_same_in_any_number_of_workers(executor: Executor) -> N
 def test_outcomes_are_the_same_in_calls_of_any_size(
     seconds: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dispatch, "CALL_S", seconds)
+    monkeypatch.setattr(calls, "CALL_S", seconds)
     assert as_text(flown(Serial(), harmless(99))) == sound()
 
 
@@ -196,7 +196,7 @@ def test_a_fault_that_stops_the_run_is_that_of_one_mission(what: str, tmp_path: 
     said = "^the trap: must" if what == "refuse" else "the mission of design 13 in "
     error = InputError if what == "refuse" else RunStopped
     with Processes(workers=1, retries=0).open() as pool:
-        batches = compute(scenario, missions(), pool, 1, STOP)
+        batches = Dispatcher(pool, 1, STOP).run(scenario, missions())
         with pytest.raises(error, match=said):
             recorded.extend(pair for batch in batches for pair in batch)
     designs = [mission.design_id for mission, _ in recorded]
@@ -218,22 +218,63 @@ def test_lost_missions_stop_or_are_the_worst() -> None:
     scenario = experiment().scenario
     for error in (WorkerLost("it hung"), ValueError("no\nluck")):
         with pytest.raises(RunStopped, match=r"design 4 in \w+, generation 3, trial 0: "):
-            list(compute(scenario, wanted, Broken(error), 1, STOP))
-        (*batches,) = compute(scenario, wanted, Broken(error), 1, WORST)
+            list(Dispatcher(Broken(error), 1, STOP).run(scenario, wanted))
+        (*batches,) = Dispatcher(Broken(error), 1, WORST).run(scenario, wanted)
         outcomes = [outcome for batch in batches for _, outcome in batch]
         assert {outcome.ended for outcome in outcomes} == {LOST}
         assert {outcome.progress for outcome in outcomes} == {0.0}
         assert len(outcomes) == len(wanted)
-        tracks = trajectories(scenario, wanted, Broken(error), WORST)
+        tracks = Dispatcher(Broken(error), 1, WORST).run_for_trajectories(scenario, wanted)
         assert [len(track) for track in tracks] == [0] * len(wanted)
         with pytest.raises(RunStopped):
-            trajectories(scenario, wanted, Broken(error), STOP)
+            Dispatcher(Broken(error), 1, STOP).run_for_trajectories(scenario, wanted)
 
 
 @pytest.mark.parametrize("error", [InputError("bad"), SimulationError("odd"), CancelledError()])
 def test_errors_of_ours_are_never_recorded_as_lost(error: Exception) -> None:
     with pytest.raises(type(error)):
-        list(compute(experiment().scenario, missions(), Broken(error), 1, WORST))
+        list(Dispatcher(Broken(error), 1, WORST).run(experiment().scenario, missions()))
+
+
+# ---- what is run at all
+
+
+@dataclass
+class Memory:
+    """A record in memory; tells whether each mission was recorded before it was reported."""
+
+    outcomes: dict[MissionKey, Outcome] = field(default_factory=dict)
+    reported: list[MissionKey] = field(default_factory=list)
+
+    def has(self, mission: Mission) -> bool:
+        return mission.key in self.outcomes
+
+    def record(self, results: Sequence[MissionResult]) -> None:
+        for mission, outcome in results:
+            assert mission.key not in self.outcomes
+            self.outcomes[mission.key] = outcome
+
+    def notify(self, mission: Mission, outcome: Outcome) -> None:
+        assert self.outcomes[mission.key] is outcome
+        self.reported.append(mission.key)
+
+
+@pytest.mark.parametrize("block", [1, 7, 10_000])
+def test_missions_that_are_recorded_are_not_run_again(
+    block: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dispatch, "BLOCK", block)
+    memory, scenario = Memory(), harmless(99)
+    known = [mission for i, mission in enumerate(missions()) if i % 3 == 0]
+    for results in Dispatcher(Watched(at_once=True), 1, STOP).run(scenario, known):
+        memory.record(results)
+    dispatcher = Dispatcher(Watched(at_once=True), 1, STOP)
+    dispatcher.run_missing(scenario, iter(missions()), memory, memory.notify)
+    assert set(memory.outcomes) == {mission.key for mission in missions()}
+    assert set(memory.reported) == set(memory.outcomes) - {mission.key for mission in known}
+    assert as_text(memory.outcomes) == sound()
+    dispatcher.run_missing(scenario, missions(), memory, memory.notify)
+    assert len(memory.reported) == len(missions()) - len(known)
 
 
 # ---- how it is done
@@ -241,8 +282,8 @@ def test_errors_of_ours_are_never_recorded_as_lost(error: Exception) -> None:
 
 def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     pool = Watched(at_once=True)
-    monkeypatch.setattr(dispatch, "CALL_S", 1e9)
-    list(compute(experiment().scenario, missions(), pool, 1, STOP))
+    monkeypatch.setattr(calls, "CALL_S", 1e9)
+    list(Dispatcher(pool, 1, STOP).run(experiment().scenario, missions()))
     assert pool.sizes[0] == 1
     assert max(pool.sizes) >= 7
     assert len(pool.sizes) < len(missions()) / 2
@@ -251,8 +292,8 @@ def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.Monk
         assert size <= max(1, (len(missions()) - before) // 2)  # the end is shared evenly
 
     pool = Watched(at_once=True)
-    monkeypatch.setattr(dispatch, "CALL_S", 0.0)
-    list(compute(experiment().scenario, missions(), pool, 1, STOP))
+    monkeypatch.setattr(calls, "CALL_S", 0.0)
+    list(Dispatcher(pool, 1, STOP).run(experiment().scenario, missions()))
     assert max(pool.sizes[1:]) <= 2  # it tries once more whether there is time now
     assert len(pool.sizes) == len(missions())
 
@@ -260,17 +301,17 @@ def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.Monk
 @pytest.mark.parametrize("workers", [1, 3])
 def test_only_a_few_calls_are_submitted_ahead(workers: int) -> None:
     pool = Watched()
-    flights = dispatch._Batch(experiment().scenario, pool, workers, list(missions()))
-    while flights.submit():
-        assert len(pool.calls) <= workers * AHEAD
+    batch = dispatch._Batch(experiment().scenario, pool, workers, list(missions()))
+    while batch.submit():
+        assert len(pool.calls) <= workers * CALLS_PER_WORKER
         pool.finish()
-        flights.collect(STOP)
-    assert pool.most == workers * AHEAD
+        batch.collect(STOP)
+    assert pool.most == workers * CALLS_PER_WORKER
 
 
 def test_what_runs_in_this_process_is_recorded_before_the_next_call_begins() -> None:
     pool = Watched(at_once=True)
-    batches = compute(experiment().scenario, missions(), pool, 2, STOP)
+    batches = Dispatcher(pool, 2, STOP).run(experiment().scenario, missions())
     for number, _ in zip(range(1, 6), batches, strict=False):
         assert len(pool.sizes) == number
 
@@ -300,7 +341,7 @@ def unpack() -> Counted:
 def test_the_task_is_packed_once_and_unpacked_once() -> None:
     scenario = replace(experiment().scenario, failure=Counted())
     for _ in range(2):
-        assert len(list(compute(scenario, missions(), Watched(at_once=True), 1, STOP))) > 2
+        assert len(list(Dispatcher(Watched(at_once=True), 1, STOP).run(scenario, missions()))) > 2
     assert COUNT == {"packed": 1, "unpacked": 1}
 
 

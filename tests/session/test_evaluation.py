@@ -20,6 +20,7 @@ from evoros.cli.evaluate import evaluate
 from evoros.config.compose import build, compose
 from evoros.config.jobs import Job, Jobs, options_of
 from evoros.design.design import Design
+from evoros.evolution import dispatch
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
 from evoros.session import evaluation as assessment
@@ -262,7 +263,7 @@ def test_small_blocks_and_missing_rows_in_the_middle_change_nothing(
     shutil.copytree(whole, folder)
     lines = (folder / "missions.csv").read_bytes().splitlines(keepends=True)
     (folder / "missions.csv").write_bytes(b"".join(lines[:1] + lines[2:5] + lines[6:] + lines[7:9]))
-    monkeypatch.setattr(assessment, "BLOCK", 1)
+    monkeypatch.setattr(dispatch, "BLOCK", 1)
     assert resume(folder) == DONE
     again = set((folder / "missions.csv").read_bytes().splitlines())
     assert again == set((whole / "missions.csv").read_bytes().splitlines())
@@ -330,17 +331,17 @@ def test_memory_does_not_grow_with_the_missions(
     outcome = Outcome.failure("time_limit", "", 20.0, 1)
 
     def instant(
-        scenario: object, missions: Sequence[Mission], *_: object
+        dispatcher: object, scenario: object, missions: Sequence[Mission]
     ) -> Iterator[list[tuple[Mission, Outcome]]]:
         yield from ([(mission, outcome)] for mission in missions)
 
-    def drawn_up(path: Path, files: Mapping[str, str]) -> None:
+    def create(path: Path, files: Mapping[str, str]) -> None:
         create_folder(path, files)
         tracemalloc.start()  # of what is allocated from now on
 
-    monkeypatch.setattr(assessment, "compute", instant)
-    monkeypatch.setattr(assessment, "create_folder", drawn_up)
-    monkeypatch.setattr(assessment, "BLOCK", 500)
+    monkeypatch.setattr(dispatch.Dispatcher, "run", instant)
+    monkeypatch.setattr(assessment, "create_folder", create)
+    monkeypatch.setattr(dispatch, "BLOCK", 500)
     rows = "\n".join(f"{i},0,0.1,0,{i}" for i in range(40))
     (tmp_path / "forty.csv").write_text(f"{HEADER}\n{rows}\n")
     peaks: list[int] = []
