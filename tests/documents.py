@@ -40,6 +40,12 @@ def write(contents: Mapping[str, str], folder: Path) -> None:
         (folder / path).write_text(content)
 
 
+def code(name: str) -> list[str]:
+    """The blocks of Python of a document that are no files."""
+    content = re.sub(r"^`mine/[\w./]+`:\n\n```python\n.*?^```$", "", text(name), flags=re.M | re.S)
+    return re.findall(r"^```python\n(.*?)^```$", content, re.M | re.S)
+
+
 def commands(name: str) -> list[str]:
     """The lines that call evoros."""
     blocks = re.findall(r"^```bash\n(.*?)^```$", text(name), re.M | re.S)

@@ -1,0 +1,111 @@
+"""docs/architecture.md names every room, its floor and the libraries that it may import."""
+
+import ast
+import re
+import sys
+from configparser import ConfigParser
+from functools import cache
+from pathlib import Path
+from runpy import run_path
+
+from documents import DOCS, table, text
+from helpers import ROOT
+
+PACKAGES = ("evoros", "analysis")
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Every Python file of the two packages, by its path from the root."""
+    paths = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    return {str(path.relative_to(ROOT)): path for path in paths}
+
+
+@cache
+def imported(path: Path) -> set[str]:
+    """The dotted names of the modules that a file imports when it runs."""
+    tree = ast.parse(path.read_text())
+    type_checking = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+        for inner in ast.walk(node)
+    }
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        if id(node) in type_checking:
+            continue
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return names
+
+
+def importers(library: str) -> set[str]:
+    return {
+        name
+        for name, path in modules().items()
+        if library in {each.partition(".")[0] for each in imported(path)}
+    }
+
+
+def rooms() -> dict[str, str]:
+    """The floor of each room, as the document's table says."""
+    return {row[0].removesuffix("/"): row[1] for row in table(text("architecture"), "room")}
+
+
+def test_every_room_is_in_the_table_and_every_row_is_a_room() -> None:
+    folders = {"/".join(Path(name).parent.parts[:2]) for name in modules()}
+    assert set(rooms()) == folders
+
+
+def test_the_floors_are_those_of_the_import_contract() -> None:
+    contract = ConfigParser()
+    contract.read(ROOT / ".importlinter")
+    layers = contract["importlinter:contract:layers"]["layers"].split("\n")[1:]
+    floors = {
+        module.strip().replace(".", "/"): str(len(layers) - index)
+        for index, layer in enumerate(layers)
+        for module in layer.split("|")
+    }
+    documented = {room: floor for room, floor in rooms().items() if floor}
+    outermost = {room: floor for room, floor in documented.items() if room in floors}
+    assert outermost == floors
+    within = set(documented) - set(
+        floors
+    )  # these are rooms of analysis/, one floor to the contract
+    assert {documented[room] for room in within} == {floors["analysis"]}
+    assert all(room.startswith("analysis/") for room in within)
+
+
+def test_the_picture_shows_the_table() -> None:
+    drawing = run_path(str(DOCS / "img" / "rooms.py"))["drawing"]
+    assert (DOCS / "img" / "rooms.svg").read_text() == drawing(text("architecture"))
+
+
+def test_libraries_are_imported_only_where_the_document_says() -> None:
+    for library, places in table(text("architecture"), "library"):
+        allowed = re.findall(r"[\w./]+", places)
+        found = importers(library)
+        for name in found:
+            assert any(name.startswith(place) for place in allowed), name
+        for place in allowed:
+            assert any(name.startswith(place) for name in found), (library, place)
+
+
+def test_every_library_is_in_the_table() -> None:
+    names = {each.partition(".")[0] for path in modules().values() for each in imported(path)}
+    libraries = names - sys.stdlib_module_names - {*PACKAGES, "numpy"}
+    assert libraries == {row[0] for row in table(text("architecture"), "library")}
+
+
+def test_figures_are_drawn_by_one_module_of_the_session() -> None:
+    """import-linter knows the folder as ``analysis`` and cannot see imports of this name."""
+    drawing = {
+        name
+        for name, path in modules().items()
+        if name.startswith("evoros/")
+        and any(each.startswith(("evoros.analysis", "analysis")) for each in imported(path))
+    }
+    assert drawing == {"evoros/session/figures.py"}

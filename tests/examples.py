@@ -1,0 +1,35 @@
+"""Runs the examples of the documents: what they type is composed, and short runs are made."""
+
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+import evoros
+from evoros.config.compose import compose
+from evoros.config.jobs import Job, Jobs, options_of
+
+SMALL = [
+    "optimizer.population_size=2",
+    "optimizer.generations=2",
+    "optimizer.validation_trials=1",
+    "figures=[]",
+]
+LIMIT = "world.yard.course.time_limit_s=5"
+"""The worlds of docs/extending.md are crossed for a few seconds only."""
+
+
+def composed(line: str, *more: str) -> Iterator[DictConfig]:
+    """The configurations of the jobs that a command runs."""
+    options = options_of([*shlex.split(line, comments=True)[1:], *more])
+    for job in Jobs(options.overrides, bool(options.multirun), options.config_dir):
+        assert isinstance(job, Job), job
+        yield job.config
+
+
+def short_run(name: str, overrides: list[str]) -> evoros.Run:
+    """A run of seconds in the simulator and the world of docs/extending.md."""
+    common = ["simulator=kinematic", "simulator.time_step=0.1", "world=yard", LIMIT, *SMALL]
+    config = compose(["executor=serial", *common, *overrides], "mine")
+    return evoros.run(config, Path(name))
