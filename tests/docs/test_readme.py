@@ -1,0 +1,59 @@
+"""The README's commands and its example work, and it stays short."""
+
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from documents import write
+from examples import composed
+from helpers import ROOT
+
+from evoros.config.compose import build
+from evoros.filter.protocol import Channels
+
+README = (ROOT / "README.md").read_text()
+FILES = dict(re.findall(r"^<!-- file: (\S+) -->\n```\w+\n(.*?)^```$", README, re.M | re.S))
+BLOCKS = re.findall(r"^```bash\n(.*?)^```$", README, re.M | re.S)
+TYPED = [line.removeprefix(".venv/bin/") for block in BLOCKS for line in block.splitlines()]
+COMMANDS = [
+    line
+    for line in TYPED
+    if re.match(r"evoros(-evaluate)?( |$)", line) and not re.search("resume=|--help", line)
+]
+
+
+def test_it_fits_on_a_few_screens() -> None:
+    assert README.count("\n") <= 150
+
+
+def test_continuous_integration_lints_the_imports() -> None:
+    (command,) = re.findall("<!-- test command -->(.*?)<!-- end -->", README, re.S)
+    for tool in ("ruff check", "ruff format --check", "mypy", "lint-imports", "pytest"):
+        assert f".venv/bin/{tool}" in command, tool
+
+
+@pytest.fixture
+def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The folder ``mine`` of the README, below the current folder."""
+    write(FILES, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))  # the user's own folder is added to it
+
+
+@pytest.mark.usefixtures("mine")
+@pytest.mark.parametrize("line", COMMANDS)
+def test_the_commands_compose_and_build(line: str) -> None:
+    words = [word for word in shlex.split(line, comments=True) if not word.startswith("designs=")]
+    build(next(composed(shlex.join(words))))
+
+
+@pytest.mark.usefixtures("mine")
+def test_the_example_silences_the_first_half() -> None:
+    (line,) = (line for line in COMMANDS if "mine" in line)
+    failure = build(next(composed(line))).failure
+    channels = Channels(np.zeros(6), np.full(6, 4.5), np.zeros((6, 3)), 0.1)
+    (fault,) = failure.draw(channels, np.random.default_rng(0))
+    np.testing.assert_array_equal(fault.onset, [30.0, 30.0, 30.0, np.inf, np.inf, np.inf])
