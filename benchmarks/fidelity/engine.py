@@ -24,7 +24,7 @@ from evoros.base.arrays import SPEED, Array, X, Y
 from evoros.config.compose import build, compose
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
-from evoros.simulator.engines import pybullet_model
+from evoros.simulator.engines import pybullet_bodies, pybullet_model, pybullet_robot
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
 from evoros.simulator.protocol import Simulator
 from evoros.simulator.pybullet import PyBullet, import_pybullet
@@ -149,7 +149,7 @@ class Without:
     def setCollisionFilterGroupMask(self, *args: Any, **named: Any) -> None:  # noqa: N802
         """As the engine's, but everything meets everything if so chosen."""
         body, link, group, meets = args
-        if self._choice == "pairs" and group in (pybullet_model.FIXED, pybullet_model.GROUND):
+        if self._choice == "pairs" and group in (pybullet_bodies.FIXED, pybullet_bodies.GROUND):
             meets = 0xFFFF
         self._bullet.setCollisionFilterGroupMask(body, link, group, meets, **named)
 
@@ -171,13 +171,13 @@ def running(choice: str, robots: dict[str, Robot], world: World) -> tuple[Any, A
     engine = pybullet_model.Engine(Without(import_pybullet(), choice))
     settings = pybullet_model.Settings(0.025, int(choice) if choice.isdigit() else 20, 1.0, 0.05)
     robot = robots["cylinder" if choice == "cylinder" else "sphere"]
-    merge = vars(pybullet_model)["merge_fixed_links"]
+    merge = vars(pybullet_robot)["merge_fixed_links"]
     if choice == "links":
-        vars(pybullet_model)["merge_fixed_links"] = lambda urdf, kept: urdf
+        vars(pybullet_robot)["merge_fixed_links"] = lambda urdf, kept: urdf
     try:
         model = engine.prepare(robot, world, settings)
     finally:
-        vars(pybullet_model)["merge_fixed_links"] = merge
+        vars(pybullet_robot)["merge_fixed_links"] = merge
     simulation = PyBulletSimulation(engine.bullet, engine.client, model, robot, settings)
     simulation.advance(np.array([0.1, 0.6]), 2.0)
     return engine, import_pybullet().stepSimulation

@@ -77,8 +77,8 @@ class _Simulation:
 
     def _attitude(self) -> tuple[float, float, float]:
         bullet, client, model = self.real._bullet, self.real._client, self.real._model
-        centre = bullet.getBasePositionAndOrientation(model.body, client)
-        position, facing = bullet.multiplyTransforms(*centre, *model.to_base)
+        centre = bullet.getBasePositionAndOrientation(model.robot.body, client)
+        position, facing = bullet.multiplyTransforms(*centre, *model.robot.to_base)
         roll, pitch, _ = bullet.getEulerFromQuaternion(facing)
         return position[2], roll, pitch
 

@@ -22,7 +22,7 @@ from evoros.mission.outcome import AT_X, AT_Y
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
 from evoros.robot.model import Robot
-from evoros.simulator.engines.pybullet_model import SEEN
+from evoros.simulator.engines.pybullet_bodies import VISIBLE
 from evoros.simulator.pybullet import PyBullet, forget_models
 from evoros.world.model import World
 
@@ -71,8 +71,8 @@ def bare(
     spent = 0.0
     with scenario.simulator.open(robot, world) as opened:
         simulation: Any = opened
-        bullet, client, body = simulation._bullet, simulation._client, simulation._model.body
-        rays = [(starts, ends) for starts, ends, _ in simulation._beams]
+        bullet, client, body = simulation._bullet, simulation._client, simulation._model.robot.body
+        rays = [(starts, ends) for starts, ends, _ in simulation._batches]
         step = scenario.simulator.time_step
         for number, (command, duration) in enumerate(commands):
             if number % sense_every == 0:
@@ -83,7 +83,7 @@ def bare(
                         ends,
                         parentObjectUniqueId=body,
                         parentLinkIndex=-1,
-                        collisionFilterMask=SEEN,
+                        collisionFilterMask=VISIBLE,
                         physicsClientId=client,
                     )
                 spent += perf_counter() - begin

@@ -14,7 +14,7 @@ from time import perf_counter
 import numpy as np
 from numba import njit
 
-from evoros.base.compilation import MOTION, compile_rule
+from evoros.base.compilation import SIMULATION_RULES, compile_rule
 from evoros.config.compose import build, compose
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
@@ -80,7 +80,7 @@ def cost(experiment: Experiment, robot: Robot, obstacles: int) -> float:
     world, poses = field(experiment, obstacles), walk(obstacles)
     with experiment.simulator.open(robot, world) as simulation:
         assert isinstance(simulation, RuleSimulation)
-        _, sense, advance = map(compile_rule, simulation.rules, MOTION)
+        _, sense, advance = map(compile_rule, simulation.rules, SIMULATION_RULES)
         readings, command = np.zeros(len(robot.mounts)), np.array([0.3, 0.2])
         arguments = (sense, advance, simulation.parameters, simulation.memory)
         fly(*arguments, poses[:10], readings, command)

@@ -34,7 +34,7 @@ FILTER = types.void(A1, A1, RNG, A1, F8)
 LAYER = types.boolean(A1, A1, A1, A1, A1, F8, A1)
 OBSERVE = SENSE = types.void(A1, A1, A1)
 ADVANCE = types.void(A1, A1, A1, F8)
-MOTION = (OBSERVE, SENSE, ADVANCE)
+SIMULATION_RULES = (OBSERVE, SENSE, ADVANCE)
 
 # What evoros.geometry.clearance computes.
 CLEARANCES = types.void(A2, A2, A2, A2, A1)

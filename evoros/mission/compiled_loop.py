@@ -20,8 +20,8 @@ from evoros.base.compilation import (
     HOW,
     I8,
     LAYER,
-    MOTION,
     RNG,
+    SIMULATION_RULES,
     CompiledRule,
     NotCompilable,
     compiling,
@@ -55,7 +55,8 @@ def prepare(parts: LoopInputs) -> tuple[Loop, LoopInputs]:
     live engine's mission stays as it is.
     """
     observe, sense, advance = (
-        _compile_if_possible(rule, kind) for rule, kind in zip(parts[:3], MOTION, strict=True)
+        _compile_if_possible(rule, kind)
+        for rule, kind in zip(parts[:3], SIMULATION_RULES, strict=True)
     )
     if not all(isinstance(rule, CompiledRule) for rule in (observe, sense, advance)):
         return run_loop, parts
@@ -83,7 +84,7 @@ def prepare(parts: LoopInputs) -> tuple[Loop, LoopInputs]:
 
 def explain_interpreted(parts: LoopInputs) -> list[str]:
     """What of a simulation that is made of rules is not compiled, and why: a line a rule."""
-    rules: list[tuple[Any, Any]] = [*zip(parts[:3], MOTION, strict=True)]
+    rules: list[tuple[Any, Any]] = [*zip(parts[:3], SIMULATION_RULES, strict=True)]
     rules += [(link.rule, FILTER) for link in (*parts.filters, *parts.localization)]
     rules += [(step.rule, LAYER) for step in parts.layers]
     answers = [(rule_name(rule), try_compile(rule, kind)) for rule, kind in rules]
@@ -146,7 +147,7 @@ def _loop(filters: int, localization: int, layers: int) -> Loop:
     link = types.NamedTuple((I8, types.FunctionType(FILTER), A1, A1, RNG, A1), FilterStage)
     step = types.NamedTuple((types.FunctionType(LAYER), A1, A1), LayerStage)
     signature = types.NamedUniTuple(I8, len(LoopResult._fields), LoopResult)(
-        *map(types.FunctionType, MOTION),
+        *map(types.FunctionType, SIMULATION_RULES),
         A1,
         A1,
         types.UniTuple(link, filters),

@@ -1,4 +1,4 @@
-"""What a simulator must offer: simulations of one robot in one world."""
+"""The protocols of simulators: each opens simulations of one robot in one world."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
 
 class Simulation(Protocol):
-    """One robot in one world: the one mutable object of a mission."""
+    """One robot in one world. Of all that a mission uses, this alone is mutable."""
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` (STATE_SIZE,) with the true state; contact since the last call."""
+        """Fill ``state`` (STATE_SIZE,) with the true state; its contact is that since last time."""
         ...
 
     def sense(self, readings: Array) -> None:
-        """Fill ``readings`` (n,) with the true range [m] of each sensor, at most its maximum."""
+        """Fill ``readings`` (n,) with the true range [m] of each sensor, within its limits."""
         ...
 
     def advance(self, command: Array, duration: float) -> None:
@@ -30,15 +30,15 @@ class Simulation(Protocol):
 
 @runtime_checkable
 class Simulator(Protocol):
-    """Opens simulations. The engine's library is imported only when the first one is opened."""
+    """Opens simulations. It imports the library of its engine only when it opens the first one."""
 
     @property
     def time_step(self) -> float:
-        """Physics step [s]; every period of sensors and controllers is a multiple of it."""
+        """Physics step [s]; the periods of all sensors and controllers are multiples of it."""
         ...
 
     def open(self, robot: "Robot", world: "World") -> AbstractContextManager[Simulation]:
-        """The robot at the world's home, everything else where the world says.
+        """Place the robot at the world's home and the bodies where the world puts them.
 
         Raises:
             SimulationError: the engine cannot simulate this robot or world.
@@ -56,8 +56,8 @@ AdvanceRule: TypeAlias = Callable[[Array, Array, Array, float], None]
 """(parameters, memory, command, duration [s]): see ``Simulation.advance``."""
 
 
-class Motion(NamedTuple):
-    """The rules of a simulation that is made of rules, as those of an engine are not."""
+class SimulationRules(NamedTuple):
+    """The three methods of a simulation as rules, which can be compiled."""
 
     observe: ObserveRule
     sense: SenseRule
@@ -66,30 +66,30 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True)
 class RuleSimulation:
-    """A simulation made of rules, with their parameters and memory; missions in it compile."""
+    """A simulation made of rules, whose missions can be compiled."""
 
-    rules: Motion
+    rules: SimulationRules
     parameters: Array
     memory: Array
 
     def observe(self, state: Array) -> None:
-        """Fill in the true state."""
+        """Fill ``state`` with the true state."""
         self.rules.observe(self.parameters, self.memory, state)
 
     def sense(self, readings: Array) -> None:
-        """Fill in the true ranges."""
+        """Fill ``readings`` with the true ranges [m]."""
         self.rules.sense(self.parameters, self.memory, readings)
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive."""
+        """Drive with ``command`` for ``duration`` [s]."""
         self.rules.advance(self.parameters, self.memory, command, duration)
 
 
 @runtime_checkable
 class RuleSimulator(Protocol):
-    """A simulator whose simulations are RuleSimulations."""
+    """A simulator that opens ``RuleSimulation``s."""
 
     @property
-    def rules(self) -> Motion:
-        """What all of them run."""
+    def rules(self) -> SimulationRules:
+        """The rules that all of its simulations share."""
         ...

@@ -23,7 +23,8 @@ from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
-from evoros.simulator.planar import Planar, advance
+from evoros.simulator.engines.planar_rules import advance
+from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import RuleSimulation
 from evoros.world.model import World
 from evoros.world.obstacles import outlines

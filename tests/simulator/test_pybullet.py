@@ -222,7 +222,9 @@ def test_steering_takes_as_long_at_every_step(experiment: Experiment) -> None:
             simulation.advance(np.zeros(2), 1.0)
             simulation.advance(np.array([0.0, 0.3]), 0.1)
             joint = simulation._bullet.getJointState(
-                simulation._model.body, simulation._model.steering[0], simulation._client
+                simulation._model.robot.body,
+                simulation._model.robot.steering[0],
+                simulation._client,
             )
             angles.append(joint[0])
     wanted = experiment.robot.drive.targets(0.0, 0.3)[0][0] * (1.0 - math.exp(-2.0))
@@ -388,12 +390,12 @@ def test_merged_links_move_as_the_separate_ones(
     for separate in (False, True):
         module.close_engines()
         if separate:
-            unchanged = "evoros.simulator.engines.pybullet_model.merged"
-            monkeypatch.setattr(unchanged, lambda urdf, kept: urdf)
+            merging = "evoros.simulator.engines.pybullet_robot.merge_fixed_links"
+            monkeypatch.setattr(merging, lambda urdf, kept: urdf)
         state, rows = np.zeros(STATE_SIZE), []
         with PyBullet().open(robot, level(experiment)) as simulation:
             joints = simulation._bullet.getNumJoints(
-                simulation._model.body, physicsClientId=simulation._client
+                simulation._model.robot.body, physicsClientId=simulation._client
             )
             assert joints == 6 + separate * len(design.mounts)
             for tick in range(100):

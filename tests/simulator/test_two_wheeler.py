@@ -62,8 +62,8 @@ def state_of(simulation: Any) -> Array:
 def attitude(simulation: Any) -> tuple[float, float, float]:
     """Height [m], roll and pitch [deg] of the base link in PyBullet."""
     bullet, client, model = simulation._bullet, simulation._client, simulation._model
-    pose = bullet.getBasePositionAndOrientation(model.body, client)
-    (_, _, z), quaternion = bullet.multiplyTransforms(*pose, *model.to_base)
+    pose = bullet.getBasePositionAndOrientation(model.robot.body, client)
+    (_, _, z), quaternion = bullet.multiplyTransforms(*pose, *model.robot.to_base)
     roll, pitch, _ = bullet.getEulerFromQuaternion(quaternion)
     return z, math.degrees(roll), math.degrees(pitch)
 

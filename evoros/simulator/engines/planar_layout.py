@@ -1,68 +1,89 @@
-"""What the planar simulator keeps of a robot in a world, in one array: where is what."""
+"""The arrays of the planar simulator: a robot in a world as parameters, and a mission's memory.
+
+``parameters`` holds the numbers named first below, then the start of each block, then the blocks.
+"""
 
 import math
 
 import numpy as np
 
-from evoros.base.arrays import Array
+from evoros.base.arrays import STATE_SIZE, Array
+from evoros.base.compilation import compilable
 from evoros.drive.protocol import Drive
 from evoros.robot.model import Robot
+from evoros.simulator.engines.rays import Beam, sensor_beams
 from evoros.world.model import World
 from evoros.world.obstacles import world_arrays
 
-# The parameters: these numbers, then the arrays, each of which starts where ``BEGINS`` says.
+# The numbers at the front of the parameters.
 (
-    STEP,  # [s]
-    STEERING_SHARE,  # of its error, that the steering makes up in one step
-    DRIVE_SHARE,
-    FASTEST,  # [m/s]
-    LIMITED_AT,  # [m] beside the turning point, where the speed has its limit
-    LOCK,  # [rad]
+    TIME_STEP,  # [s]
+    STEERING_GAIN,  # share of its error that the steering makes up in one step
+    SPEED_GAIN,  # share of its error that the speed makes up in one step
+    MAX_SPEED,  # [m/s]
+    SPEED_LIMIT_OFFSET,  # [m] beside the rear axle's centre, where the speed has its limit
+    STEERING_LIMIT,  # [rad]
     WHEELBASE,  # [m]
-    AXLE,  # x of the turning point [m]
-    REACH,  # of the outline from the origin [m]
-    BEGINS,
+    REAR_AXLE_X,  # [m]
+    OUTLINE_RADIUS,  # [m] from the origin to the farthest corner of the outline
+    STARTS,  # the start of each block, and the end of the last
 ) = range(10)
+
+# The blocks, in the order of ``world_arrays`` from the grid on.
 (
     OUTLINE,  # (k, 2) corners [m]
     SENSORS,  # (n, SENSOR_SIZE)
     RAYS,  # (m, 3) unit vectors, in the robot's frame
-    GRID,
-    TOUCHED_FROM,  # by cell, the first of TOUCHED
-    TOUCHED,  # rows of FOOTPRINTS within reach of the outline
-    SEEN_FROM,
-    SEEN,  # rows of OBSTACLES within reach of the sensors
-    FOOTPRINTS,
+    GRID,  # as in evoros.geometry.grid
+    CONTACT_STARTS,  # by cell, its first of CONTACT_ENTRIES
+    CONTACT_ENTRIES,  # rows of FOOTPRINTS within reach of the outline
+    VISIBLE_STARTS,  # by cell, its first of VISIBLE_ENTRIES
+    VISIBLE_ENTRIES,  # rows of OBSTACLES within reach of the sensors
+    FOOTPRINTS,  # as in evoros.geometry.outlines
     CORNERS,  # (c, 2) [m], of the footprints
-    OBSTACLES,  # as plane.ray has them
+    OBSTACLES,  # as in evoros.geometry.ray
 ) = range(11)
-ARRAYS = 11
-HEAD = BEGINS + ARRAYS + 1
+BLOCKS = 11
+HEADER_SIZE = STARTS + BLOCKS + 1
 
-# A sensor: where it is [m], least range, range of the ground it sees, or its greatest [m], its
-# rays, and the unit vectors across the left and right edges of its beam, outwards; 0: no edge.
-AT, LEAST, FREE, FIRST_RAY, BEHIND_RAYS, LEFT, RIGHT = 0, 3, 4, 5, 6, 7, 9
+# A sensor is a row of the block SENSORS.
+ORIGIN, MIN_RANGE, FREE_RANGE, FIRST_RAY, END_RAY, LEFT_EDGE, RIGHT_EDGE = 0, 3, 4, 5, 6, 7, 9
+"""Origin (3,) [m]; minimum range [m]; reading without obstacles [m]; its first ray and the one
+after its last; unit vectors (2,) outwards across the left and the right edge of its beam, or 0
+without edges."""
 SENSOR_SIZE = 11
 
+# The memory: the state, then these.
+STEERING_ANGLE = STATE_SIZE  # [rad]
+PLACED_OUTLINE = STATE_SIZE + 1  # (k, 2) corners [m] where the robot would be after the next step
 
-def parameters_of(
-    robot: Robot, world: World, step: float, steering_lag: float, drive_lag: float
+
+@compilable
+def block(parameters: Array, number: int) -> Array:
+    """One of the blocks, flat."""
+    return parameters[int(parameters[STARTS + number]) : int(parameters[STARTS + number + 1])]
+
+
+def lay_out(
+    robot: Robot, world: World, time_step: float, steering_lag: float, drive_lag: float
 ) -> Array:
-    """The parameters of the rules of ``simulator.planar``; the arguments are in seconds."""
-    sensors, rays = _sensors(robot)
-    reach = float(np.sqrt((robot.outline * robot.outline).sum(axis=1)).max())
-    there = world_arrays(world, robot.height_m, reach, _farthest(sensors))
-    arrays = [robot.outline, sensors, rays, *there]
-    ends = HEAD + np.cumsum([0, *(array.size for array in arrays)])
-    lagging = bool(robot.drive.steering_joints)
-    head = [
-        step,
-        _share(step, steering_lag if lagging else 0.0),
-        _share(step, drive_lag),
+    """The parameters of ``planar_rules`` for a robot in a world; the last arguments are in [s]."""
+    frames = robot.sensor_frames()
+    beams = sensor_beams(robot, frames)
+    sensors = _sensor_rows(beams, frames)
+    rays = np.concatenate([np.zeros((0, 3)), *(beam.directions for beam in beams)])
+    radius = float(np.sqrt((robot.outline * robot.outline).sum(axis=1)).max())
+    surroundings = world_arrays(world, robot.height_m, radius, _sight(sensors))
+    blocks = [robot.outline, sensors, rays, *surroundings]
+    starts = HEADER_SIZE + np.cumsum([0, *(array.size for array in blocks)])
+    numbers = [
+        time_step,
+        _gain(time_step, steering_lag if robot.drive.steering_joints else 0.0),
+        _gain(time_step, drive_lag),
         *_limits(robot.drive),
-        reach,
+        radius,
     ]
-    return np.concatenate([head, ends, *(array.ravel() for array in arrays)])
+    return np.concatenate([numbers, starts, *(array.ravel() for array in blocks)])
 
 
 def _limits(drive: Drive) -> tuple[float, ...]:
@@ -75,49 +96,51 @@ def _limits(drive: Drive) -> tuple[float, ...]:
     )
 
 
-def _share(step: float, lag: float) -> float:
-    """Of an error, that a first-order lag makes up in one step."""
+def _gain(step: float, lag: float) -> float:
+    """Share of an error that a first-order lag with this time constant makes up in one step."""
     return -math.expm1(-step / lag) if lag > 0.0 else 1.0
 
 
-def _farthest(sensors: Array) -> float:
-    """How far [m] the sensors see from the origin, in half metres: designs share their scene."""
+def _sight(sensors: Array) -> float:
+    """How far [m] the sensors see from the robot's origin.
+
+    Rounded up to half metres, so that many designs share the arrays of a world.
+    """
     if not len(sensors):
         return 0.5
-    return (
-        math.ceil(2.0 * float((np.hypot(sensors[:, 0], sensors[:, 1]) + sensors[:, FREE]).max()))
-        / 2
-    )
+    farthest = (np.hypot(sensors[:, 0], sensors[:, 1]) + sensors[:, FREE_RANGE]).max()
+    return math.ceil(2.0 * float(farthest)) / 2
 
 
-def _sensors(robot: Robot) -> tuple[Array, Array]:
-    """The rows of the sensors and their rays, in the frame of the robot."""
-    sensors, rays, first = np.zeros((len(robot.mounts), SENSOR_SIZE)), [np.zeros((0, 3))], 0
-    beams = {name: sensor.rays() for name, sensor in robot.sensors.items()}
-    for row, mount, frame in zip(sensors, robot.mounts, robot.sensor_frames(), strict=True):
-        sensor = robot.sensors[mount.sensor]
-        beam = beams[mount.sensor] @ frame[:3, :3].T
-        row[AT : AT + 3] = frame[:3, 3]
-        row[LEAST] = sensor.range_min_m
-        row[FREE] = _ground(beam, float(frame[2, 3]), sensor.range_max_m)
-        row[FIRST_RAY], row[BEHIND_RAYS] = first, first + len(beam)
-        row[LEFT : LEFT + 4] = _edges(beam, math.atan2(frame[1, 0], frame[0, 0]))
-        rays.append(beam)
-        first += len(beam)
-    return sensors, np.concatenate(rays)
+def _sensor_rows(beams: list[Beam], frames: Array) -> Array:
+    """The block SENSORS."""
+    rows, first = np.zeros((len(beams), SENSOR_SIZE)), 0
+    for row, beam, frame in zip(rows, beams, frames, strict=True):
+        end = first + len(beam.directions)
+        row[ORIGIN : ORIGIN + 3] = beam.origin
+        row[MIN_RANGE] = beam.range_min
+        row[FREE_RANGE] = _free_range(beam)
+        row[FIRST_RAY], row[END_RAY] = first, end
+        row[LEFT_EDGE : LEFT_EDGE + 4] = _edges(beam, math.atan2(frame[1, 0], frame[0, 0]))
+        first = end
+    return rows
 
 
-def _ground(beam: Array, height: float, farthest: float) -> float:
-    """The range [m] of the nearest ground: always the same, for the robot stays level."""
-    steepest = float(beam[:, 2].min())
-    return height / -steepest if -steepest * farthest > height else farthest
+def _free_range(beam: Beam) -> float:
+    """The reading [m] without obstacles: the ground, or the maximum range.
+
+    It never changes, because the robot stays level.
+    """
+    height, slope = float(beam.origin[2]), float(beam.directions[:, 2].min())
+    return height / -slope if -slope * beam.range_max > height else beam.range_max
 
 
-def _edges(beam: Array, yaw: float) -> tuple[float, float, float, float]:
-    """Across the beam's left and right edge, outwards; zeros where it is not a wedge."""
-    turned = np.arctan2(beam[:, 1], beam[:, 0]) - yaw
-    turned = np.arctan2(np.sin(turned), np.cos(turned))
-    if np.hypot(beam[:, 0], beam[:, 1]).min() < 1e-6 or np.abs(turned).max() >= math.pi / 2:
+def _edges(beam: Beam, yaw: float) -> tuple[float, float, float, float]:
+    """Unit vectors outwards across the left and the right edge; zeros if it is not a wedge."""
+    x, y = beam.directions[:, 0], beam.directions[:, 1]
+    angles = np.arctan2(y, x) - yaw
+    angles = np.arctan2(np.sin(angles), np.cos(angles))
+    if np.hypot(x, y).min() < 1e-6 or np.abs(angles).max() >= math.pi / 2:
         return 0.0, 0.0, 0.0, 0.0
-    left, right = yaw + float(turned.max()), yaw + float(turned.min())
+    left, right = yaw + float(angles.max()), yaw + float(angles.min())
     return -math.sin(left), math.cos(left), math.sin(right), -math.cos(right)

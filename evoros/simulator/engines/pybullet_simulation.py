@@ -1,15 +1,36 @@
-"""One mission's dealings with PyBullet: observe, sense, advance."""
+"""One mission in PyBullet: observe, sense, advance."""
 
 import math
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
 from evoros.robot.model import Robot
-from evoros.simulator.engines.pybullet_model import SEEN, Model, Settings
+from evoros.simulator.engines.pybullet_bodies import VISIBLE, Frame
+from evoros.simulator.engines.pybullet_model import Model, Settings
+from evoros.simulator.engines.rays import sensor_beams
 
-MOST_RAYS = 16_383  # that one call of rayTestBatch takes
+MAX_RAYS = 16_383
+"""One call of rayTestBatch takes no more."""
+
+
+class Span(NamedTuple):
+    """The rays of one sensor within a batch."""
+
+    first: int
+    end: int  # one past the last
+    range_min: float  # [m]
+    range_max: float  # [m]
+
+
+class Batch(NamedTuple):
+    """Rays that one call of the engine casts, in the frame of the chassis' centre of mass."""
+
+    starts: list[list[float]]  # (k, 3) [m]
+    ends: list[list[float]]  # (k, 3) [m]
+    spans: list[Span]
 
 
 class PyBulletSimulation:
@@ -23,17 +44,17 @@ class PyBulletSimulation:
     ) -> None:
         self._bullet, self._client, self._model = bullet, client, model
         self._drive, self._time_step = robot.drive, settings.time_step
-        self._gains = (_gain(settings),) * len(model.steering)
+        self._gains = (_gain(settings),) * len(model.robot.steering)
         self._command: tuple[float, float] | None = None
         self._touched = False  # since the last observation
-        self._beams = _beams(robot, bullet, model)
+        self._batches = _batches(robot, bullet, model.robot.to_base)
 
     def observe(self, state: Array) -> None:
-        """The true state, of the base link; contact with an obstacle since the last call."""
-        bullet, client, model = self._bullet, self._client, self._model
-        position, facing = bullet.getBasePositionAndOrientation(model.body, client)
-        (vx, vy, _), (_, _, yaw_rate) = bullet.getBaseVelocity(model.body, client)
-        (x, y, _), (qx, qy, qz, qw) = bullet.multiplyTransforms(position, facing, *model.to_base)
+        """Fill ``state`` with the true state of the base link; contact is that since last time."""
+        bullet, client, robot = self._bullet, self._client, self._model.robot
+        position, facing = bullet.getBasePositionAndOrientation(robot.body, client)
+        (vx, vy, _), (_, _, yaw_rate) = bullet.getBaseVelocity(robot.body, client)
+        (x, y, _), (qx, qy, qz, qw) = bullet.multiplyTransforms(position, facing, *robot.to_base)
         yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
         state[X], state[Y], state[YAW], state[YAW_RATE] = x, y, yaw, yaw_rate
         state[SPEED] = vx * math.cos(yaw) + vy * math.sin(yaw)
@@ -41,36 +62,40 @@ class PyBulletSimulation:
         self._touched = False
 
     def _touches(self) -> bool:
-        """Contact points come with bodies that are near; touching is a force or an overlap."""
-        body, client = self._model.body, self._client
-        for link in self._model.touching:
-            for point in self._bullet.getContactPoints(body, -1, link, -2, client):
+        """Whether the robot touches an obstacle.
+
+        The engine lists contact points of all bodies that are near. Those with a force or an
+        overlap touch.
+        """
+        robot, client = self._model.robot, self._client
+        for link in robot.touching:
+            for point in self._bullet.getContactPoints(robot.body, -1, link, -2, client):
                 if point[2] not in self._model.ground and (point[8] <= 0.0 or point[9] > 0.0):
                     return True
         return False
 
     def sense(self, readings: Array) -> None:
-        """The nearest hit of each sensor's rays [m], within the sensor's range."""
+        """Fill ``readings`` with the nearest hit [m] of each sensor, within the sensor's range."""
         sensor = 0
-        for starts, ends, beams in self._beams:
+        for starts, ends, spans in self._batches:
             hits = self._bullet.rayTestBatch(
                 starts,
                 ends,
-                parentObjectUniqueId=self._model.body,
+                parentObjectUniqueId=self._model.robot.body,
                 parentLinkIndex=-1,
-                collisionFilterMask=SEEN,
+                collisionFilterMask=VISIBLE,
                 physicsClientId=self._client,
             )
             fractions = [hit[2] for hit in hits]
-            for first, last, low, high in beams:
-                reading = high * min(fractions[first:last])
-                readings[sensor] = reading if reading > low else low
+            for first, end, range_min, range_max in spans:
+                reading = range_max * min(fractions[first:end])
+                readings[sensor] = reading if reading > range_min else range_min
                 sensor += 1
 
     def advance(self, command: Array, duration: float) -> None:
-        """Step the engine; motors are told only what has changed.
+        """Drive with ``command`` for ``duration`` [s]; the motors are set only when it changes.
 
-        Contacts are looked at after every step: a touch may be shorter than a control period.
+        Contact is tested after every step, because it may be shorter than a control period.
         """
         speed, steering = float(command[DRIVE_SPEED]), float(command[STEERING])
         if self._command != (speed, steering):
@@ -83,56 +108,58 @@ class PyBulletSimulation:
                 self._touched = True
 
     def _set_motors(self, speed: float, steering: float) -> None:
-        bullet, model = self._bullet, self._model
+        bullet, robot = self._bullet, self._model.robot
         angles, rates = self._drive.targets(speed, steering)
         if angles:
             bullet.setJointMotorControlArray(
-                model.body,
-                model.steering,
+                robot.body,
+                robot.steering,
                 bullet.POSITION_CONTROL,
                 targetPositions=angles,
-                forces=model.steering_forces,
+                forces=robot.steering_forces,
                 positionGains=self._gains,
                 physicsClientId=self._client,
             )
         bullet.setJointMotorControlArray(
-            model.body,
-            model.wheels,
+            robot.body,
+            robot.wheels,
             bullet.VELOCITY_CONTROL,
             targetVelocities=rates,
-            forces=model.wheel_forces,
+            forces=robot.wheel_forces,
             physicsClientId=self._client,
         )
 
 
 def _gain(settings: Settings) -> float:
-    """The share of a steering error that is made up in one step.
+    """Share of its error that the steering makes up in one step.
 
-    The engine's own constant share would make the lag one of ten steps, however long they are.
+    With the engine's own constant gain the lag would be ten steps, however long they are.
     """
     if settings.steering_lag_s == 0.0:
         return 1.0
     return -math.expm1(-settings.time_step / settings.steering_lag_s)
 
 
-Beam = tuple[int, int, float, float]  # first ray, behind the last, least and greatest range [m]
-
-
-def _beams(
-    robot: Robot, bullet: Any, model: Model
-) -> list[tuple[list[list[float]], list[list[float]], list[Beam]]]:
-    """Rays in the frame of the chassis' centre of mass, in batches that the engine takes."""
-    position, quaternion = model.to_base
-    to_base = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
-    batches: list[tuple[list[list[float]], list[list[float]], list[Beam]]] = []
-    for mount, frame in zip(robot.mounts, robot.sensor_frames(), strict=True):
-        sensor = robot.sensors[mount.sensor]
-        origin = to_base @ frame[:3, 3] + position
-        ends = origin + sensor.range_max_m * (sensor.rays() @ (to_base @ frame[:3, :3]).T)
-        if not batches or len(batches[-1][0]) + len(ends) > MOST_RAYS:
-            batches.append(([], [], []))
-        starts, stops, beams = batches[-1]
-        beams.append((len(starts), len(starts) + len(ends), sensor.range_min_m, sensor.range_max_m))
-        starts.extend([origin.tolist()] * len(ends))
-        stops.extend(ends.tolist())
+def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
+    batches: list[Batch] = []
+    for beam in sensor_beams(robot, _sensor_frames(robot, bullet, to_base)):
+        ends = beam.origin + beam.range_max * beam.directions
+        if not batches or len(batches[-1].starts) + len(ends) > MAX_RAYS:
+            batches.append(Batch([], [], []))
+        batch = batches[-1]
+        first = len(batch.starts)
+        batch.spans.append(Span(first, first + len(ends), beam.range_min, beam.range_max))
+        batch.starts.extend([beam.origin.tolist()] * len(ends))
+        batch.ends.extend(ends.tolist())
     return batches
+
+
+def _sensor_frames(robot: Robot, bullet: Any, to_base: Frame) -> Iterator[Array]:
+    """The frames (4, 4) of the sensors in the frame of the chassis' centre of mass."""
+    position, quaternion = to_base
+    rotation = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
+    for frame in robot.sensor_frames():
+        moved = np.eye(4)
+        moved[:3, :3] = rotation @ frame[:3, :3]
+        moved[:3, 3] = rotation @ frame[:3, 3] + position
+        yield moved

@@ -12,7 +12,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import SimulationError
 from evoros.formats.strict_xml import parse
 from evoros.geometry.shapes import Body
-from evoros.simulator.engines.pybullet_model import create_shape, load_urdf
+from evoros.simulator.engines.pybullet_bodies import create_shape, load_urdf
 from evoros.simulator.pybullet import import_pybullet
 
 Colour = tuple[float, float, float]  # red, green, blue, from 0 to 1

@@ -1,0 +1,180 @@
+"""The rules of the planar simulator, over the arrays that ``planar_layout`` describes.
+
+They give the same bits compiled and interpreted.
+"""
+
+import math
+
+from evoros.base.arrays import (
+    CONTACT,
+    DRIVE_SPEED,
+    SPEED,
+    STATE_SIZE,
+    STEERING,
+    YAW,
+    YAW_RATE,
+    Array,
+    X,
+    Y,
+)
+from evoros.base.compilation import compilable
+from evoros.geometry.grid import cell_at
+from evoros.geometry.outlines import (
+    BEHIND,
+    CENTRE_X,
+    CENTRE_Y,
+    CIRCLE,
+    FIRST,
+    FOOTPRINT_SIZE,
+    ROUND,
+)
+from evoros.geometry.polygon import gap, place
+from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, OBSTACLE_SIZE, first_hit
+from evoros.simulator.engines import planar_layout as layout
+from evoros.simulator.engines.planar_layout import block
+
+FULL_TURN = 2.0 * math.pi
+
+
+def observe(parameters: Array, memory: Array, state: Array) -> None:
+    """Copy the state and clear its contact, which is that since the last call."""
+    for i in range(STATE_SIZE):
+        state[i] = memory[i]
+    memory[CONTACT] = 0.0
+
+
+def sense(parameters: Array, memory: Array, readings: Array) -> None:
+    """Fill ``readings`` (n,) with the nearest hit [m] of each sensor, within the sensor's range."""
+    sensors = block(parameters, layout.SENSORS).reshape((-1, layout.SENSOR_SIZE))
+    for i in range(len(readings)):
+        readings[i] = sensors[i, layout.FREE_RANGE]
+    x = memory[X]
+    y = memory[Y]
+    cell = cell_at(block(parameters, layout.GRID), x, y)
+    if cell >= 0:
+        rays = block(parameters, layout.RAYS).reshape((-1, 3))
+        starts = block(parameters, layout.VISIBLE_STARTS)
+        entries = block(parameters, layout.VISIBLE_ENTRIES)
+        obstacles = block(parameters, layout.OBSTACLES).reshape((-1, OBSTACLE_SIZE))
+        cos = math.cos(memory[YAW])
+        sin = math.sin(memory[YAW])
+        for entry in range(int(starts[cell]), int(starts[cell + 1])):
+            obstacle = obstacles[int(entries[entry])]
+            detect(obstacle, x, y, cos, sin, sensors, rays, readings)
+    for i in range(len(readings)):
+        if readings[i] < sensors[i, layout.MIN_RANGE]:
+            readings[i] = sensors[i, layout.MIN_RANGE]
+
+
+@compilable
+def detect(
+    obstacle: Array,
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    sensors: Array,
+    rays: Array,
+    readings: Array,
+) -> None:
+    """Lower each reading [m] whose sensor sees the obstacle at a shorter range."""
+    dx = obstacle[AT_X] - x
+    dy = obstacle[AT_Y] - y
+    ahead = cos * dx + sin * dy
+    aside = cos * dy - sin * dx
+    bound = obstacle[BOUND]
+    for i in range(len(readings)):
+        px = ahead - sensors[i, layout.ORIGIN]
+        py = aside - sensors[i, layout.ORIGIN + 1]
+        # Skip the rays if the circle around the obstacle is too far away or beside the beam.
+        far = readings[i] + bound
+        if px * px + py * py >= far * far:
+            continue
+        if px * sensors[i, layout.LEFT_EDGE] + py * sensors[i, layout.LEFT_EDGE + 1] > bound:
+            continue
+        if px * sensors[i, layout.RIGHT_EDGE] + py * sensors[i, layout.RIGHT_EDGE + 1] > bound:
+            continue
+        pz = obstacle[AT_Z] - sensors[i, layout.ORIGIN + 2]
+        first = int(sensors[i, layout.FIRST_RAY])
+        end = int(sensors[i, layout.END_RAY])
+        readings[i] = first_hit(obstacle, cos, sin, -px, -py, -pz, rays, first, end, readings[i])
+
+
+# One function, because its lines share a dozen numbers that a helper would need as arguments.
+def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
+    """Drive for ``duration`` [s]; a step into an obstacle is not made, and the robot stops."""
+    axle = parameters[layout.REAR_AXLE_X]
+    limit = parameters[layout.STEERING_LIMIT]
+    step = parameters[layout.TIME_STEP]
+    wanted = min(max(command[STEERING], -limit), limit)
+    yaw = memory[YAW]
+    cos = math.cos(yaw)
+    sin = math.sin(yaw)
+    for _ in range(round(duration / step)):
+        angle = layout.STEERING_ANGLE
+        memory[angle] += parameters[layout.STEERING_GAIN] * (wanted - memory[angle])
+        curvature = math.tan(memory[angle]) / parameters[layout.WHEELBASE]
+        offset = parameters[layout.SPEED_LIMIT_OFFSET]
+        fastest = parameters[layout.MAX_SPEED] / (1.0 + abs(curvature) * offset)
+        target = min(max(command[DRIVE_SPEED], -fastest), fastest)
+        memory[SPEED] += parameters[layout.SPEED_GAIN] * (target - memory[SPEED])
+        memory[YAW_RATE] = memory[SPEED] * curvature
+        # The rear axle moves along an arc, whose chord points half the turn to the side.
+        half = 0.5 * memory[YAW_RATE] * step
+        chord = memory[SPEED] * step
+        if abs(half) > 1e-6:
+            chord = chord * math.sin(half) / half
+        x = memory[X] + axle * cos + chord * math.cos(yaw + half)
+        y = memory[Y] + axle * sin + chord * math.sin(yaw + half)
+        new_yaw = yaw + 2.0 * half
+        if new_yaw > math.pi:
+            new_yaw -= FULL_TURN
+        elif new_yaw < -math.pi:
+            new_yaw += FULL_TURN
+        new_cos = math.cos(new_yaw)
+        new_sin = math.sin(new_yaw)
+        x -= axle * new_cos
+        y -= axle * new_sin
+        if touches(parameters, memory, x, y, new_cos, new_sin):
+            memory[CONTACT] = 1.0
+            memory[SPEED] = 0.0
+            memory[YAW_RATE] = 0.0
+            continue
+        yaw = new_yaw
+        cos = new_cos
+        sin = new_sin
+        memory[X] = x
+        memory[Y] = y
+        memory[YAW] = yaw
+
+
+@compilable
+def touches(parameters: Array, memory: Array, x: float, y: float, cos: float, sin: float) -> bool:
+    """Whether the outline of the robot overlaps an obstacle, with the robot at x, y [m].
+
+    ``cos`` and ``sin`` are those of its heading.
+    """
+    cell = cell_at(block(parameters, layout.GRID), x, y)
+    if cell < 0:
+        return False
+    starts = block(parameters, layout.CONTACT_STARTS)
+    first = int(starts[cell])
+    end = int(starts[cell + 1])
+    if first == end:
+        return False
+    placed = memory[layout.PLACED_OUTLINE :].reshape((-1, 2))
+    place(block(parameters, layout.OUTLINE).reshape((-1, 2)), x, y, cos, sin, placed)
+    entries = block(parameters, layout.CONTACT_ENTRIES)
+    footprints = block(parameters, layout.FOOTPRINTS).reshape((-1, FOOTPRINT_SIZE))
+    corners = block(parameters, layout.CORNERS).reshape((-1, 2))
+    for entry in range(first, end):
+        row = footprints[int(entries[entry])]
+        dx = row[CENTRE_X] - x
+        dy = row[CENTRE_Y] - y
+        near = parameters[layout.OUTLINE_RADIUS] + row[CIRCLE]
+        if dx * dx + dy * dy > near * near:
+            continue
+        polygon = corners[int(row[FIRST]) : int(row[BEHIND])]
+        if gap(placed, polygon, row[ROUND]) <= row[ROUND]:
+            return True
+    return False

@@ -1,0 +1,127 @@
+"""A robot in PyBullet: which links collide, which joints its motors move."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from evoros.drive.protocol import Drive
+from evoros.formats.urdf.merging import merge_fixed_links
+from evoros.robot.model import Robot
+from evoros.simulator.engines.pybullet_bodies import (
+    FIXED,
+    GROUND,
+    MOVABLE,
+    ROBOT,
+    Frame,
+    load_urdf,
+)
+
+CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
+
+
+@dataclass(frozen=True)
+class LoadedRobot:
+    """The robot as a body of the engine."""
+
+    body: int
+    touching: tuple[int, ...]  # links that can touch obstacles
+    joints: tuple[int, ...]  # all that are not fixed
+    steering: tuple[int, ...]  # joints
+    steering_forces: tuple[float, ...]  # [N m]
+    wheels: tuple[int, ...]  # joints
+    wheel_forces: tuple[float, ...]  # [N m]
+    start: Frame  # of the centre of mass, when a mission starts
+    to_base: Frame  # from the centre of mass to the base link
+
+
+class _Joint(NamedTuple):
+    """A joint with the link behind it; the engine gives both the same number."""
+
+    number: int
+    name: str
+    link: str
+    fixed: bool
+    force: float  # [N m], of its motor
+
+
+def load_robot(
+    bullet: Any,
+    client: int,
+    robot: Robot,
+    home: tuple[float, float, float, float],
+    wheel_friction: float,
+) -> LoadedRobot:
+    """Load the robot at ``home``, x, y, z [m] and yaw [rad].
+
+    Raises:
+        pybullet.error: the engine refuses the robot.
+    """
+    drive, position, yaw = robot.drive, home[:3], home[3]
+    facing = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+    # Not URDF_MERGE_FIXED_LINKS, which would lose the origin of the chassis' inertia.
+    flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_IGNORE_VISUAL_SHAPES
+    urdf = merge_fixed_links(robot.urdf, drive.caster_links)
+    body = load_urdf(bullet, client, urdf, (position, facing), flags)
+    joints = _read_joints(bullet, client, body)
+    friction = _rolling_friction(joints, drive, wheel_friction)
+    links = range(-1, len(joints))
+    _set_up_links(bullet, client, body, links, friction)
+    by_name = {joint.name: joint for joint in joints}
+    steering = [by_name[name] for name in drive.steering_joints]
+    wheels = [by_name[name] for name in drive.wheel_joints]
+    center = bullet.getDynamicsInfo(body, -1, physicsClientId=client)[3:5]
+    return LoadedRobot(
+        body=body,
+        touching=tuple(
+            link
+            for link in links
+            if link not in friction and bullet.getCollisionShapeData(body, link, client)
+        ),
+        joints=tuple(joint.number for joint in joints if not joint.fixed),
+        steering=tuple(joint.number for joint in steering),
+        steering_forces=tuple(joint.force for joint in steering),
+        wheels=tuple(joint.number for joint in wheels),
+        wheel_forces=tuple(joint.force for joint in wheels),
+        start=bullet.multiplyTransforms(position, facing, *center),
+        to_base=bullet.invertTransform(*center),
+    )
+
+
+def _read_joints(bullet: Any, client: int, body: int) -> list[_Joint]:
+    infos = [
+        bullet.getJointInfo(body, joint, physicsClientId=client)
+        for joint in range(bullet.getNumJoints(body, physicsClientId=client))
+    ]
+    return [
+        _Joint(
+            info[0], info[1].decode(), info[12].decode(), info[2] == bullet.JOINT_FIXED, info[10]
+        )
+        for info in infos
+    ]
+
+
+def _rolling_friction(
+    joints: Sequence[_Joint], drive: Drive, wheel_friction: float
+) -> dict[int, float]:
+    """The friction of the links that meet the ground only."""
+    friction = {joint.number: 0.0 for joint in joints if joint.link in drive.caster_links}
+    wheels = (joint.number for joint in joints if joint.name in drive.wheel_joints)
+    return friction | dict.fromkeys(wheels, wheel_friction)
+
+
+def _set_up_links(
+    bullet: Any, client: int, body: int, links: Sequence[int], friction: Mapping[int, float]
+) -> None:
+    for link in links:
+        meets = GROUND if link in friction else GROUND | FIXED | MOVABLE
+        bullet.setCollisionFilterGroupMask(body, link, ROBOT, meets, physicsClientId=client)
+        bullet.changeDynamics(
+            body,
+            link,
+            lateralFriction=friction.get(link, CHASSIS_FRICTION),
+            linearDamping=0,
+            angularDamping=0,
+            jointDamping=0,
+            physicsClientId=client,
+        )
