@@ -215,7 +215,7 @@ def test_other_arrays_than_rules_work_on_are_refused(memory: Any) -> None:
 def test_so_are_those_of_a_simulation() -> None:
     rules = Planar().rules
     careless = RuleSimulation(rules, np.zeros(3), np.zeros(3, dtype=np.int64))
-    with pytest.raises(InputError, match=r"planar\.advance: its memory must be a contiguous"):
+    with pytest.raises(InputError, match=r"planar_rules\.advance: its memory must be a contiguous"):
         loop_inputs(careless, (), (), ())
 
 
