@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon
 
 from evoros.base.arrays import Array
-from evoros.geometry.footprint import footprint, highest
+from evoros.geometry.footprint import project_shape, top_height
 from evoros.world.course import Course
 from evoros.world.model import World
 
@@ -57,12 +57,12 @@ def draw_obstacles(
     for body in world.obstacles:
         for shape in body.shapes:
             pose = body.pose @ shape.pose
-            area = footprint(shape, pose)
+            area = project_shape(shape, pose)
             if len(area.vertices) == 1:
                 patches.append(Circle((area.vertices[0, 0], area.vertices[0, 1]), area.radius))
             else:  # a cylinder that leans, be it by rounding alone, has a segment and a radius
                 patches.append(Polygon(hull(area.vertices, area.radius)))
-            tops.append(highest(shape, pose))
+            tops.append(top_height(shape, pose))
     solids = PatchCollection(patches, cmap=cmap, norm=heights, ec="black", lw=0.3)
     solids.set_array(np.array(tops))
     axes.add_collection(solids)

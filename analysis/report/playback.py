@@ -15,7 +15,7 @@ import pandas as pd
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.geometry.footprint import footprint, highest
+from evoros.geometry.footprint import project_shape, top_height
 from evoros.world.course import Course
 from evoros.world.model import World
 
@@ -176,8 +176,8 @@ def _begins(column: pd.Series) -> list[int]:
 def _obstacles(world: World) -> Iterator[Json]:
     """What stands on the plane, the lowest first, so that nothing hides what stands on it."""
     placed = [(shape, body.pose @ shape.pose) for body in world.obstacles for shape in body.shapes]
-    for shape, pose in sorted(placed, key=lambda each: highest(*each)):
-        area = footprint(shape, pose)
+    for shape, pose in sorted(placed, key=lambda each: top_height(*each)):
+        area = project_shape(shape, pose)
         yield _shape(area.vertices, area.radius)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image, ImageChops, ImageDraw, ImageFilter
 
 from evoros.base.arrays import Array
-from evoros.geometry.footprint import convex_hull, footprint, highest
+from evoros.geometry.footprint import convex_hull, project_shape, top_height
 from evoros.geometry.shapes import Body
 from evoros.storage.figure_context import Part
 
@@ -159,7 +159,7 @@ def _shadow(covered: Array, top_m: float) -> Array:
 def _shadows(body: Body) -> Iterator[Array]:
     for shape in body.shapes:
         pose = body.pose @ shape.pose
-        top = highest(shape, pose)
+        top = top_height(shape, pose)
         if top > 0.0:
-            area = footprint(shape, pose)
+            area = project_shape(shape, pose)
             yield _shadow(hull(area.vertices, area.radius), top)

@@ -10,7 +10,7 @@ from PIL import Image, ImageChops
 
 from evoros.base.arrays import Array
 from evoros.formats.urdf.tree import Urdf
-from evoros.geometry.footprint import highest, lowest
+from evoros.geometry.footprint import bottom_height, top_height
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.simulator.engines.pybullet_viewer import NOTHING, Scene
 from evoros.simulator.engines.pybullet_viewer import Colour as Shade
@@ -188,7 +188,7 @@ def obstacles(world: World) -> list[tuple[Body, Shade]]:
 def _cut(body: Body, shape: Shape) -> Shape | None:
     """Without what is above ``CUT_M``, if it stands upright; None: all of it is."""
     pose = body.pose @ shape.pose
-    low, high = lowest(shape, pose), highest(shape, pose)
+    low, high = bottom_height(shape, pose), top_height(shape, pose)
     if low >= CUT_M:
         return None
     upright = np.abs(pose.rotation[2]) > 1 - 1e-6

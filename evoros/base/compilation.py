@@ -36,10 +36,6 @@ OBSERVE = SENSE = types.void(A1, A1, A1)
 ADVANCE = types.void(A1, A1, A1, F8)
 SIMULATION_RULES = (OBSERVE, SENSE, ADVANCE)
 
-# What evoros.geometry.clearance computes.
-CLEARANCES = types.void(A2, A2, A2, A2, A1)
-SURVEY = types.void(A2, A2, A2, A2, A2, I8, A1)
-
 # An error would be lost on its way through compiled code: a division by zero gives inf or NaN.
 HOW: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from evoros.base.checks import NUMBER, POSITIVE, Rule, check
 from evoros.drive.wheels import ANGLE, PAIR, TOLERANCE_M, axle, same_radius, wheel
 from evoros.formats.urdf.tree import Urdf
-from evoros.geometry.footprint import lowest
+from evoros.geometry.footprint import bottom_height
 
 LINKS = Rule(
     "a list of the names of one or more links",
@@ -134,7 +134,7 @@ def _check_caster(urdf: Urdf, link: str) -> None:
     if not shapes or link == urdf.root:
         rule = f"caster {link!r} must be a link of its own with a collision shape"
         raise urdf.fault(rule, "give it a <link> with a sphere for <collision>")
-    height = min(lowest(shape, pose @ shape.pose) for shape in shapes)
+    height = min(bottom_height(shape, pose @ shape.pose) for shape in shapes)
     if abs(height) > TOLERANCE_M:
         rule = f"caster {link!r} must touch the ground, which is at the height 0 of {urdf.root!r}"
         cure = "correct the <origin> of its joint"

@@ -1,7 +1,6 @@
 """Generated worlds: a random field of obstacles around a course, with a way through it."""
 
 import hashlib
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
@@ -25,11 +24,12 @@ from evoros.base.checks import (
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.field.kinds import Kind, moments
+from evoros.field.note import write_note
 from evoros.field.passage import MARGIN_M, Passage
 from evoros.field.placement import PlacedObstacles
 from evoros.formats.sdf.reader import read_sdf
 from evoros.formats.sdf.writer import write_sdf
-from evoros.geometry.footprint import footprint
+from evoros.geometry.footprint import project_shape
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import Course
 from evoros.world.model import World
@@ -122,20 +122,12 @@ class Field:
         for body in bodies:
             if not body.is_ground:
                 for shape in body.shapes:
-                    passage.admits(footprint(shape, body.pose @ shape.pose))
+                    passage.add(project_shape(shape, body.pose @ shape.pose))
         return passage.ways
 
     def bodies(self, draws: str) -> tuple[Body, ...]:
         """The ground, the wall if there is one, and the obstacles."""
         return (GROUND, *self._walls(), *self._obstacles(draws))
-
-    def note(self, draws: str) -> str:
-        """From what the field is drawn: a parameter a line, as JSON."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        lines = [f"{key}: {json.dumps(value, default=_plain)}" for key, value in values.items()]
-        text = "\n".join((f"draws: {json.dumps(draws)}", *lines))
-        text = text.replace("--", "-\\u002d")  # which may not stand in a comment of XML
-        return f"A field that evoros generated from\n{text}\n"
 
     def _obstacles(self, draws: str) -> list[Body]:
         rng = generator(draws, f"field {self.seed}")
@@ -159,14 +151,14 @@ class Field:
 
     def _placed(self, count: int, rng: Generator) -> Iterator[Body]:
         """So many obstacles, or fewer if one of them finds no place."""
-        crowd = self._crowd()
+        placed = self._crowd()
         names = list(self.kinds)
         shares = np.cumsum([self.kinds[name].share for name in names])
         for number in range(count):
             drawn = int(np.searchsorted(shares, rng.random() * shares[-1], side="right"))
             kind = self.kinds[names[drawn]]
             shape = kind.draw(rng)
-            pose = self._place(shape, crowd, rng)
+            pose = self._place(shape, placed, rng)
             if pose is None:
                 return
             name = f"{names[drawn]}_{number + 1}"
@@ -175,7 +167,7 @@ class Field:
             else:
                 yield Body(name, pose, (shape,), kind.mass_kg, 1.0, moments(shape, kind.mass_kg))
 
-    def _place(self, shape: Shape, crowd: PlacedObstacles, rng: Generator) -> Pose | None:
+    def _place(self, shape: Shape, placed: PlacedObstacles, rng: Generator) -> Pose | None:
         """A pose on the ground that the others leave free."""
         height = shape.size[-1] / 2
         for _ in range(TRIES):
@@ -186,7 +178,7 @@ class Field:
             )
             yaw = round((2 * w - 1) * np.pi, 3)
             pose = Pose.from_rpy((x, y, height), 0.0, 0.0, yaw)
-            if crowd.takes(footprint(shape, pose)):
+            if placed.add(project_shape(shape, pose)):
                 return pose
         return None
 
@@ -194,7 +186,7 @@ class Field:
         """Nothing but the wall, if there is one."""
         passage = self._passage()
         for wall in self._walls():
-            passage.admits(footprint(wall.shapes[0], wall.pose))
+            passage.add(project_shape(wall.shapes[0], wall.pose))
         low, high = self.corners
         inset = self.gap_m if self.enclosed else 0.0
         return PlacedObstacles(
@@ -251,13 +243,10 @@ def generated_world(
 @lru_cache(maxsize=256)
 def _world(field: Field, draws: str) -> World:
     """What its SDF says, so that the file is the same world in every bit."""
-    note, source = field.note(draws), f"generated field {field.seed}"
+    parameters = {entry.name: getattr(field, entry.name) for entry in fields(field)}
+    note = write_note({"draws": draws} | parameters)
+    source = f"generated field {field.seed}"
     content = write_sdf(NAME_OF_WORLD, field.bodies(draws), note).encode()
     digest = hashlib.sha256(content).hexdigest()
     bodies = read_sdf(content, source)
     return World(NAME_OF_WORLD, bodies, field.course, source, digest, note=note)
-
-
-def _plain(part: object) -> object:
-    kind = type(part)
-    return {"_target_": f"{kind.__module__}.{kind.__qualname__}", **vars(part)}

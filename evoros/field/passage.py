@@ -46,7 +46,7 @@ class Passage:
         self._legs = list(pairwise(cells))
         self._ways = [_way(self._free, *leg) or [] for leg in self._legs]
 
-    def admits(self, area: Footprint) -> bool:
+    def add(self, area: Footprint) -> bool:
         """Put an obstacle there, if every leg still has a way; else leave it out."""
         window, blocked = self._blocked(area)
         before = self._free[window].copy()

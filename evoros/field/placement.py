@@ -6,66 +6,56 @@ import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.field.passage import Passage
-from evoros.geometry.footprint import Footprint, distances
-from evoros.geometry.polygon import gap
+from evoros.geometry.footprint import Footprint, bounding_circle, distances
+from evoros.geometry.polygon import polygon_distance
 
 
 @dataclass
 class PlacedObstacles:
     """The obstacles so far, and what the next one must leave free.
 
-    ``low`` and ``high`` are opposite corners (2,) of the ground for obstacles [m]; ``places``
-    (n, 2) are the points [m] of the route, from which they stay ``clearing`` [m] away, as they stay
-    ``gap`` [m] from each other. The way of ``passage`` stays open.
+    ``low`` and ``high`` are opposite corners (2,) [m] of the ground for obstacles; ``points``
+    (n, 2) [m] are those of the route. Obstacles stay ``clearing`` [m] away from these points and
+    ``gap`` [m] from each other, and leave the way of ``passage`` open.
     """
 
     low: Array
     high: Array
-    places: Array
+    points: Array
     clearing: float
     gap: float
     passage: Passage
 
     def __post_init__(self) -> None:
-        self.areas: list[Footprint] = []
-        self._centres, self._reaches = np.empty((0, 2)), np.empty(0)
+        self.footprints: list[Footprint] = []
+        self._centres, self._radii = np.empty((0, 2)), np.empty(0)
 
-    def takes(self, area: Footprint) -> bool:
-        """Whether an obstacle of this footprint has room; it is then there."""
-        corners = area.vertices
-        inside = (corners - area.radius >= self.low) & (corners + area.radius <= self.high)
-        if not inside.all() or distances(area, self.places).min() < self.clearing:
+    def add(self, footprint: Footprint) -> bool:
+        """Add an obstacle if there is room for it; return whether there is."""
+        corners, radius = footprint.vertices, footprint.radius
+        inside = (corners - radius >= self.low) & (corners + radius <= self.high)
+        if not inside.all() or distances(footprint, self.points).min() < self.clearing:
             return False
-        if self._crowds(area) or not self.passage.admits(area):
+        if self._is_near_another(footprint) or not self.passage.add(footprint):
             return False
-        self._keep(area)
+        self.footprints.append(footprint)
+        x, y, radius = bounding_circle(footprint)
+        self._centres = np.vstack((self._centres, (x, y)))
+        self._radii = np.append(self._radii, radius)
         return True
 
-    def _keep(self, area: Footprint) -> None:
-        self.areas.append(area)
-        centre, reach = _disc(area)
-        self._centres = np.vstack((self._centres, centre))
-        self._reaches = np.append(self._reaches, reach)
-
-    def _crowds(self, area: Footprint) -> bool:
-        """Whether it would be nearer than the gap to another one; only near ones are measured."""
-        centre, reach = _disc(area)
-        apart = np.sqrt(((self._centres - centre) ** 2).sum(axis=1)) - self._reaches - reach
-        near = (self.areas[i] for i in np.flatnonzero(apart < self.gap))
-        return any(_between(area, other, self.gap) <= self.gap for other in near)
+    def _is_near_another(self, footprint: Footprint) -> bool:
+        """Tell whether another obstacle is within the gap; circles exclude the distant ones."""
+        x, y, radius = bounding_circle(footprint)
+        apart = np.sqrt(((self._centres - (x, y)) ** 2).sum(axis=1)) - self._radii - radius
+        near = (self.footprints[i] for i in np.flatnonzero(apart < self.gap))
+        return any(_distance(footprint, other, self.gap) <= self.gap for other in near)
 
 
-def _disc(area: Footprint) -> tuple[Array, float]:
-    """Centre and radius of a disc around a footprint."""
-    centre = area.vertices.mean(axis=0)
-    reach = np.sqrt(((area.vertices - centre) ** 2).sum(axis=1)).max()
-    return centre, float(reach) + area.radius
-
-
-def _between(one: Footprint, other: Footprint, enough: float) -> float:
-    """Distance [m] of two footprints, or a lower bound of more than ``enough``."""
-    radii = one.radius + other.radius
-    for area, point in ((one, other), (other, one)):
+def _distance(first: Footprint, second: Footprint, cutoff: float) -> float:
+    """Return the distance [m] of two footprints, or a lower bound above ``cutoff``."""
+    radii = first.radius + second.radius
+    for area, point in ((first, second), (second, first)):
         if len(point.vertices) == 1:
             return float(distances(area, point.vertices)[0]) - point.radius
-    return gap(one.vertices, other.vertices, enough + radii) - radii
+    return polygon_distance(first.vertices, second.vertices, cutoff + radii) - radii

@@ -1,108 +1,118 @@
-"""How far a robot drove, how near to places and to obstacles: compiled, for all simulators."""
+"""How far a robot drove and how near it came to points and obstacles: compiled."""
 
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numba import types
 
 from evoros.base.arrays import Array
-from evoros.base.compilation import CLEARANCES, SURVEY, compilable, compile_rule
+from evoros.base.compilation import A1, A2, I8, compilable, compile_rule
 from evoros.geometry.footprint import Footprint
-from evoros.geometry.outlines import BEHIND, CENTRE_X, CENTRE_Y, CIRCLE, FIRST, ROUND, Outlines
-from evoros.geometry.polygon import gap, place
+from evoros.geometry.outlines import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START, Outlines
+from evoros.geometry.polygon import polygon_distance, transform_polygon
+
+_CLEARANCES = types.void(A2, A2, A2, A2, A1)
+_SUMMARY = types.void(A2, A2, A2, A2, A2, I8, A1)
 
 
-class Survey(NamedTuple):
-    """What a track shows."""
+class TrackSummary(NamedTuple):
+    """Distances of a driven track."""
 
-    distance: float  # driven [m]
-    places: tuple[float, ...]  # least distance [m] to each place
-    clearance: float  # least distance [m] from the robot's outline to an obstacle; inf: none
+    length: float  # driven [m]
+    point_distances: tuple[float, ...]  # minimum distance [m] to each point
+    clearance: float  # minimum distance [m] from the robot's outline to an obstacle; inf: none
 
 
-def survey(track: Array, untouched: int, outline: Array, areas: Outlines, places: Array) -> Survey:
-    """``track`` (t, 3) is x, y [m] and yaw [rad]; the first ``untouched`` rows count for clearance.
+def summarize_track(
+    track: Array, untouched: int, outline: Array, obstacles: Outlines, points: Array
+) -> TrackSummary:
+    """Summarize a ``track`` (t, 3) of x, y [m] and yaw [rad].
 
-    ``outline`` (k, 2) is convex and counter-clockwise, in the robot's frame; ``places`` (n, 2).
+    Only the first ``untouched`` rows count for the clearance. ``outline`` (k, 2) [m] is convex and
+    counter-clockwise, in the robot's frame; ``points`` are (n, 2) [m].
     """
-    found = np.empty(2 + len(places))
-    arrays = (track, outline, areas.rows, areas.corners, places)
-    compile_rule(_survey, SURVEY)(*map(np.ascontiguousarray, arrays), untouched, found)
-    return Survey(float(found[0]), tuple(found[2:].tolist()), float(found[1]))
+    result = np.empty(2 + len(points))
+    arrays = (track, outline, obstacles.rows, obstacles.corners, points)
+    compile_rule(_summarize, _SUMMARY)(*map(np.ascontiguousarray, arrays), untouched, result)
+    return TrackSummary(float(result[0]), tuple(result[2:].tolist()), float(result[1]))
 
 
-def clearances(outline: Array, poses: Array, obstacles: Sequence[Footprint]) -> Array:
-    """Least distance (t,) [m] from a moving robot to any obstacle; 0 where it touches one.
+def compute_clearances(outline: Array, poses: Array, obstacles: Sequence[Footprint]) -> Array:
+    """Return the minimum distance (t,) [m] from a moving robot to any obstacle; 0 on contact.
 
-    ``outline`` (k, 2) is convex and counter-clockwise, in the robot's frame [m]; ``poses`` (t, 3)
-    are x [m], y [m] and yaw [rad] of that frame. Infinite where there are no obstacles.
+    ``outline`` (k, 2) [m] is convex and counter-clockwise, in the robot's frame; ``poses`` (t, 3)
+    are x [m], y [m] and yaw [rad] of that frame. Without obstacles the distance is infinite.
     """
-    areas, found = Outlines.of(obstacles), np.empty(len(poses))
-    arrays = (poses, outline, areas.rows, areas.corners)
-    compile_rule(_clearances, CLEARANCES)(*map(np.ascontiguousarray, arrays), found)
-    return found
+    outlines, result = Outlines.of(obstacles), np.empty(len(poses))
+    arrays = (poses, outline, outlines.rows, outlines.corners)
+    compile_rule(_fill_clearances, _CLEARANCES)(*map(np.ascontiguousarray, arrays), result)
+    return result
 
 
-def _survey(
+def _summarize(
     track: Array,
     outline: Array,
     rows: Array,
     corners: Array,
-    places: Array,
+    points: Array,
     untouched: int,
-    found: Array,
+    result: Array,
 ) -> None:
-    found[0] = 0.0
+    result[0] = 0.0
     for i in range(1, len(track)):
         dx = track[i, 0] - track[i - 1, 0]
         dy = track[i, 1] - track[i - 1, 1]
-        found[0] += math.sqrt(dx * dx + dy * dy)
-    found[1] = _least_clearance(track[:untouched], outline, rows, corners)
-    for j in range(len(places)):
-        least = math.inf
+        result[0] += math.sqrt(dx * dx + dy * dy)
+    result[1] = _min_clearance(track[:untouched], outline, rows, corners)
+    for j in range(len(points)):
+        nearest = math.inf
         for i in range(len(track)):
-            dx = track[i, 0] - places[j, 0]
-            dy = track[i, 1] - places[j, 1]
-            least = min(least, dx * dx + dy * dy)
-        found[2 + j] = math.sqrt(least)
+            dx = track[i, 0] - points[j, 0]
+            dy = track[i, 1] - points[j, 1]
+            nearest = min(nearest, dx * dx + dy * dy)
+        result[2 + j] = math.sqrt(nearest)
 
 
-def _clearances(poses: Array, outline: Array, rows: Array, corners: Array, found: Array) -> None:
+def _fill_clearances(
+    poses: Array, outline: Array, rows: Array, corners: Array, result: Array
+) -> None:
     reach = _reach(outline)
     placed = outline.copy()
     for i in range(len(poses)):
-        found[i] = _clearance(poses[i], outline, reach, placed, rows, corners)
+        result[i] = _clearance(poses[i], outline, reach, placed, rows, corners)
 
 
 @compilable
-def _least_clearance(track: Array, outline: Array, rows: Array, corners: Array) -> float:
-    """The least of all clearances, which are computed at few poses.
+def _min_clearance(track: Array, outline: Array, rows: Array, corners: Array) -> float:
+    """Return the minimum of all clearances, which are computed at few poses.
 
-    No point of the robot moves farther than its origin does plus its reach times the turn: until
-    that uses up what the clearance was above the least one, no less is to be found.
+    Between two poses no point of the robot moves farther than its origin does plus its reach times
+    the turn. Until these motions add up to the excess of the last clearance over the minimum so
+    far, the clearance cannot fall below that minimum.
     """
     reach = _reach(outline)
     placed = outline.copy()
-    least = math.inf
-    spare = 0.0
+    smallest = math.inf
+    excess = 0.0
     for i in range(len(track)):
         if i > 0:
             dx = track[i, 0] - track[i - 1, 0]
             dy = track[i, 1] - track[i - 1, 1]
             turn = abs(track[i, 2] - track[i - 1, 2])
-            spare -= math.sqrt(dx * dx + dy * dy) + reach * turn
-        if spare > 0.0:
+            excess -= math.sqrt(dx * dx + dy * dy) + reach * turn
+        if excess > 0.0:
             continue
         clearance = _clearance(track[i], outline, reach, placed, rows, corners)
-        least = min(least, clearance)
-        spare = clearance - least
-    return least
+        smallest = min(smallest, clearance)
+        excess = clearance - smallest
+    return smallest
 
 
 @compilable
 def _reach(outline: Array) -> float:
-    """Of an outline from its origin [m]."""
+    """Return the distance [m] of an outline's farthest corner from its origin."""
     squared = 0.0
     for i in range(len(outline)):
         squared = max(squared, outline[i, 0] * outline[i, 0] + outline[i, 1] * outline[i, 1])
@@ -113,18 +123,20 @@ def _reach(outline: Array) -> float:
 def _clearance(
     pose: Array, outline: Array, reach: float, placed: Array, rows: Array, corners: Array
 ) -> float:
-    """Least distance [m] to an obstacle at one pose; ``placed`` is overwritten."""
+    """Return the minimum distance [m] to an obstacle at one pose; ``placed`` is overwritten."""
     x = pose[0]
     y = pose[1]
-    place(outline, x, y, math.cos(pose[2]), math.sin(pose[2]), placed)
-    least = math.inf
+    transform_polygon(outline, x, y, math.cos(pose[2]), math.sin(pose[2]), placed)
+    smallest = math.inf
     for i in range(len(rows)):
         row = rows[i]
         dx = row[CENTRE_X] - x
         dy = row[CENTRE_Y] - y
-        apart = math.sqrt(dx * dx + dy * dy) - reach - row[CIRCLE]
-        if apart >= least:
+        lower_bound = math.sqrt(dx * dx + dy * dy) - reach - row[CIRCLE]
+        if lower_bound >= smallest:
             continue
-        other = corners[int(row[FIRST]) : int(row[BEHIND])]
-        least = min(least, max(gap(placed, other, least + row[ROUND]) - row[ROUND], 0.0))
-    return least
+        radius = row[RADIUS]
+        polygon = corners[int(row[START]) : int(row[END])]
+        distance = polygon_distance(placed, polygon, smallest + radius) - radius
+        smallest = min(smallest, max(distance, 0.0))
+    return smallest

@@ -1,4 +1,4 @@
-"""Footprints of solid shapes on the ground, and the distances between them."""
+"""Footprints of solid shapes on the ground, and the distances of points from them."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -10,7 +10,7 @@ from evoros.base.arrays import Array
 from evoros.geometry.shapes import Body, Pose, Shape
 
 _ELLIPSE_CORNERS = 64
-_ROUND = 1.2e-3  # 1 / cos(pi / 64) - 1: by how much 64 corners reach too far
+_EXCESS = 1.2e-3  # 1 / cos(pi / 64) - 1: relative reach of 64 corners beyond their circle
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,42 +21,49 @@ class Footprint:
     radius: float = 0.0  # [m]
 
 
-def footprint(shape: Shape, pose: Pose) -> Footprint:
-    """The projection of a box, cylinder or sphere at ``pose`` (in the world) onto the ground.
+def project_shape(shape: Shape, pose: Pose) -> Footprint:
+    """Project a box, cylinder or sphere at ``pose`` (in the world) onto the ground.
 
-    Exact, but for a cylinder that neither stands nor lies: its projected discs are ellipses,
-    which are circumscribed, so that it reaches farther by at most 0.13 % of its radius.
+    The projection is exact, except for a cylinder that neither stands nor lies. Its discs project
+    to ellipses, and the polygons around these exceed them by at most 0.13 % of the radius.
     """
-    center = np.array(pose.position[:2])
+    centre = np.array(pose.position[:2])
     if shape.kind == "sphere":
-        return Footprint(center[None], shape.size[0])
+        return Footprint(centre[None], shape.size[0])
     if shape.kind == "box":
         signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
         corners = signs * np.array(shape.size) / 2 @ pose.rotation.T
-        return Footprint(convex_hull(corners[:, :2]) + center)
+        return Footprint(convex_hull(corners[:, :2]) + centre)
     radius, length = shape.size
-    axis = pose.rotation[:, 2]
+    vertices, radius = _project_cylinder(radius, length, pose.rotation[:, 2])
+    return Footprint(vertices + centre, radius)
+
+
+def _project_cylinder(radius: float, length: float, axis: Array) -> tuple[Array, float]:
+    """Return the vertices about its centre and the radius of a cylinder's footprint [m]."""
     reach = length / 2 * axis[:2]
-    if abs(axis[2]) > 1 - _ROUND:  # the ellipses are nearly circles
-        return Footprint(convex_hull(np.array([reach, -reach])) + center, radius)
+    if abs(axis[2]) > 1 - _EXCESS:  # the ellipses are nearly circles
+        return convex_hull(np.array([reach, -reach])), radius
     along = axis[:2] / math.hypot(axis[0], axis[1])
     across = np.array([-along[1], along[0]])
-    disc = _ellipse(radius * abs(float(axis[2])), radius) @ np.array([along, across])
-    ends = np.concatenate([disc + reach, disc - reach])
-    return Footprint(convex_hull(ends) + center)
+    disc = _circumscribe(radius * abs(float(axis[2])), radius) @ np.array([along, across])
+    return convex_hull(np.concatenate([disc + reach, disc - reach])), 0.0
 
 
-def _ellipse(along: float, across: float) -> Array:
-    """Corners of a polygon around the ellipse of these half axes: four if it is very narrow."""
-    if along < _ROUND * across:
+def _circumscribe(along: float, across: float) -> Array:
+    """Return the corners of a polygon around an ellipse of these half axes [m].
+
+    A very narrow ellipse gets four corners.
+    """
+    if along < _EXCESS * across:
         return np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (along, across)
     angles = np.arange(_ELLIPSE_CORNERS) * (2 * math.pi / _ELLIPSE_CORNERS)
     grow = 1 / math.cos(math.pi / _ELLIPSE_CORNERS)
     return grow * np.stack([along * np.cos(angles), across * np.sin(angles)], axis=1)
 
 
-def lowest(shape: Shape, pose: Pose) -> float:
-    """Height [m] of the lowest point of a box, cylinder or sphere at ``pose`` (in the world)."""
+def bottom_height(shape: Shape, pose: Pose) -> float:
+    """Return the height [m] of the lowest point of a box, cylinder or sphere at ``pose``."""
     up = pose.rotation[2]  # the world's z axis in the frame of the shape
     if shape.kind == "sphere":
         depth = shape.size[0]
@@ -68,63 +75,71 @@ def lowest(shape: Shape, pose: Pose) -> float:
     return pose.position[2] - depth
 
 
-def footprints(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footprint, ...]:
-    """One footprint for each solid shape that begins below a height [m] and ends above ground."""
+def top_height(shape: Shape, pose: Pose) -> float:
+    """Return the height [m] of the highest point: the shapes are symmetric about their centres."""
+    return 2.0 * pose.position[2] - bottom_height(shape, pose)
+
+
+def project_bodies(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footprint, ...]:
+    """Project all solid shapes that begin below a height [m] and end above the ground."""
     placed = [(shape, body.pose @ shape.pose) for body in bodies for shape in body.shapes]
     return tuple(
-        footprint(shape, pose)
+        project_shape(shape, pose)
         for shape, pose in placed
-        if shape.kind != "plane" and lowest(shape, pose) < below_m and highest(shape, pose) > 0.0
+        if shape.kind != "plane"
+        and bottom_height(shape, pose) < below_m
+        and top_height(shape, pose) > 0.0
     )
 
 
-def highest(shape: Shape, pose: Pose) -> float:
-    """Height [m] of the highest point: these shapes are symmetric about their centres."""
-    return 2.0 * pose.position[2] - lowest(shape, pose)
+def bounding_circle(footprint: Footprint) -> tuple[float, float, float]:
+    """Return the centre x, y and the radius [m] of a circle around a footprint."""
+    x, y = ((footprint.vertices.min(axis=0) + footprint.vertices.max(axis=0)) / 2).tolist()
+    reach = np.sqrt(((footprint.vertices - (x, y)) ** 2).sum(axis=1)).max()
+    return x, y, float(reach) + footprint.radius
 
 
 def convex_hull(points: Array) -> Array:
-    """The corners of the hull of points (n, 2), counter-clockwise.
+    """Return the corners of the convex hull of points (n, 2), counter-clockwise.
 
-    Two corners where the points lie in a line, one if they coincide, as do points that are
-    nearer to each other than 1e-12 of the extent. Andrew's monotone chain.
+    Collinear points have two corners and coincident ones a single corner. Points that are nearer
+    to each other than 1e-12 of the extent coincide. The algorithm is Andrew's monotone chain.
     """
     extent = float(np.ptp(points, axis=0).max())
     if extent < 1e-100:
         return points[:1].copy()
-    # On a grid, in whole numbers: points that differ by rounding fall together, and no turn is
-    # misjudged.
+    # On a grid of whole numbers, points that differ by rounding coincide and no turn is misjudged.
     grid = np.rint((points - points.min(axis=0)) * (1e12 / extent)).astype(np.int64).tolist()
-    corner = {(x, y): point for (x, y), point in zip(grid, points, strict=True)}
-    ordered = sorted(corner)
+    corners = {(x, y): point for (x, y), point in zip(grid, points, strict=True)}
+    ordered = sorted(corners)
     hull: list[tuple[int, int]] = []
     for sequence in (ordered, ordered[::-1]):
         chain: list[tuple[int, int]] = []
-        for place in sequence:
-            while len(chain) > 1 and not _turns_left(chain[-2], chain[-1], place):
+        for cell in sequence:
+            while len(chain) > 1 and not _turns_left(chain[-2], chain[-1], cell):
                 chain.pop()
-            chain.append(place)
+            chain.append(cell)
         hull += chain[:-1]
-    return np.array([corner[place] for place in hull])
+    return np.array([corners[cell] for cell in hull])
 
 
 def _turns_left(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> bool:
     return (b[0] - a[0]) * (c[1] - a[1]) > (b[1] - a[1]) * (c[0] - a[0])
 
 
-def contains(area: Footprint, point: Sequence[float]) -> bool:
-    """Whether a point [x, y] lies in a footprint or on its border."""
-    here = np.array([[point[0], point[1]]], dtype=np.float64)
-    return bool(_distances(area.vertices, here)[0] <= area.radius)
+def contains(footprint: Footprint, point: Sequence[float]) -> bool:
+    """Tell whether a point [x, y] lies in a footprint or on its border."""
+    points = np.array([[point[0], point[1]]], dtype=np.float64)
+    return bool(_polygon_distances(footprint.vertices, points)[0] <= footprint.radius)
 
 
-def distances(area: Footprint, points: Array) -> Array:
-    """Distance (n,) [m] of points (n, 2) from a footprint; 0 inside."""
-    return np.maximum(_distances(area.vertices, points) - area.radius, 0.0)
+def distances(footprint: Footprint, points: Array) -> Array:
+    """Return the distances (n,) [m] of points (n, 2) from a footprint; 0 inside."""
+    return np.maximum(_polygon_distances(footprint.vertices, points) - footprint.radius, 0.0)
 
 
-def _distances(polygon: Array, points: Array) -> Array:
-    """(n,): distance of points (n, 2) from a convex polygon (k, 2), 0 inside."""
+def _polygon_distances(polygon: Array, points: Array) -> Array:
+    """Return the distances (n,) [m] of points (n, 2) from a convex polygon (k, 2); 0 inside."""
     edges = np.roll(polygon, -1, axis=0) - polygon
     squared = np.full(len(points), np.inf)
     inside = np.full(len(points), len(polygon) > 2)

@@ -1,4 +1,4 @@
-"""A grid over the ground that names, for each cell, what is within reach of it."""
+"""A grid over the ground that lists, for each cell, the footprints near it."""
 
 import math
 from collections.abc import Sequence
@@ -12,12 +12,12 @@ from evoros.base.compilation import compilable
 from evoros.geometry.footprint import Footprint, distances
 
 CELL_M = 1.0
-MOST_CELLS = 250_000
-"""A world of far apart obstacles gets larger cells instead of more."""
+MAX_CELLS = 250_000
+"""A world whose obstacles are far apart gets larger cells rather than more."""
 
-# The grid in a flat array.
+# The grid as a flat array of GRID_SIZE values.
 ORIGIN_X, ORIGIN_Y, CELL, COLUMNS, ROWS = range(5)
-"""Corner [m], edge of a cell [m], numbers of cells; then the starts of all cells, the entries."""
+"""Corner [m], edge of a cell [m], numbers of columns and rows."""
 GRID_SIZE = 5
 
 
@@ -30,54 +30,67 @@ class Grid:
     shape: tuple[int, int]  # columns (x), rows (y)
 
     @classmethod
-    def around(cls, areas: Sequence[Footprint], reach: float) -> "Grid":
-        """A grid that covers all that is within ``reach`` [m] of an area; else of one cell."""
-        if not areas:
+    def around(cls, footprints: Sequence[Footprint], reach: float) -> "Grid":
+        """Cover all points within ``reach`` [m] of a footprint; without footprints, one cell."""
+        if not footprints:
             return cls(np.zeros(2), CELL_M, (1, 1))
-        low = np.min([area.vertices.min(axis=0) - area.radius for area in areas], axis=0) - reach
-        high = np.max([area.vertices.max(axis=0) + area.radius for area in areas], axis=0) + reach
+        lows, highs = zip(*(_bounds(footprint, reach) for footprint in footprints), strict=True)
+        low, high = np.min(lows, axis=0), np.max(highs, axis=0)
         width, height = (high - low).tolist()
-        cell = max(CELL_M, math.sqrt(width * height / MOST_CELLS))
+        cell = max(CELL_M, math.sqrt(width * height / MAX_CELLS))
         return cls(low, cell, (math.ceil(width / cell), math.ceil(height / cell)))
 
-    def lists(self, areas: Sequence[Footprint], reach: float) -> tuple[Array, Array]:
-        """The areas within ``reach`` [m] of each cell: starts (cells + 1,) and entries."""
+    def list_near(self, footprints: Sequence[Footprint], reach: float) -> tuple[Array, Array]:
+        """List the footprints within ``reach`` [m] of each cell.
+
+        Returns:
+            The index of each cell's first entry (cells + 1,), and the entries, which are indices
+            into ``footprints``, of all cells one after another.
+        """
         count = self.shape[0] * self.shape[1]
-        found = [self._near(area, reach) for area in areas]
-        if not found:
+        near = [self._cells_near(footprint, reach) for footprint in footprints]
+        if not near:
             return np.zeros(count + 1), np.zeros(0)
-        cells = np.concatenate(found)
-        names = np.repeat(np.arange(len(found)), [len(each) for each in found])
-        entries = names[np.argsort(cells, kind="stable")]
+        cells = np.concatenate(near)
+        indices = np.repeat(np.arange(len(near)), [len(cells_near) for cells_near in near])
+        entries = indices[np.argsort(cells, kind="stable")]
         starts = np.concatenate(([0], np.cumsum(np.bincount(cells, minlength=count))))
         return starts.astype(np.float64), entries.astype(np.float64)
 
-    def _near(self, area: Footprint, reach: float) -> NDArray[np.intp]:
-        """The cells with a point within ``reach`` [m] of an area, and few others."""
-        low = area.vertices.min(axis=0) - area.radius - reach - self.origin
-        high = area.vertices.max(axis=0) + area.radius + reach - self.origin
+    def _cells_near(self, footprint: Footprint, reach: float) -> NDArray[np.intp]:
+        """Return the cells with a point within ``reach`` [m] of a footprint, and few others."""
         columns, rows = (
             np.arange(max(0, int(start // self.cell)), min(count, int(end // self.cell) + 1))
-            for start, end, count in zip(low, high, self.shape, strict=True)
+            for start, end, count in zip(
+                *(bound - self.origin for bound in _bounds(footprint, reach)),
+                self.shape,
+                strict=True,
+            )
         )
-        column, row = (each.ravel() for each in np.meshgrid(columns, rows))
-        middles = (np.stack([column, row], axis=1) + 0.5) * self.cell + self.origin
-        corner = self.cell * math.sqrt(0.5)  # from the middle of a cell
-        near = distances(area, middles) <= reach + corner
+        column, row = (index.ravel() for index in np.meshgrid(columns, rows))
+        centres = (np.stack([column, row], axis=1) + 0.5) * self.cell + self.origin
+        half_diagonal = self.cell * math.sqrt(0.5)
+        near = distances(footprint, centres) <= reach + half_diagonal
         cells: NDArray[np.intp] = (row * self.shape[0] + column)[near]
         return cells
 
-    def flat(self) -> Array:
-        """(GRID_SIZE,) for ``cell_at``."""
+    def to_array(self) -> Array:
+        """Return the grid (GRID_SIZE,) for ``cell_at``."""
         return np.array([*self.origin, self.cell, *self.shape], dtype=np.float64)
+
+
+def _bounds(footprint: Footprint, reach: float) -> tuple[Array, Array]:
+    """Return the corners (2,) [m] of the box around all points within ``reach`` of a footprint."""
+    vertices, radius = footprint.vertices, footprint.radius
+    return vertices.min(axis=0) - radius - reach, vertices.max(axis=0) + radius + reach
 
 
 @compilable
 def cell_at(grid: Array, x: float, y: float) -> int:
-    """The number of the cell around a point [m]; -1 outside of the grid, and for NaN."""
-    along = (x - grid[ORIGIN_X]) / grid[CELL]
-    aside = (y - grid[ORIGIN_Y]) / grid[CELL]
-    # So asked, a point that is no number is outside: it must not become the number of a cell.
-    if not (0.0 <= along < grid[COLUMNS] and 0.0 <= aside < grid[ROWS]):
+    """Return the number of the cell around a point [m]; -1 outside of the grid and for NaN."""
+    column = (x - grid[ORIGIN_X]) / grid[CELL]
+    row = (y - grid[ORIGIN_Y]) / grid[CELL]
+    # In this form the condition holds for NaN, which must not become the number of a cell.
+    if not (0.0 <= column < grid[COLUMNS] and 0.0 <= row < grid[ROWS]):
         return -1
-    return int(aside) * int(grid[COLUMNS]) + int(along)
+    return int(row) * int(grid[COLUMNS]) + int(column)

@@ -1,4 +1,4 @@
-"""Footprints of obstacles as arrays, for compiled rules."""
+"""Footprints of obstacles as arrays, for compiled functions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.geometry.footprint import Footprint
+from evoros.geometry.footprint import Footprint, bounding_circle
 
-# One footprint: a row of FOOTPRINT_SIZE values; its corners are elsewhere.
-CENTRE_X, CENTRE_Y, CIRCLE, ROUND, FIRST, BEHIND = range(6)
-"""Centre and radius [m] of a circle around it, how far it reaches beyond its polygon [m], its
-first corner, and the one behind its last."""
+# One footprint: a row of FOOTPRINT_SIZE values; the corners of all are in an array of their own.
+CENTRE_X, CENTRE_Y, CIRCLE, RADIUS, START, END = range(6)
+"""Centre and radius [m] of its bounding circle, its ``Footprint.radius`` [m], and the indices of
+its first corner and of the one after its last."""
 FOOTPRINT_SIZE = 6
 
 
@@ -20,22 +20,15 @@ class Outlines:
     """Footprints of obstacles, in arrays."""
 
     rows: Array  # (n, FOOTPRINT_SIZE)
-    corners: Array  # (m, 2) [m], of all
+    corners: Array  # (m, 2) [m], of all footprints
 
     @classmethod
-    def of(cls, areas: Sequence[Footprint]) -> "Outlines":
-        """``areas`` in their order."""
-        rows, first = np.empty((len(areas), FOOTPRINT_SIZE)), 0
-        for row, area in zip(rows, areas, strict=True):
-            x, y, circle = _disc(area)
-            row[:] = x, y, circle, area.radius, first, first + len(area.vertices)
-            first += len(area.vertices)
-        corners = [area.vertices for area in areas]
+    def of(cls, footprints: Sequence[Footprint]) -> "Outlines":
+        """Put footprints into arrays, in their order."""
+        rows, start = np.empty((len(footprints), FOOTPRINT_SIZE)), 0
+        for row, footprint in zip(rows, footprints, strict=True):
+            end = start + len(footprint.vertices)
+            row[:] = *bounding_circle(footprint), footprint.radius, start, end
+            start = end
+        corners = [footprint.vertices for footprint in footprints]
         return cls(rows, np.concatenate(corners) if corners else np.zeros((0, 2)))
-
-
-def _disc(area: Footprint) -> tuple[float, float, float]:
-    """Centre and radius of a circle around a footprint."""
-    x, y = ((area.vertices.min(axis=0) + area.vertices.max(axis=0)) / 2).tolist()
-    reach = np.sqrt(((area.vertices - (x, y)) ** 2).sum(axis=1)).max()
-    return x, y, float(reach) + area.radius

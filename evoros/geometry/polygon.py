@@ -1,4 +1,7 @@
-"""Convex polygons on the ground and how far apart they are. Runs compiled and interpreted alike."""
+"""Convex polygons on the ground and the distance between two of them.
+
+The functions run compiled and interpreted alike.
+"""
 
 import math
 
@@ -7,64 +10,65 @@ from evoros.base.compilation import compilable
 
 
 @compilable
-def place(outline: Array, x: float, y: float, cos: float, sin: float, placed: Array) -> None:
-    """Put the corners ``outline`` (k, 2) of a frame at x, y [m], turned by an angle, in place."""
-    for i in range(len(outline)):
-        a = outline[i, 0]
-        b = outline[i, 1]
-        placed[i, 0] = x + cos * a - sin * b
-        placed[i, 1] = y + sin * a + cos * b
+def transform_polygon(
+    polygon: Array, x: float, y: float, cos: float, sin: float, result: Array
+) -> None:
+    """Turn the corners ``polygon`` (k, 2) [m] and move them by x, y into ``result``."""
+    for i in range(len(polygon)):
+        a = polygon[i, 0]
+        b = polygon[i, 1]
+        result[i, 0] = x + cos * a - sin * b
+        result[i, 1] = y + sin * a + cos * b
 
 
 @compilable
-def gap(one: Array, other: Array, enough: float) -> float:
-    """Distance [m] between two convex polygons (k, 2), counter-clockwise; 0 where they overlap.
+def polygon_distance(first: Array, second: Array, cutoff: float) -> float:
+    """Return the distance [m] of two convex counter-clockwise polygons (k, 2); 0 if they overlap.
 
-    A polygon may be a segment or a point. Where an edge shows that the distance is more than
-    ``enough``, that edge's lower bound is given instead: most pairs are far apart.
+    A polygon may be a segment or a point. Most pairs are far apart: if an edge proves that the
+    distance exceeds ``cutoff``, the lower bound that the edge gives is returned instead.
     """
-    apart = max(_margin(one, other), _margin(other, one))
-    if apart > enough or apart <= 0.0:
+    apart = max(_separation(first, second), _separation(second, first))
+    if apart > cutoff or apart <= 0.0:
         return max(apart, 0.0)
-    # Of two convex polygons apart, the nearest pair of points has a corner of one of them.
-    return math.sqrt(min(_nearest(one, other), _nearest(other, one)))
+    # A corner of one of two disjoint convex polygons belongs to their nearest pair of points.
+    return math.sqrt(min(_squared_distance(first, second), _squared_distance(second, first)))
 
 
 @compilable
-def _margin(polygon: Array, points: Array) -> float:
-    """How far the best edge of a polygon keeps all points outside [m]; -inf without an edge."""
+def _edge(polygon: Array, i: int) -> tuple[float, float, float, float]:
+    """Return the start x, y [m] and the vector x, y [m] of edge ``i``."""
+    following = i + 1 if i + 1 < len(polygon) else 0
+    x = polygon[i, 0]
+    y = polygon[i, 1]
+    return x, y, polygon[following, 0] - x, polygon[following, 1] - y
+
+
+@compilable
+def _separation(polygon: Array, points: Array) -> float:
+    """Return how far [m] its best edge separates a polygon from all points; -inf without edges."""
     best = -math.inf
-    corners = len(polygon)
-    for i in range(corners):
-        following = i + 1 if i + 1 < corners else 0
-        x = polygon[i, 0]
-        y = polygon[i, 1]
-        dx = polygon[following, 0] - x
-        dy = polygon[following, 1] - y
+    for i in range(len(polygon)):
+        x, y, dx, dy = _edge(polygon, i)
         length = math.sqrt(dx * dx + dy * dy)
         if length == 0.0:
             continue
-        least = math.inf
+        nearest = math.inf
         for j in range(len(points)):
             outside = dy * (points[j, 0] - x) - dx * (points[j, 1] - y)
-            if outside < least:
-                least = outside
-        if least / length > best:
-            best = least / length
+            if outside < nearest:
+                nearest = outside
+        if nearest / length > best:
+            best = nearest / length
     return best
 
 
 @compilable
-def _nearest(polygon: Array, points: Array) -> float:
-    """Least squared distance [m2] of points (n, 2) from the border of a polygon (k, 2)."""
+def _squared_distance(polygon: Array, points: Array) -> float:
+    """Return the minimum squared distance [m2] of points (n, 2) from a polygon's border (k, 2)."""
     best = math.inf
-    corners = len(polygon)
-    for i in range(corners):
-        following = i + 1 if i + 1 < corners else 0
-        x = polygon[i, 0]
-        y = polygon[i, 1]
-        dx = polygon[following, 0] - x
-        dy = polygon[following, 1] - y
+    for i in range(len(polygon)):
+        x, y, dx, dy = _edge(polygon, i)
         squared = dx * dx + dy * dy
         for j in range(len(points)):
             px = points[j, 0] - x

@@ -1,11 +1,11 @@
-"""Rays against boxes, cylinders and spheres. Runs compiled and interpreted alike."""
+"""Ray casting against boxes, cylinders and spheres. Runs compiled and interpreted alike."""
 
 import math
 
 from evoros.base.arrays import Array
 from evoros.base.compilation import compilable
 
-# One obstacle as rays see it: a row of OBSTACLE_SIZE values, in the world's frame.
+# One obstacle for ray casting: a row of OBSTACLE_SIZE values, in the world's frame.
 KIND, AT_X, AT_Y, AT_Z, BOUND, ROTATION = range(6)
 """Kind, centre [m], radius [m] of the circle around its footprint, rotation by rows (3, 3)."""
 EXTENT = ROTATION + 9
@@ -15,7 +15,7 @@ BOX, CYLINDER, SPHERE = 0.0, 1.0, 2.0
 
 
 @compilable
-def first_hit(
+def cast_rays(
     obstacle: Array,
     cos: float,
     sin: float,
@@ -23,28 +23,17 @@ def first_hit(
     y: float,
     z: float,
     rays: Array,
-    first: int,
-    last: int,
+    start: int,
+    end: int,
     best: float,
 ) -> float:
-    """The least distance [m] at which one of the rays meets the obstacle, or ``best`` if less.
+    """Return the minimum distance [m] from a sensor to an obstacle, or ``best`` if that is less.
 
-    ``rays`` (n, 3), of which those from ``first`` to before ``last`` count, are unit vectors in a
-    frame that is turned to the left by the angle of ``cos`` and ``sin``; (x, y, z) [m] is where
-    they start, seen from the obstacle's centre, in that frame. A ray that starts inside the
-    obstacle does not see it.
+    The rays are ``rays[start:end]`` of (n, 3) unit vectors. Their frame is turned to the left by
+    the angle of ``cos`` and ``sin``; (x, y, z) [m] is their origin relative to the obstacle's
+    centre, in that frame. A ray that starts inside the obstacle does not see it.
     """
-    r = ROTATION
-    # From the frame of the rays to that of the obstacle: the transposed rotation after the turn.
-    m00 = obstacle[r] * cos + obstacle[r + 3] * sin
-    m01 = obstacle[r + 3] * cos - obstacle[r] * sin
-    m02 = obstacle[r + 6]
-    m10 = obstacle[r + 1] * cos + obstacle[r + 4] * sin
-    m11 = obstacle[r + 4] * cos - obstacle[r + 1] * sin
-    m12 = obstacle[r + 7]
-    m20 = obstacle[r + 2] * cos + obstacle[r + 5] * sin
-    m21 = obstacle[r + 5] * cos - obstacle[r + 2] * sin
-    m22 = obstacle[r + 8]
+    m00, m01, m02, m10, m11, m12, m20, m21, m22 = _rotation(obstacle, cos, sin)
     ox = m00 * x + m01 * y + m02 * z
     oy = m10 * x + m11 * y + m12 * z
     oz = m20 * x + m21 * y + m22 * z
@@ -52,24 +41,45 @@ def first_hit(
     a = obstacle[EXTENT]
     b = obstacle[EXTENT + 1]
     c = obstacle[EXTENT + 2]
-    for i in range(first, last):
+    for i in range(start, end):
         dx = rays[i, 0]
         dy = rays[i, 1]
         dz = rays[i, 2]
         ux = m00 * dx + m01 * dy + m02 * dz
         uy = m10 * dx + m11 * dy + m12 * dz
         uz = m20 * dx + m21 * dy + m22 * dz
+        # Not a function of its own, which would take half as long again when compiled.
         if kind == BOX:
-            best = meets_box(ox, oy, oz, ux, uy, uz, a, b, c, best)
+            best = _intersect_box(ox, oy, oz, ux, uy, uz, a, b, c, best)
         elif kind == CYLINDER:
-            best = meets_cylinder(ox, oy, oz, ux, uy, uz, a, b, best)
+            best = _intersect_cylinder(ox, oy, oz, ux, uy, uz, a, b, best)
         else:
-            best = meets_sphere(ox, oy, oz, ux, uy, uz, a, best)
+            best = _intersect_sphere(ox, oy, oz, ux, uy, uz, a, best)
     return best
 
 
 @compilable
-def meets_box(
+def _rotation(
+    obstacle: Array, cos: float, sin: float
+) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Return the rows of the rotation from the frame of the rays to that of the obstacle."""
+    r = ROTATION
+    # The transpose of the obstacle's rotation, after the turn of the rays' frame.
+    return (
+        obstacle[r] * cos + obstacle[r + 3] * sin,
+        obstacle[r + 3] * cos - obstacle[r] * sin,
+        obstacle[r + 6],
+        obstacle[r + 1] * cos + obstacle[r + 4] * sin,
+        obstacle[r + 4] * cos - obstacle[r + 1] * sin,
+        obstacle[r + 7],
+        obstacle[r + 2] * cos + obstacle[r + 5] * sin,
+        obstacle[r + 5] * cos - obstacle[r + 2] * sin,
+        obstacle[r + 8],
+    )
+
+
+@compilable
+def _intersect_box(
     ox: float,
     oy: float,
     oz: float,
@@ -81,35 +91,15 @@ def meets_box(
     c: float,
     best: float,
 ) -> float:
-    """Distance from (ox, oy, oz) along (ux, uy, uz) to a box of half lengths a, b, c [m]."""
-    near = -math.inf
-    far = best
-    if ux != 0.0:
-        middle = -ox / ux
-        half = abs(a / ux)
-        near = middle - half
-        far = min(far, middle + half)
-    elif abs(ox) > a:
-        return best
-    if uy != 0.0:
-        middle = -oy / uy
-        half = abs(b / uy)
-        near = max(near, middle - half)
-        far = min(far, middle + half)
-    elif abs(oy) > b:
-        return best
-    if uz != 0.0:
-        middle = -oz / uz
-        half = abs(c / uz)
-        near = max(near, middle - half)
-        far = min(far, middle + half)
-    elif abs(oz) > c:
-        return best
+    """Return the distance from (ox, oy, oz) along (ux, uy, uz) to a box of half lengths a, b, c."""
+    near, far = _clip(ox, ux, a, -math.inf, best)
+    near, far = _clip(oy, uy, b, near, far)
+    near, far = _clip(oz, uz, c, near, far)
     return near if 0.0 <= near <= far else best
 
 
 @compilable
-def meets_cylinder(
+def _intersect_cylinder(
     ox: float,
     oy: float,
     oz: float,
@@ -120,7 +110,7 @@ def meets_cylinder(
     half_length: float,
     best: float,
 ) -> float:
-    """As ``meets_box``, with a cylinder about the z axis."""
+    """Return the distance to a cylinder about the z axis, like ``_intersect_box``."""
     near = -math.inf
     far = best
     squared = ux * ux + uy * uy
@@ -135,18 +125,12 @@ def meets_cylinder(
         far = min(far, (-along + root) / squared)
     elif outside > 0.0:
         return best
-    if uz != 0.0:
-        middle = -oz / uz
-        half = abs(half_length / uz)
-        near = max(near, middle - half)
-        far = min(far, middle + half)
-    elif abs(oz) > half_length:
-        return best
+    near, far = _clip(oz, uz, half_length, near, far)
     return near if 0.0 <= near <= far else best
 
 
 @compilable
-def meets_sphere(
+def _intersect_sphere(
     ox: float,
     oy: float,
     oz: float,
@@ -156,10 +140,24 @@ def meets_sphere(
     radius: float,
     best: float,
 ) -> float:
-    """As ``meets_box``, with a sphere."""
+    """Return the distance to a sphere, like ``_intersect_box``."""
     along = ox * ux + oy * uy + oz * uz
     root = along * along - (ox * ox + oy * oy + oz * oz - radius * radius)
     if root < 0.0:
         return best
     near = -along - math.sqrt(root)
     return near if 0.0 <= near <= best else best
+
+
+@compilable
+def _clip(
+    origin: float, direction: float, half: float, near: float, far: float
+) -> tuple[float, float]:
+    """Clip the part of a ray from ``near`` to ``far`` [m] to a slab, ``half`` [m] to each side."""
+    if direction != 0.0:
+        middle = -origin / direction
+        reach = abs(half / direction)
+        return max(near, middle - reach), min(far, middle + reach)
+    if abs(origin) > half:
+        return math.inf, far
+    return near, far

@@ -6,7 +6,7 @@ import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.failure.protocol import Fault
-from evoros.geometry.clearance import survey
+from evoros.geometry.clearance import summarize_track
 from evoros.mission.outcome import AT_X, AT_Y, COMPLETED, HEADING, PACE, TIME, Outcome
 from evoros.robot.model import Robot
 from evoros.world.model import World
@@ -39,7 +39,7 @@ def measure(
     places = np.array([*course.waypoints, course.home[:2]], dtype=np.float64)
     # Until the first collision every obstacle stands where the world has put it.
     untouched = int((~(track[:, TIME] > flight.first_collision)).sum())
-    found = survey(track[:, AT_X : HEADING + 1], untouched, robot.outline, areas, places)
+    summary = summarize_track(track[:, AT_X : HEADING + 1], untouched, robot.outline, areas, places)
     hurt = failed_sensors(faults, flight.time)
     return Outcome(
         ended=flight.ended,
@@ -52,14 +52,14 @@ def measure(
         time_limit_s=world.course.time_limit_s,
         sensors=len(robot.mounts),
         visited=flight.visited,
-        mean_speed_mps=found.distance / flight.time if flight.time > 0 else 0.0,
+        mean_speed_mps=summary.length / flight.time if flight.time > 0 else 0.0,
         max_speed_mps=float(np.abs(track[:, PACE]).max()),
-        distance_m=found.distance,
-        least_waypoint_distances_m=found.places,
+        distance_m=summary.length,
+        least_waypoint_distances_m=summary.point_distances,
         collisions=flight.collisions,
         first_collision_s=flight.first_collision,
         avoiding=flight.avoiding,
-        least_clearance_m=found.clearance if len(areas.rows) else float("nan"),
+        least_clearance_m=summary.clearance if len(areas.rows) else float("nan"),
         failed_sensors=tuple(index for index, _, _ in hurt),
         failed_at_s=tuple(onset for _, onset, _ in hurt),
         failed_by=tuple(effect for _, _, effect in hurt),

@@ -14,7 +14,7 @@ from evoros.base.errors import InputError
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.formats.urdf import expansion
 from evoros.formats.urdf.tree import Urdf, read_tree
-from evoros.geometry.footprint import convex_hull, footprint, highest
+from evoros.geometry.footprint import convex_hull, project_shape, top_height
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.model import Robot
 
@@ -58,7 +58,7 @@ def load_robot(
         base_urdf=etree.tostring(root, encoding="unicode", pretty_print=True),
         drive=fitted,
         outline=_outline(touching),
-        height_m=max(highest(shape, pose) for shape, pose in touching),
+        height_m=max(top_height(shape, pose) for shape, pose in touching),
         mount_link=mount.link,
         mount_z_m=float(mount.z_m),
         mount_pitch_deg=float(mount.pitch_deg),
@@ -114,7 +114,7 @@ def _outline(shapes: Sequence[tuple[Shape, Pose]]) -> Array:
     disc = np.stack([np.cos(turn), np.sin(turn)], axis=1) / math.cos(math.pi / _CIRCLE)
     corners = []
     for shape, pose in shapes:
-        area = footprint(shape, pose)
+        area = project_shape(shape, pose)
         reach = area.radius * disc if area.radius > 0 else np.zeros((1, 2))
         corners.append((area.vertices[:, None] + reach[None]).reshape(-1, 2))
     return convex_hull(np.concatenate(corners))

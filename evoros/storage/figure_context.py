@@ -21,7 +21,7 @@ from evoros.failure.protocol import Failure
 from evoros.formats.strict_xml import name_of
 from evoros.formats.urdf.parts import read_looks
 from evoros.formats.urdf.tree import read_tree
-from evoros.geometry.footprint import footprint, highest
+from evoros.geometry.footprint import project_shape, top_height
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Sensor
 from evoros.world.course import Course
@@ -167,7 +167,7 @@ def _parts(robot: Robot) -> Iterator[Part]:
         link = name_of(element)
         for shape in read_looks(element):
             pose = urdf.poses[link] @ shape.pose
-            area, top = footprint(shape, pose), highest(shape, pose)
+            area, top = project_shape(shape, pose), top_height(shape, pose)
             corners = tuple(map(_point, area.vertices.tolist()))
             yield Part(link, corners, float(area.radius), float(top), link in wheels)
 

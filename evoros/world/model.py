@@ -9,7 +9,7 @@ import numpy as np
 from evoros.base.checks import TEXT, check, instance_of, invalid, sequence_of
 from evoros.base.errors import InputError
 from evoros.formats.sdf.writer import write_sdf
-from evoros.geometry.footprint import contains, footprint, highest, lowest
+from evoros.geometry.footprint import bottom_height, contains, project_shape, top_height
 from evoros.geometry.shapes import Body
 from evoros.world.course import Course
 
@@ -107,9 +107,9 @@ def _check_course(world: World) -> None:
     for body in world.obstacles:
         for shape in body.shapes:
             pose = body.pose @ shape.pose
-            if lowest(shape, pose) > LOW_M or highest(shape, pose) <= 0.0:
+            if bottom_height(shape, pose) > LOW_M or top_height(shape, pose) <= 0.0:
                 continue
-            outline = footprint(shape, pose)
+            outline = project_shape(shape, pose)
             for place, (x, y) in places.items():
                 if contains(outline, (x, y)):
                     raise InputError(

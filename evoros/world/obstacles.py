@@ -6,9 +6,9 @@ from functools import lru_cache
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.geometry.footprint import Footprint, footprint, footprints
+from evoros.geometry.footprint import Footprint, bounding_circle, project_bodies, project_shape
 from evoros.geometry.grid import Grid
-from evoros.geometry.outlines import Outlines, _disc
+from evoros.geometry.outlines import Outlines
 from evoros.geometry.ray import BOX, CYLINDER, OBSTACLE_SIZE, SPHERE
 from evoros.geometry.shapes import Pose, Shape
 from evoros.world.model import World
@@ -17,7 +17,7 @@ from evoros.world.model import World
 @lru_cache(maxsize=64)
 def outlines(world: World, below_m: float) -> Outlines:
     """The footprints of all solid shapes whose lowest point is below a height [m]."""
-    return Outlines.of(footprints(world.obstacles, below_m))
+    return Outlines.of(project_bodies(world.obstacles, below_m))
 
 
 @lru_cache(maxsize=64)
@@ -34,14 +34,14 @@ def world_arrays(world: World, height: float, touch: float, see: float) -> tuple
         for shape in body.shapes
         if shape.kind != "plane"
     ]
-    areas = [footprint(*placed) for placed in shapes]
+    areas = [project_shape(*placed) for placed in shapes]
     rows = [_row(*placed, area) for placed, area in zip(shapes, areas, strict=True)]
-    touched, found = footprints(world.obstacles, height), outlines(world, height)
+    touched, found = project_bodies(world.obstacles, height), outlines(world, height)
     grid = Grid.around(areas, max(touch, see))
     return (
-        grid.flat(),
-        *grid.lists(touched, touch),
-        *grid.lists(areas, see),
+        grid.to_array(),
+        *grid.list_near(touched, touch),
+        *grid.list_near(areas, see),
         found.rows,
         found.corners,
         np.array(rows).reshape(-1, OBSTACLE_SIZE),
@@ -56,7 +56,7 @@ def _row(shape: Shape, pose: Pose, area: Footprint) -> list[float]:
         "cylinder": lambda size: [size[0], size[1] / 2, 0.0],
         "sphere": lambda size: [size[0], 0.0, 0.0],
     }
-    x, y, circle = _disc(area)
+    x, y, circle = bounding_circle(area)
     # A circle around the centre of the shape itself: that of the footprint lies a bit beside it.
     off = math.dist((x, y), pose.position[:2])
     return [

@@ -31,7 +31,7 @@ from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
 from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.tree import Urdf, read_tree
-from evoros.geometry.footprint import highest
+from evoros.geometry.footprint import top_height
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.simulator.engines.pybullet_viewer import Picture, open_scene
 from evoros.simulator.pybullet import import_pybullet
@@ -279,7 +279,7 @@ def test_what_stands_high_is_cut_and_its_foot_stays(shape: Shape, pose: Pose) ->
     ((body, _),) = obstacles(world)
     (cut,) = body.shapes
     placed = body.pose @ cut.pose
-    assert highest(cut, placed) == pytest.approx(CUT_M)
+    assert top_height(cut, placed) == pytest.approx(CUT_M)
     assert placed.position[2] == pytest.approx(CUT_M / 2)
     assert placed.position[:2] == pytest.approx(pose.position[:2])
 

@@ -11,14 +11,14 @@ from scipy.optimize import linprog, minimize
 from scipy.spatial.transform import Rotation
 
 from evoros.base.arrays import Array
-from evoros.geometry.clearance import clearances
+from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import (
     Footprint,
+    bottom_height,
     contains,
     convex_hull,
-    footprint,
-    footprints,
-    lowest,
+    project_bodies,
+    project_shape,
 )
 from evoros.geometry.shapes import Body, Pose, Shape
 
@@ -50,7 +50,7 @@ def placed(outline: Array, pose: tuple[float, float, float]) -> Array:
 
 
 def one_clearance(outline: Array, pose: tuple[float, float, float], *areas: Footprint) -> float:
-    return float(clearances(outline, np.array([pose]), areas)[0])
+    return float(compute_clearances(outline, np.array([pose]), areas)[0])
 
 
 def surface(shape: Shape, pose: Pose, rng: np.random.Generator, count: int = 2000) -> Array:
@@ -75,7 +75,7 @@ def surface(shape: Shape, pose: Pose, rng: np.random.Generator, count: int = 200
 @given(shapes, poses, st.integers(0, 2**32))
 def test_a_footprint_is_the_projection_of_the_solid(shape: Shape, pose: Pose, seed: int) -> None:
     points = surface(shape, pose, np.random.default_rng(seed))
-    area = footprint(shape, pose)
+    area = project_shape(shape, pose)
     # In every direction the footprint reaches as far as the solid, and (nearly) no farther.
     for angle in np.linspace(0, 2 * math.pi, 16, endpoint=False):
         direction = np.array([math.cos(angle), math.sin(angle)])
@@ -91,7 +91,7 @@ def test_a_footprint_is_the_projection_of_the_solid(shape: Shape, pose: Pose, se
         excess = 0.0013 * shape.size[0] if shape.kind == "cylinder" else 0.0
         assert support - 1e-9 <= reached <= support + excess + 1e-9
         assert (points[:, :2] @ direction).max() <= reached + center + 1e-9
-    assert points[:, 2].min() >= lowest(shape, pose) - 1e-9
+    assert points[:, 2].min() >= bottom_height(shape, pose) - 1e-9
 
 
 @unhurried
@@ -100,10 +100,10 @@ def test_standing_and_lying_cylinders_are_exact(
     radius: float, length: float, x: float, y: float, yaw: float
 ) -> None:
     cylinder = Shape("cylinder", (radius, length))
-    standing = footprint(cylinder, Pose.from_rpy((x, y, 1.0), 0.0, 0.0, yaw))
+    standing = project_shape(cylinder, Pose.from_rpy((x, y, 1.0), 0.0, 0.0, yaw))
     assert standing.radius == radius
     np.testing.assert_allclose(standing.vertices, [[x, y]], atol=1e-12)
-    lying = footprint(cylinder, Pose.from_rpy((x, y, 1.0), 0.0, math.pi / 2, yaw))
+    lying = project_shape(cylinder, Pose.from_rpy((x, y, 1.0), 0.0, math.pi / 2, yaw))
     corners = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * (length / 2, radius)
     expected = placed(corners, (x, y, yaw))
     assert lying.radius == 0
@@ -193,13 +193,13 @@ def test_moving_everything_alike_changes_no_clearance(
 ) -> None:
     x, y, yaw = motion
     move = Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw)
-    areas = [footprint(shape, pose) for shape, pose in solids]
-    moved = [footprint(shape, move @ pose) for shape, pose in solids]
+    areas = [project_shape(shape, pose) for shape, pose in solids]
+    moved = [project_shape(shape, move @ pose) for shape, pose in solids]
     path = np.array(robot)
     other = np.column_stack([placed(path[:, :2], motion), path[:, 2] + yaw])
     # The circumscribed polygon of a tilted cylinder turns with it, so this holds for all shapes.
     np.testing.assert_allclose(
-        clearances(ROVER, path, areas), clearances(ROVER, other, moved), atol=1e-9
+        compute_clearances(ROVER, path, areas), compute_clearances(ROVER, other, moved), atol=1e-9
     )
 
 
@@ -220,9 +220,9 @@ def test_many_obstacles_and_poses_at_once_are_the_least_of_each_alone(
     solids: list[tuple[Shape, Pose]], seed: int
 ) -> None:
     path = np.random.default_rng(seed).uniform(-12, 12, (6, 3))
-    areas = [footprint(shape, pose) for shape, pose in solids]
+    areas = [project_shape(shape, pose) for shape, pose in solids]
     each = [[one_clearance(ROVER, tuple(pose), area) for area in areas] for pose in path]
-    np.testing.assert_array_equal(clearances(ROVER, path, areas), np.min(each, axis=1))
+    np.testing.assert_array_equal(compute_clearances(ROVER, path, areas), np.min(each, axis=1))
 
 
 @unhurried
@@ -235,18 +235,20 @@ def test_beside_a_wall_and_before_a_post_it_is_plain_arithmetic(
     center = placed(np.array([[ahead, 0.0]]), frame)[0]
     pose = Pose.from_rpy((float(center[0]), float(center[1]), 0.0), 0.0, 0.0, yaw)
     shape = Shape("cylinder", (radius, 1.0)) if post else Shape("box", (2 * radius, 7.5, 2.8))
-    assert one_clearance(ROVER, (x, y, yaw), footprint(shape, pose)) == pytest.approx(gap, abs=1e-9)
+    assert one_clearance(ROVER, (x, y, yaw), project_shape(shape, pose)) == pytest.approx(
+        gap, abs=1e-9
+    )
 
 
 def test_crossing_without_a_corner_inside_is_contact() -> None:
-    wall = footprint(Shape("box", (0.01, 20.0, 1.0)), Pose())
+    wall = project_shape(Shape("box", (0.01, 20.0, 1.0)), Pose())
     assert one_clearance(ROVER, (0.0, 0.0, 0.3), wall) == 0.0
     assert one_clearance(ROVER, (0.0, 3.0, 0.0), wall) == 0.0
 
 
 def test_no_obstacle_is_infinitely_far() -> None:
     assert one_clearance(ROVER, (0.0, 0.0, 0.0)) == math.inf
-    assert clearances(ROVER, np.zeros((0, 3)), []).shape == (0,)
+    assert compute_clearances(ROVER, np.zeros((0, 3)), []).shape == (0,)
 
 
 @unhurried
@@ -254,7 +256,7 @@ def test_no_obstacle_is_infinitely_far() -> None:
 def test_contains_agrees_with_the_distance_of_a_point(
     shape: Shape, pose: Pose, x: float, y: float
 ) -> None:
-    area = footprint(shape, pose)
+    area = project_shape(shape, pose)
     speck = np.array([[0.0, 0.0], [1e-9, 0.0], [0.0, 1e-9]])
     distance = one_clearance(speck, (x, y, 0.0), area)
     assume(not 0 < distance < 1e-6)
@@ -269,19 +271,19 @@ def test_only_what_hangs_low_has_a_footprint() -> None:
 
     ground = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
     bodies = [ground, board("low", 0.3), board("high", 0.5)]
-    assert len(footprints(bodies)) == 2
-    assert len(footprints(bodies, below_m=0.3)) == 1
+    assert len(project_bodies(bodies)) == 2
+    assert len(project_bodies(bodies, below_m=0.3)) == 1
 
 
 def test_a_whole_mission_takes_milliseconds() -> None:
     rng = np.random.default_rng(0)
     places = rng.uniform(-12, 12, (22, 2)).tolist()
     walls = [
-        footprint(Shape("box", (7.5, 0.2, 2.8)), Pose.from_rpy((x, y, 1.4), 0.0, 0.0, x))
+        project_shape(Shape("box", (7.5, 0.2, 2.8)), Pose.from_rpy((x, y, 1.4), 0.0, 0.0, x))
         for x, y in places
     ]
     turn = np.linspace(0, 60, 5400)
     path = np.column_stack([8 * np.cos(turn / 5), 8 * np.sin(turn / 5), turn])
     begin = time.process_time()
-    clearances(ROVER, path, walls)
+    compute_clearances(ROVER, path, walls)
     assert time.process_time() - begin < 0.25  # ten times what it takes, for busy machines

@@ -15,8 +15,8 @@ from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, YAW_RATE, Array,
 from evoros.base.compilation import ADVANCE, compile_rule
 from evoros.config.compose import build, compose
 from evoros.evolution.experiment import Experiment
-from evoros.geometry.clearance import clearances, survey
-from evoros.geometry.footprint import Footprint, footprints
+from evoros.geometry.clearance import compute_clearances, summarize_track
+from evoros.geometry.footprint import Footprint, project_bodies
 from evoros.geometry.grid import Grid, cell_at
 from evoros.geometry.outlines import Outlines
 from evoros.geometry.shapes import Body, Pose, Shape
@@ -197,7 +197,7 @@ def test_contact_is_that_of_the_outlines() -> None:
     robot, world = rover(), world_of(*field)
     poses = rng.uniform((-4, -4, -3), (4, 4, 3), (400, 3))
     below = areas_of(world, robot)
-    expected = clearances(robot.outline, poses, below) == 0.0
+    expected = compute_clearances(robot.outline, poses, below) == 0.0
     assert 50 < expected.sum() < 350
     simulation = started(world, robot)
     for pose, touches in zip(poses, expected, strict=True):
@@ -233,7 +233,7 @@ def test_a_command_that_is_no_number_loses_the_state(
 
 
 def areas_of(world: World, robot: Robot) -> tuple[Footprint, ...]:
-    return footprints(world.obstacles, robot.height_m)
+    return project_bodies(world.obstacles, robot.height_m)
 
 
 def turned(yaw: float) -> Array:
@@ -356,8 +356,8 @@ def test_the_index_names_all_that_is_within_reach(
 ) -> None:
     areas = [Footprint(np.array([[x, y]]), radius) for x, y, radius in discs]
     grid = Grid.around(areas, reach)
-    starts, entries = grid.lists(areas, reach)
-    cell = cell_at(grid.flat(), *at)
+    starts, entries = grid.list_near(areas, reach)
+    cell = cell_at(grid.to_array(), *at)
     named = set() if cell < 0 else set(entries[int(starts[cell]) : int(starts[cell + 1])].tolist())
     for name, (x, y, radius) in enumerate(discs):
         if math.hypot(x - at[0], y - at[1]) <= radius + reach - 1e-9:
@@ -379,18 +379,18 @@ def test_the_least_clearance_is_that_of_all_poses(
     steps = rng.normal(0.0, (0.05, 0.05, 0.2), (300, 3))
     track = np.cumsum(steps, axis=0) + rng.uniform(-5, 5, 3)
     areas = outlines(world, robot.height_m)
-    found = survey(track, len(track), robot.outline, areas, np.array([[0.0, 0.0]]))
-    each = clearances(robot.outline, track, areas_of(world, robot))
+    found = summarize_track(track, len(track), robot.outline, areas, np.array([[0.0, 0.0]]))
+    each = compute_clearances(robot.outline, track, areas_of(world, robot))
     assert found.clearance == each.min()
     moved = np.diff(track[:, :2], axis=0)
-    assert found.distance == pytest.approx(np.hypot(moved[:, 0], moved[:, 1]).sum())
-    assert found.places[0] == pytest.approx(np.hypot(track[:, 0], track[:, 1]).min())
+    assert found.length == pytest.approx(np.hypot(moved[:, 0], moved[:, 1]).sum())
+    assert found.point_distances[0] == pytest.approx(np.hypot(track[:, 0], track[:, 1]).min())
 
 
 def test_without_obstacles_there_is_no_clearance() -> None:
-    found = survey(np.zeros((3, 3)), 3, rover().outline, Outlines.of([]), np.zeros((0, 2)))
+    found = summarize_track(np.zeros((3, 3)), 3, rover().outline, Outlines.of([]), np.zeros((0, 2)))
     assert found.clearance == math.inf
-    assert found.distance == 0.0
+    assert found.length == 0.0
 
 
 def test_foundations_below_the_ground_are_no_obstacle() -> None:
@@ -406,5 +406,5 @@ def test_a_long_wall_is_listed_only_where_it_is_near() -> None:
     """Not all over the circle around it."""
     wall = Footprint(np.array([[-50.0, 0.0], [50.0, 0.0], [50.0, 0.2], [-50.0, 0.2]]))
     grid = Grid.around([wall], 5.0)
-    _, entries = grid.lists([wall], 5.0)
+    _, entries = grid.list_near([wall], 5.0)
     assert 100 * 10 < len(entries) < 112 * 13

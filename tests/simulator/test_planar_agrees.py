@@ -12,8 +12,8 @@ from evoros.base.arrays import CONTACT, STATE_SIZE, YAW, Array, X, Y
 from evoros.base.errors import InputError
 from evoros.config.compose import build, compose
 from evoros.evolution.experiment import Experiment
-from evoros.geometry.clearance import clearances
-from evoros.geometry.footprint import footprints
+from evoros.geometry.clearance import compute_clearances
+from evoros.geometry.footprint import project_bodies
 from evoros.robot.model import Robot
 from evoros.simulator import pybullet as module
 from evoros.simulator.planar import Planar
@@ -42,7 +42,9 @@ def standing(
     """The robot on the ground in places where its distance [m] to obstacles is low to high."""
     rng = np.random.default_rng(count)
     places = rng.uniform((-6.5, -6.5, -math.pi), (6.5, 6.5, math.pi), (2000, 3))
-    gaps = clearances(robot.outline, places, footprints(world.obstacles, robot.height_m))
+    gaps = compute_clearances(
+        robot.outline, places, project_bodies(world.obstacles, robot.height_m)
+    )
     for x, y, yaw in places[(gaps >= low) & (gaps <= high)][:count].tolist():
         course = replace(world.course, home_x_m=x, home_y_m=y, home_z_m=0.0, home_yaw_rad=yaw)
         with suppress(InputError):  # home inside of an obstacle

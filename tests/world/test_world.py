@@ -18,8 +18,8 @@ from evoros.base.errors import InputError
 from evoros.base.resources import bundled_folder
 from evoros.config.compose import build
 from evoros.config.compose import compose as compose_evoros
-from evoros.geometry.clearance import clearances
-from evoros.geometry.footprint import footprints, lowest
+from evoros.geometry.clearance import compute_clearances
+from evoros.geometry.footprint import bottom_height, project_bodies
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import Course
 from evoros.world.loading import load_world
@@ -72,7 +72,7 @@ def test_the_case_study_has_what_the_study_had(name: str) -> None:
         (shape,) = body.shapes
         assert shape.kind == "box"
         # It stands on the ground, upright, and the ground is where it must be.
-        assert lowest(shape, body.pose @ shape.pose) == pytest.approx(0.0, abs=1e-9)
+        assert bottom_height(shape, body.pose @ shape.pose) == pytest.approx(0.0, abs=1e-9)
         assert abs(body.pose.rotation[2, 2]) == pytest.approx(1.0)
         found[shape.size, body.mass] = found.get((shape.size, body.mass), 0) + 1
     assert found == CONTENTS[name]
@@ -94,15 +94,15 @@ def test_a_movable_obstacle_has_the_inertia_of_its_box(name: str) -> None:
 @pytest.mark.parametrize("name", CONTENTS)
 def test_no_obstacle_of_the_case_study_overlaps_another_and_home_is_free(name: str) -> None:
     world = load_world(f"{name}.sdf", square())
-    areas = footprints(world.obstacles)
+    areas = project_bodies(world.obstacles)
     robot = np.array([[-0.215, -0.1625], [0.25, -0.1625], [0.25, 0.1625], [-0.215, 0.1625]])
     x, y, _, yaw = world.course.home
-    assert clearances(robot, np.array([[x, y, yaw]]), areas)[0] > 1.0
+    assert compute_clearances(robot, np.array([[x, y, yaw]]), areas)[0] > 1.0
     # Movable ones would fly apart if they did; walls may share corners.
     for i, area in enumerate(areas):
         if world.obstacles[i].mass is not None:
             others = areas[:i] + areas[i + 1 :]
-            assert clearances(area.vertices, np.zeros((1, 3)), others)[0] > 0
+            assert compute_clearances(area.vertices, np.zeros((1, 3)), others)[0] > 0
 
 
 @pytest.mark.parametrize("name", CONTENTS)

@@ -20,16 +20,16 @@ from evoros.base.arrays import (
 from evoros.base.compilation import compilable
 from evoros.geometry.grid import cell_at
 from evoros.geometry.outlines import (
-    BEHIND,
     CENTRE_X,
     CENTRE_Y,
     CIRCLE,
-    FIRST,
+    END,
     FOOTPRINT_SIZE,
-    ROUND,
+    RADIUS,
+    START,
 )
-from evoros.geometry.polygon import gap, place
-from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, OBSTACLE_SIZE, first_hit
+from evoros.geometry.polygon import polygon_distance, transform_polygon
+from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, OBSTACLE_SIZE, cast_rays
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_layout import block
 
@@ -97,7 +97,7 @@ def detect(
         pz = obstacle[AT_Z] - sensors[i, layout.ORIGIN + 2]
         first = int(sensors[i, layout.FIRST_RAY])
         end = int(sensors[i, layout.END_RAY])
-        readings[i] = first_hit(obstacle, cos, sin, -px, -py, -pz, rays, first, end, readings[i])
+        readings[i] = cast_rays(obstacle, cos, sin, -px, -py, -pz, rays, first, end, readings[i])
 
 
 # One function, because its lines share a dozen numbers that a helper would need as arguments.
@@ -163,7 +163,7 @@ def touches(parameters: Array, memory: Array, x: float, y: float, cos: float, si
     if first == end:
         return False
     placed = memory[layout.PLACED_OUTLINE :].reshape((-1, 2))
-    place(block(parameters, layout.OUTLINE).reshape((-1, 2)), x, y, cos, sin, placed)
+    transform_polygon(block(parameters, layout.OUTLINE).reshape((-1, 2)), x, y, cos, sin, placed)
     entries = block(parameters, layout.CONTACT_ENTRIES)
     footprints = block(parameters, layout.FOOTPRINTS).reshape((-1, FOOTPRINT_SIZE))
     corners = block(parameters, layout.CORNERS).reshape((-1, 2))
@@ -174,7 +174,7 @@ def touches(parameters: Array, memory: Array, x: float, y: float, cos: float, si
         near = parameters[layout.OUTLINE_RADIUS] + row[CIRCLE]
         if dx * dx + dy * dy > near * near:
             continue
-        polygon = corners[int(row[FIRST]) : int(row[BEHIND])]
-        if gap(placed, polygon, row[ROUND]) <= row[ROUND]:
+        polygon = corners[int(row[START]) : int(row[END])]
+        if polygon_distance(placed, polygon, row[RADIUS]) <= row[RADIUS]:
             return True
     return False
