@@ -1,4 +1,4 @@
-"""Rules compiled with numba: the signature of each kind, and the folder where they are kept."""
+"""Compile rules with numba: the signature of each kind, and the cache of machine code."""
 
 import hashlib
 import os
@@ -24,79 +24,80 @@ from evoros.base.resources import PACKAGE
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-# How the arguments of rules are typed.
+# Types of arguments: float, integer, arrays of one and two dimensions, random generator.
 F8, I8 = types.float64, types.int64
 A1, A2 = types.Array(F8, 1, "C"), types.Array(F8, 2, "C")
 RNG = numba.typeof(np.random.default_rng(0))
 
-# The kinds of rules, as evoros.base.arrays has them.
+# Signatures of the kinds of rules, as the protocols of filters, controllers and simulators have
+# them.
 FILTER = types.void(A1, A1, RNG, A1, F8)
 LAYER = types.boolean(A1, A1, A1, A1, A1, F8, A1)
 OBSERVE = SENSE = types.void(A1, A1, A1)
 ADVANCE = types.void(A1, A1, A1, F8)
 SIMULATION_RULES = (OBSERVE, SENSE, ADVANCE)
 
-# An error would be lost on its way through compiled code: a division by zero gives inf or NaN.
-HOW: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+NJIT_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+"""Compiled code loses errors, so a division by zero gives inf or NaN."""
 
-_COMPILING = Lock()  # around settings of numba's that hold for the whole process
+_COMPILING = Lock()  # around settings of numba that apply to the whole process
 
 
 class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
-    """A compiled rule, called from Python, or from compiled code by its address.
+    """A compiled rule that Python calls as a function and compiled code calls by its address.
 
-    numba would look the address up at every mission; here it is looked up once.
+    numba would look up the address at every mission; this class looks it up once.
     """
 
-    def __init__(self, dispatcher: Any, kind: Any) -> None:
-        self._kind = kind
+    def __init__(self, dispatcher: Any, signature: Any) -> None:
+        self._signature = signature
         self._dispatcher = dispatcher
-        result = dispatcher.get_compile_result(kind)
+        result = dispatcher.get_compile_result(signature)
         self._address = result.library.get_pointer_to_function(
             result.fndesc.llvm_cfunc_wrapper_name
         )
 
     def __wrapper_address__(self) -> int:
-        """Where the machine code is."""
+        """The address of the machine code."""
         address: int = self._address
         return address
 
     def signature(self) -> Any:
-        """The kind."""
-        return self._kind
+        """The signature of the rule's kind."""
+        return self._signature
 
     def __call__(self, *args: Any) -> Any:
-        """As the rule itself."""
+        """Call the rule."""
         return self._dispatcher(*args)
 
 
 class NotCompilable(Exception):
-    """A rule that can only be interpreted, and why."""
+    """The reason why a rule can only be interpreted."""
 
 
 def compilable(function: Function) -> Function:
-    """Decorates a function that rules call, so that it can be compiled together with them."""
+    """Decorate a function that rules call, so that numba compiles it together with them."""
     jitable: Function = register_jitable(function)
     return jitable
 
 
-def compile_rule(rule: Any, kind: Any) -> CompiledRule:
-    """The rule compiled, once in a process.
+def compile_rule(rule: Any, signature: Any) -> CompiledRule:
+    """Compile a rule, once per process.
 
     Raises:
-        NotCompilable: numba cannot compile it. Only plain functions are: a method belongs to a
-            live object, which numba does not know.
+        NotCompilable: numba cannot compile the rule. It compiles plain functions only, because a
+            method belongs to a live object, which numba does not know.
     """
-    answer = try_compile(rule, kind)
+    answer = try_compile(rule, signature)
     if isinstance(answer, NotCompilable):
         raise answer
     return answer
 
 
-def try_compile(rule: Any, kind: Any) -> CompiledRule | NotCompilable:
-    """As ``compile_rule``, but returns why not."""
-    # Not remembered: the methods and inner functions of a live engine are others at each mission,
-    # and each of them would be compiled anew and kept for ever.
+def try_compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
+    """Compile a rule, once per process, or return the reason why numba cannot."""
+    # These checks come before the cache of _compile: a live engine has new methods and inner
+    # functions at each mission, and the cache would compile each of them and keep it forever.
     if not isfunction(rule):
         return NotCompilable("it is not a plain function")
     if rule.__closure__ or "<locals>" in rule.__qualname__:
@@ -104,27 +105,28 @@ def try_compile(rule: Any, kind: Any) -> CompiledRule | NotCompilable:
     # Errors do not pass from compiled code to its caller: the mission would go on without the rule.
     if any(instruction.opname == "RAISE_VARARGS" for instruction in get_instructions(rule)):
         return NotCompilable("it raises errors, which compiled code ignores")
-    return _compile(rule, kind)
+    return _compile(rule, signature)
 
 
 @cache
-def _compile(rule: Any, kind: Any) -> CompiledRule | NotCompilable:
-    # What a user's rule calls may change without our noticing: it is compiled in every process.
-    ours = rule.__module__.partition(".")[0] == "evoros"
+def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
+    # What a user's rule calls may change unnoticed, so every process compiles such rules itself.
+    bundled = rule.__module__.partition(".")[0] == "evoros"
     try:
-        with compiling() as kept:
-            return CompiledRule(njit(kind, cache=ours and kept, **HOW)(rule), kind)
-    except Exception as error:  # numba raises all kinds
+        with compiling() as on_disk:
+            dispatcher = njit(signature, cache=bundled and on_disk, **NJIT_OPTIONS)(rule)
+            return CompiledRule(dispatcher, signature)
+    except Exception as error:  # numba raises errors of many types
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        telling = [line for line in lines if not line.startswith(("Failed in", "During:", "File"))]
-        return NotCompilable((telling or lines or ["numba cannot compile it"])[0])
+        reasons = [line for line in lines if not line.startswith(("Failed in", "During:", "File"))]
+        return NotCompilable((reasons or lines or ["numba cannot compile it"])[0])
 
 
 @contextmanager
 def compiling() -> Iterator[bool]:
-    """While open, numba keeps what it compiles in our folder; yields whether there is one.
+    """Make numba cache in the folder of evoros; yields whether there is such a folder.
 
-    It also calls functions as arguments an experimental feature, at each of them.
+    Also silences the warning that functions as arguments are an experimental feature of numba.
     """
     folder = _cache_folder()
     with _COMPILING, warnings.catch_warnings():
@@ -139,10 +141,10 @@ def compiling() -> Iterator[bool]:
 
 @cache
 def _cache_folder() -> Path | None:
-    """Where compiled code is kept; None where nothing can be written.
+    """The folder for machine code; None if no safe folder can be written.
 
-    numba checks the file of a function alone, and not what it calls: hence the name by the
-    content of all sources.
+    Its name is a hash of all sources of evoros, because numba only checks the file of a function
+    and not those of the functions that it calls.
     """
     digest = hashlib.sha256(numba.__version__.encode())
     for file in sorted(PACKAGE.rglob("*.py")):
@@ -152,17 +154,19 @@ def _cache_folder() -> Path | None:
         folder = base / digest.hexdigest()[:16]
         with suppress(OSError):
             base.parent.mkdir(parents=True, exist_ok=True)
-            for each in (base, folder):  # not by `parents`, which would let the umask decide
-                each.mkdir(exist_ok=True, mode=0o700)
-            if os.access(folder, os.W_OK) and _ours_alone(base) and _ours_alone(folder):
+            for path in (base, folder):  # mkdir(parents=True) would leave the mode to the umask
+                path.mkdir(exist_ok=True, mode=0o700)
+            if os.access(folder, os.W_OK) and _is_private(base) and _is_private(folder):
                 return folder
     LOGGER.warning(
-        "no folder that nobody else can write to (%s): rules are compiled in every process", home
+        "no cache for compiled rules: neither %s nor the folder for temporary files has a place "
+        "that only this user can write to; rules are compiled in every process",
+        home,
     )
     return None
 
 
-def _ours_alone(folder: Path) -> bool:
-    """Compiled code that somebody else can put there must not be run."""
+def _is_private(folder: Path) -> bool:
+    """Whether only this user can write to the folder; machine code of others must not be run."""
     status = folder.stat()
     return status.st_uid == os.getuid() and not status.st_mode & 0o022

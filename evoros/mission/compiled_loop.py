@@ -17,9 +17,9 @@ from evoros.base.compilation import (
     A2,
     F8,
     FILTER,
-    HOW,
     I8,
     LAYER,
+    NJIT_OPTIONS,
     RNG,
     SIMULATION_RULES,
     CompiledRule,
@@ -161,7 +161,7 @@ def _loop(filters: int, localization: int, layers: int) -> Loop:
         A1,
     )
     with compiling() as kept:
-        loop = njit(signature, cache=kept, **HOW)(run_loop)
+        loop = njit(signature, cache=kept, **NJIT_OPTIONS)(run_loop)
     # Without numba's look at the type of every argument, which costs as much as all else that a
     # mission does in Python: parts_of has checked what parts provide.
     entry: Loop = loop.get_compile_result(signature).entry_point
