@@ -9,10 +9,10 @@ from evoros.simulator.protocol import Simulator
 
 @dataclass(frozen=True)
 class Confirmation:
-    """The best new designs of each generation fly their missions again in ``simulator``.
+    """Repeats the missions of each generation's best new designs in ``simulator``.
 
-    What they get there is their fitness, so that a search in a simple simulator cannot live on
-    what that one leaves out.
+    The fitness there is the fitness of these designs, so that a search in a simple simulator
+    cannot exploit what that simulator leaves out.
 
     Raises:
         InputError: a part of the wrong kind, or a number below 1.
@@ -28,24 +28,24 @@ class Confirmation:
             best=COUNT,
         )
 
-    def settle(
+    def confirm_best(
         self,
         screened: Mapping[int, float],
         confirm: Callable[[list[int]], Mapping[int, float]],
     ) -> dict[int, float]:
-        """The confirmed fitness of the designs that need one, by their id.
+        """Confirm designs until the ``best`` of all are confirmed; return their fitness by id.
 
-        ``screened`` has the fitness of all new designs in the run's own simulator; ``confirm``
-        gives that of some of them in the confirming one. A design that loses there makes room for
-        another, which is confirmed in turn: at the end the ``best`` designs, by the confirmed
-        fitness where there is one and else by the screened, are all confirmed. No design is
-        confirmed twice. Of equals the first in ``screened`` is the better.
+        ``screened`` has the fitness of all new designs in the run's own simulator. ``confirm``
+        returns the fitness of the designs that it is given in the confirming simulator. A design
+        ranks by its confirmed fitness if it has one, and by its screened fitness otherwise; so one
+        that loses fitness makes room for the next, which is confirmed in turn. No design is
+        confirmed twice. Of equals the first in ``screened`` ranks higher.
         """
         confirmed: dict[int, float] = {}
         while True:
             fitness = {**screened, **confirmed}
             best = sorted(fitness, key=fitness.__getitem__, reverse=True)[: self.best]
-            doubtful = [one for one in best if one not in confirmed]
-            if not doubtful:
+            unconfirmed = [design for design in best if design not in confirmed]
+            if not unconfirmed:
                 return confirmed
-            confirmed.update(confirm(doubtful))
+            confirmed.update(confirm(unconfirmed))

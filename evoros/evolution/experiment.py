@@ -24,7 +24,7 @@ from evoros.mission.loop import LayerStage, LoopInputs, loop_inputs
 from evoros.mission.pipeline import localization_chain, sensor_chain, sensor_channels
 from evoros.mission.plan import CONFIRMATION, POLICIES, STOP, VALIDATION, WORST, Plan
 from evoros.mission.scenario import Scenario
-from evoros.optimizer.protocol import Optimizer
+from evoros.optimizer.protocol import Optimizer, Search
 from evoros.robot.model import Robot
 from evoros.session.figures import DRAWABLE
 from evoros.simulator.protocol import RuleSimulation, RuleSimulator, Simulator
@@ -154,6 +154,10 @@ class Experiment:
     def space(self) -> DesignSpace:
         """The search space."""
         return self.design.space(self.robot)
+
+    def start_search(self) -> Search:
+        """Start the search of this experiment, which its seed determines."""
+        return self.optimizer.start(self.space, generator(f"{self.seed}", "optimizer"))
 
     @cached_property
     def plan(self) -> Plan:

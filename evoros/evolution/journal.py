@@ -1,55 +1,111 @@
-"""What the evolution reports: generations, and to whom."""
+"""What the evolution reports: its missions, generations and champion, and to whom."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from statistics import fmean
 from typing import Protocol
 
+from evoros.base.arrays import Array
+from evoros.design.design import Design
+from evoros.evolution.dispatch import MissionRecord
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
 from evoros.optimizer.protocol import Candidate
+from evoros.robot.model import Robot
+from evoros.world.model import World
 
 
 @dataclass(frozen=True)
 class Generation:
-    """What is known when a generation is over."""
+    """A finished generation. Each mapping is by individual and covers the run so far."""
 
     number: int
     candidates: Sequence[Candidate]
+    genes: Sequence[Mapping[str, object]]  # the values of each candidate, by name
     best: Candidate
-    validated: float | None  # of the best; None without validation trials
-    mean: float  # fitness of the candidate pool
-    losses: Mapping[int, float]  # screened less confirmed fitness, of all confirmed so far, by id
+    validated_fitness: Mapping[int, float]  # of each generation's best
+    screened_fitness: Mapping[int, float]  # empty without a confirmation
+    losses: Mapping[int, float]  # screened minus confirmed fitness; empty without a confirmation
+
+    @cached_property
+    def mean(self) -> float:
+        """The mean fitness of the candidates."""
+        return fmean(candidate.fitness for candidate in self.candidates)
+
+    @property
+    def validated(self) -> float | None:
+        """The validated fitness of the best; None without validation trials."""
+        return self.validated_fitness.get(self.best.individual.id)
 
     @property
     def loss(self) -> float | None:
-        """Of the best; None where it was not confirmed."""
+        """The loss of the best; None if it was not confirmed."""
         return self.losses.get(self.best.individual.id)
 
     @property
     def mean_loss(self) -> float | None:
-        """Of all that were confirmed so far; None without a confirmation."""
+        """The mean loss of all confirmed individuals; None without a confirmation."""
         return fmean(self.losses.values()) if self.losses else None
 
     @property
-    def standing(self) -> str:
-        """Best fitness, recorded and validated, mean, and loss, for messages."""
+    def summary(self) -> str:
+        """The fitness of the best, its validated fitness and loss, and the mean, for messages."""
         validated = "" if self.validated is None else f", validated {self.validated:.3f}"
         loss = "" if self.loss is None else f", loss {self.loss:.3f}"
         return f"best {self.best.fitness:.3f}{validated}{loss}, mean {self.mean:.3f}"
 
 
+@dataclass(frozen=True)
+class Champion:
+    """The best design of a run, and the worlds of its first mission in each of them."""
+
+    id: int
+    design: Design
+    gene_names: Mapping[str, str]  # by the key of the value in ``design.values``
+    robot: Robot | None  # with the design's sensors and values; None if a part refuses these
+    worlds: Mapping[str, World]  # by name
+
+
 class Observer(Protocol):
-    """Watches a run; nothing depends on it."""
+    """Watches a run. No result depends on it."""
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """So many missions are wanted next, of which so many are on disk already."""
+        """Note that ``missions`` are needed next, of which ``known`` are recorded already."""
         ...
 
     def mission(self, mission: Mission, outcome: Outcome) -> None:
-        """A mission was flown and is on disk."""
+        """Note a mission that was run and recorded."""
         ...
 
     def generation(self, generation: Generation) -> None:
-        """A generation is over and on disk."""
+        """Note a generation that is recorded."""
+        ...
+
+
+class Journal(MissionRecord, Protocol):
+    """Keeps a run. An evolution that finds its missions here does not run them again."""
+
+    def find(self, mission: Mission) -> Outcome | None:
+        """Return the recorded outcome of a mission; None if there is none.
+
+        Raises:
+            InputError: the mission was recorded under other draws.
+        """
+        ...
+
+    def write_generation(self, generation: Generation) -> None:
+        """Record a generation.
+
+        Raises:
+            InputError: the journal has the generation, and it differs.
+        """
+        ...
+
+    def has_champion(self, champion: Champion) -> bool:
+        """Whether the journal has this champion, with its trajectories."""
+        ...
+
+    def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
+        """Record the champion in place of any other, with a trajectory for each of its worlds."""
         ...

@@ -21,6 +21,18 @@ class Plan:
     validation_trials: int
     policy: str  # who meets the same draws: a generation, an individual only, or the whole run
 
+    def missions(
+        self, purpose: str, generation: int, design_id: int, design: Design
+    ) -> list[Mission]:
+        """Return the missions of a design for a purpose."""
+        plans = {
+            SELECTION: self.selection,
+            VALIDATION: self.validation,
+            CONFIRMATION: self.confirmation,
+            EVALUATION: self.evaluation,
+        }
+        return plans[purpose](generation, design_id, design)
+
     def selection(self, generation: int, design_id: int, design: Design) -> list[Mission]:
         """The missions that give a design its fitness."""
         parts = {

@@ -5,7 +5,6 @@ from pathlib import Path
 import pandas as pd
 
 from evoros.base.errors import InputError
-from evoros.base.rng import generator
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
@@ -56,9 +55,7 @@ def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
 
     The optimizer proposes them again, told the fitness that the tables have.
     """
-    search = experiment.optimizer.start(
-        experiment.space, generator(f"{experiment.seed}", "optimizer")
-    )
+    search = experiment.start_search()
     found = {one.id: experiment.space.decode(one.genome) for one in search.ask()}
     if run.generations.empty:
         return found

@@ -15,7 +15,7 @@ from evoros.base.log import LOGGER, remembering
 from evoros.config import compose as configuration
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation
-from evoros.evolution.loop import Evolution
+from evoros.evolution.loop import evolve
 from evoros.executor.protocol import Executor, Pool
 from evoros.session.figures import discard_figures, draw_figures
 from evoros.session.resume import rebuild
@@ -85,9 +85,8 @@ class Session:
                 self.executor.workers,
             )
             display.start(generations)
-            evolution = Evolution(self.experiment, record, recorder, generations)
             with opener(self.executor) as pool:
-                last = evolution.run(pool)
+                last = evolve(self.experiment, record, recorder, generations, pool)
                 recorder.write(FINISHED)  # now, for figures are drawn of finished runs
                 draw_figures(record.path, figures, pool)
         return last

@@ -95,7 +95,7 @@ class Recorder:
         self.last = generation
         self.write(RUNNING)
         LOGGER.info(
-            "generation %d/%d: %s", generation.number, self.generations - 1, generation.standing
+            "generation %d/%d: %s", generation.number, self.generations - 1, generation.summary
         )
         self.display.generation(generation)
 

@@ -9,7 +9,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.evolution.journal import Champion, Generation
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
 from evoros.storage.figure_context import SETTING, FigureContext
@@ -22,7 +24,16 @@ from evoros.storage.mission_log import (
     require_unused,
     write_atomically,
 )
-from evoros.storage.tables import MISSIONS_HEADER, mission_row, read_mission, to_csv
+from evoros.storage.tables import (
+    MISSIONS_HEADER,
+    design_table,
+    gene_table,
+    generation_table,
+    mission_row,
+    read_mission,
+    to_csv,
+    trajectory_table,
+)
 
 GENERATIONS, CHAMPION = "generations", "champion"
 
@@ -86,29 +97,47 @@ class RunFolder(MissionLog):
             )
         return outcome
 
-    def write_generation(self, number: int, content: str) -> None:
-        """A generation's table; a replayed one must equal what is on disk.
+    def write_generation(self, generation: Generation) -> None:
+        """Write a generation's table, or compare it with the one on disk.
 
         Raises:
-            InputError: it does not.
+            InputError: the table on disk differs.
         """
-        self.write_once(f"{GENERATIONS}/{number:05d}.csv", content)
+        name = f"{GENERATIONS}/{generation.number:05d}.csv"
+        self.write_once(name, generation_table(generation))
+        self.sync()
 
-    def has_champion(self, files: Mapping[str, str], others: Sequence[str]) -> bool:
-        """Whether the champion on disk is the one of these files, and the others are there."""
+    def has_champion(self, champion: Champion) -> bool:
+        """Whether the champion on disk is this one, with a trajectory in each world."""
         folder = self.path / CHAMPION
-        return all((folder / name).is_file() for name in others) and all(
+        tracks = (folder / _trajectory_file(world) for world in champion.worlds)
+        return all(track.is_file() for track in tracks) and all(
             (folder / name).is_file() and (folder / name).read_text() == content
-            for name, content in files.items()
+            for name, content in _champion_files(champion).items()
         )
 
-    def write_champion(self, files: Mapping[str, str]) -> None:
-        """The champion's files, in place of those of an earlier end of the run.
+    def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
+        """Write the champion's files in place of those of an earlier end of the run.
 
-        The last one says whose files they are: it is there only where all the others are.
+        The last file says whose they are; it is there only while all the others are.
         """
         folder = self.path / CHAMPION
+        tracks = {_trajectory_file(name): trajectory_table(t) for name, t in trajectories.items()}
+        files = {**tracks, **_champion_files(champion)}
         folder.mkdir(exist_ok=True)
         (folder / list(files)[-1]).unlink(missing_ok=True)
         for name, content in files.items():
             write_atomically(folder / name, content)
+
+
+def _trajectory_file(world: str) -> str:
+    return f"trajectory_{world}.csv"
+
+
+def _champion_files(champion: Champion) -> dict[str, str]:
+    """The champion's files without its trajectories: content by name, ``design.csv`` last."""
+    files = {"genes.csv": gene_table(champion.id, champion.design, champion.gene_names)}
+    if champion.robot is not None:
+        files["robot.urdf"] = champion.robot.urdf
+    files |= {f"world_{name}.sdf": world.sdf for name, world in champion.worlds.items()}
+    return {**files, "design.csv": design_table({champion.id: champion.design})}

@@ -10,13 +10,15 @@ import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
-from typing import Any, get_type_hints
+from typing import TYPE_CHECKING, Any, get_type_hints
 
 from evoros.base.arrays import Array
 from evoros.design.design import Design
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import TRAJECTORY, Outcome
-from evoros.optimizer.protocol import Candidate
+
+if TYPE_CHECKING:  # reading a table must not load what runs missions
+    from evoros.evolution.journal import Generation
 
 MISSION_COLUMNS = ("generation", "design", "world", "trial", "purpose", "draws")
 CANDIDATE_COLUMNS = (
@@ -108,23 +110,19 @@ def _parse(content: str, kind: Any) -> Any:
     return tuple(_parse(item, inner) for item in content.split(";")) if content else ()
 
 
-def generation_table(
-    generation: int,
-    candidates: Sequence[Candidate],
-    measured: Mapping[str, Mapping[int, float]],
-    genes: Sequence[Mapping[str, object]],
-) -> str:
-    """The text of ``generations/NNNNN.csv``: a row for each candidate of the pool.
-
-    ``measured`` has further numbers by column and individual; not every individual has one.
-    """
-    names = list(genes[0]) if genes else []
-    rows: list[Sequence[object]] = [(*CANDIDATE_COLUMNS, *measured, *names)]
-    for candidate, values in zip(candidates, genes, strict=True):
-        one = candidate.individual
-        head = (generation, one.id, one.parents, candidate.operator, candidate.survived)
-        known = [numbers.get(one.id, math.nan) for numbers in measured.values()]
-        rows.append([*head, candidate.fitness, *known, *(values[name] for name in names)])
+def generation_table(generation: "Generation") -> str:
+    """Return the text of ``generations/NNNNN.csv``, a row for each candidate."""
+    measured = {VALIDATED: generation.validated_fitness}
+    if generation.screened_fitness:
+        measured |= {SCREENED: generation.screened_fitness, LOSS: generation.losses}
+    genes = list(generation.genes[0]) if generation.genes else []
+    rows: list[Sequence[object]] = [(*CANDIDATE_COLUMNS, *measured, *genes)]
+    for candidate, values in zip(generation.candidates, generation.genes, strict=True):
+        individual = candidate.individual
+        row = [generation.number, individual.id, individual.parents, candidate.operator]
+        row += [candidate.survived, candidate.fitness]
+        row += [numbers.get(individual.id, math.nan) for numbers in measured.values()]
+        rows.append([*row, *(values[name] for name in genes)])
     return to_csv(rows)
 
 

@@ -41,7 +41,7 @@ def settled(
         asked.extend(some)
         return {one: truth[one] for one in some}
 
-    found = Confirmation(PyBullet(), best).settle(screened, confirm)
+    found = Confirmation(PyBullet(), best).confirm_best(screened, confirm)
     assert sorted(asked) == sorted(found)
     return found
 

@@ -8,7 +8,6 @@ from helpers import USER_PARTS, content, resume, tiny
 
 from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
-from evoros.base.rng import generator
 from evoros.cli.run import evoros
 from evoros.config.compose import build, compose
 from evoros.design.genes import FEW, Gene, corners
@@ -62,7 +61,7 @@ def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
     with RunFolder(run) as folder:
         outcomes = {place: outcome for place, (_, outcome) in folder.outcomes.items()}
     table = load_run(run).generations
-    search = experiment.optimizer.start(experiment.space, generator("0", "optimizer"))
+    search = experiment.start_search()
     for number in range(experiment.optimizer.generations):
         asked = search.ask()
         scores = []
