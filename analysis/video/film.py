@@ -3,12 +3,13 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
 from evoros.base.arrays import Array
-from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, check, is_whole, one_of
+from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_whole, one_of
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 from evoros.world.model import World
@@ -27,27 +28,21 @@ _MARGIN_M = 1.5  # around what the camera above sees, for the strips with text
 
 
 @dataclass(frozen=True)
+@checked
 class Film:
     """How a mission is shown."""
 
-    camera: str = "chase"  # behind the robot; above: the whole course
-    size: tuple[int, int] = (854, 480)  # width, height
-    fps: float = 25.0  # pictures per second of video
-    speed: float = 10.0  # times as fast as it was
-    start_s: float = 0.0
+    camera: Annotated[str, one_of(*CAMERAS)] = "chase"  # behind the robot; above: the whole course
+    size: Annotated[tuple[int, int], SIZE] = (854, 480)  # width, height
+    fps: Annotated[float, POSITIVE] = 25.0  # pictures per second of video
+    speed: Annotated[float, POSITIVE] = 10.0  # times as fast as it was
+    start_s: Annotated[float, NOT_NEGATIVE] = 0.0
     end_s: float = math.inf  # of the mission; its end, where it ends before
     title: str = ""
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            camera=one_of(*CAMERAS),
-            size=SIZE,
-            fps=POSITIVE,
-            speed=POSITIVE,
-            start_s=NOT_NEGATIVE,
-            end_s=Rule("greater than start_s", lambda v: v > self.start_s),
-        )
+        if not self.end_s > self.start_s:
+            raise invalid(self, "end_s", self.end_s, "must be greater than start_s")
 
 
 def times(trajectory: pd.DataFrame, film: Film) -> Array:

@@ -13,8 +13,9 @@ faults that no condition of a mission has (docs/original.md):
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
-from evoros.base.checks import POSITIVE, check
+from evoros.base.checks import POSITIVE, checked
 from evoros.fitness.equation_one import NOTHING_DONE, equation_one
 from evoros.mission.outcome import Outcome
 
@@ -23,6 +24,7 @@ AT_HOME = 0.6  # progress that was reported there
 
 
 @dataclass(frozen=True)
+@checked
 class AsLogged:
     """Eq. 1; a mission that gets home goes on with the probability ``went_on`` of its world.
 
@@ -32,10 +34,8 @@ class AsLogged:
     """
 
     went_on: Sequence[float] = (0.0, 0.0, 0.0)  # in the order of the worlds
-    longest_s: float = 340.0  # 350 s in the logs, in which about 10 s pass before the rover drives
-
-    def __post_init__(self) -> None:
-        check(self, longest_s=POSITIVE)
+    # 350 s in the logs, in which about 10 s pass before the rover drives.
+    longest_s: Annotated[float, POSITIVE] = 340.0
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Sum over the worlds."""

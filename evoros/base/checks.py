@@ -1,33 +1,82 @@
-"""Rules for the fields of descriptions, and the check that applies them."""
+"""Rules for the fields of descriptions, declared beside each field and checked at construction.
+
+A description is a frozen dataclass. ``checked`` makes its constructor check every field that is
+annotated with a rule::
+
+    @dataclass(frozen=True)
+    @checked
+    class Delay:
+        delay_s: Annotated[float, NOT_NEGATIVE] = 0.2
+"""
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from numbers import Real
-from typing import Any
+from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 from evoros.base.errors import InputError
 
-LONGEST = 80
-"""Characters of a value in a message."""
+T = TypeVar("T")
+
+MAX_VALUE_LENGTH = 80
+"""The number of characters that an error message quotes of a value."""
 
 
 @dataclass(frozen=True)
 class Rule:
-    """A condition on one value, and how to say it."""
+    """A condition on one value, and its wording."""
 
     text: str  # completes "must be ..."
     holds: Callable[[Any], bool]
 
 
+def checked(cls: type[T]) -> type[T]:
+    """Decorate a dataclass, below ``@dataclass``, so that its constructor checks its fields.
+
+    Each field ``Annotated[T, RULE]`` must keep its rule; a field ``Annotated[T | None, RULE]`` may
+    also be None. The class's own ``__post_init__`` runs afterwards and is left with the checks
+    that involve several fields.
+
+    The constructor raises InputError, which names the class, the field, the rule and the value.
+    """
+    check_together: Callable[[T], None] | None = getattr(cls, "__post_init__", None)
+
+    @cache
+    def rules() -> tuple[tuple[str, Rule, bool], ...]:
+        return tuple(_field_rules(cls))  # not yet known when the class is decorated
+
+    def __post_init__(self: T) -> None:  # noqa: N807 - dataclass calls it by this name
+        for name, rule, optional in rules():
+            value = getattr(self, name)
+            if not (rule.holds(value) or (optional and value is None)):
+                raise invalid(self, name, value, f"must be {rule.text}", _missing_target(value))
+        if check_together is not None:
+            check_together(self)
+
+    cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
+    return cls
+
+
+def _field_rules(cls: type) -> Iterator[tuple[str, Rule, bool]]:
+    """Yield (field, rule, may be None) for every rule in the annotations of a class."""
+    for name, hint in get_type_hints(cls, include_extras=True).items():
+        if get_origin(hint) is Annotated:
+            optional = type(None) in get_args(hint.__origin__)
+            for rule in hint.__metadata__:
+                if isinstance(rule, Rule):
+                    yield name, rule, optional
+
+
 def is_number(value: object) -> bool:
-    """A finite real number; True and False are not numbers here."""
+    """Whether a value is a finite real number; True and False are not numbers here."""
     return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def is_whole(value: object) -> bool:
-    """An integer; True and False are not numbers here."""
+    """Whether a value is an integer; True and False are not numbers here."""
     return isinstance(value, int) and not isinstance(value, bool)
 
 
@@ -38,7 +87,7 @@ PROBABILITY = Rule("a number from 0 to 1", lambda v: is_number(v) and 0 <= v <= 
 COUNT = Rule("a whole number of at least 1", lambda v: is_whole(v) and v >= 1)
 WHOLE = Rule("a whole number of at least 0", lambda v: is_whole(v) and v >= 0)
 TEXT = Rule("a text that is not empty", lambda v: isinstance(v, str) and bool(v.strip()))
-NAME = Rule(  # of what becomes the name of a column or a file
+NAME = Rule(  # for names of columns and files
     "a name of letters, digits, - and _",
     lambda v: isinstance(v, str) and re.fullmatch(r"[A-Za-z0-9_-]+", v) is not None,
 )
@@ -46,17 +95,17 @@ FLAG = Rule("true or false", lambda v: isinstance(v, bool))
 
 
 def one_of(*choices: str) -> Rule:
-    """One of the given texts."""
+    """Require one of the given texts."""
     return Rule("one of " + ", ".join(choices), lambda v: v in choices)
 
 
 def instance_of(kind: Any, what: str) -> Rule:
-    """``kind`` is a class or a runtime-checkable protocol; ``what`` completes "must be ..."."""
+    """Require an instance of a class or runtime-checkable protocol; ``what`` names it."""
     return Rule(what, lambda v: isinstance(v, kind))
 
 
 def sequence_of(kind: Any, what: str) -> Rule:
-    """A list or tuple of instances; ``what`` completes "a list of ..."."""
+    """Require a list or tuple of instances of ``kind``; ``what`` is their plural."""
     return Rule(
         f"a list of {what}",
         lambda v: isinstance(v, list | tuple) and all(isinstance(item, kind) for item in v),
@@ -64,42 +113,31 @@ def sequence_of(kind: Any, what: str) -> Rule:
 
 
 def mapping_of(kind: Any, what: str) -> Rule:
-    """A mapping whose values are instances; ``what`` is their plural."""
+    """Require a mapping whose values are instances of ``kind``; ``what`` is their plural."""
     return Rule(
         f"a mapping from names to {what}",
         lambda v: hasattr(v, "values") and all(isinstance(item, kind) for item in v.values()),
     )
 
 
-def check(part: object, **rules: Rule) -> None:
-    """Hold each named field of ``part`` against its rule.
-
-    Raises:
-        InputError: names the class, the field, the rule and the value.
-    """
-    for name, rule in rules.items():
-        value = getattr(part, name)
-        if not rule.holds(value):
-            raise invalid(part, name, value, f"must be {rule.text}", _forgotten(value))
-
-
-def invalid(part: object, field: str, value: object, rule: str, cure: str = "") -> InputError:
-    """The error for one field of a description, to be raised by the caller."""
+def invalid(part: object, field: str, value: object, rule: str, fix: str = "") -> InputError:
+    """Return the error for one field of a description; the caller raises it."""
     default = getattr(type(part), field, None)
-    if not cure and isinstance(default, int | float | str):
-        cure = f"set it to such a value, for example {default}"
-    cure = f"; {cure}" if cure else "; set it to such a value"
-    return InputError(f"{type(part).__name__}.{field}: {rule}, not {_short(value)}{cure}")
+    if not fix:
+        example = f", for example {default}" if isinstance(default, int | float | str) else ""
+        fix = f"set it to such a value{example}"
+    return InputError(f"{type(part).__name__}.{field}: {rule}, not {_quote(value)}; {fix}")
 
 
-def _forgotten(value: object) -> str:
-    """The cure where keys were given for a part, or for one of several, but no class to build."""
-    several = isinstance(value, dict) and any(isinstance(each, dict) for each in value.values())
-    lone = isinstance(value, dict) and not any(hasattr(each, "__dict__") for each in value.values())
-    return "add _target_, the class to build from these keys" if value and (several or lone) else ""
+def _missing_target(value: object) -> str:
+    """Return the fix for keys that were given for a part (or for several) without its class."""
+    several = isinstance(value, dict) and any(isinstance(item, dict) for item in value.values())
+    single = isinstance(value, dict) and not any(hasattr(i, "__dict__") for i in value.values())
+    fix = "add _target_, the class to build from these keys"
+    return fix if value and (several or single) else ""
 
 
-def _short(value: object) -> str:
-    """The value on one line, cut: whole worlds have representations of many kilobytes."""
+def _quote(value: object) -> str:
+    """Return the value on one line, shortened: a world's representation has many kilobytes."""
     text = " ".join(repr(value).split())
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+    return text if len(text) <= MAX_VALUE_LENGTH else f"{text[: MAX_VALUE_LENGTH - 3]}..."

@@ -7,7 +7,7 @@ new nonlinear guidance logic for trajectory tracking", AIAA 2004-4900; the steer
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.random import Generator
@@ -26,7 +26,7 @@ from evoros.base.arrays import (
     X,
     Y,
 )
-from evoros.base.checks import NOT_NEGATIVE, POSITIVE, check
+from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.controller.protocol import LayerRule
 
 if TYPE_CHECKING:
@@ -138,6 +138,7 @@ def track(
 
 
 @dataclass(frozen=True)
+@checked
 class L1:
     """ArduPilot's route following, with the names of its parameters at the fields.
 
@@ -151,37 +152,19 @@ class L1:
         InputError: a value outside of its range.
     """
 
-    speed_mps: float = 0.29
-    period_s: float = 6.0
-    damping: float = 0.75
-    crosstrack_gain: float = 0.02
-    crosstrack_limit: float = 0.1
-    p: float = 1.8
-    i: float = 0.2
-    d: float = 0.005
-    tau_s: float = 0.75
-    integral_limit_deg: float = 15.0
-    output_limit_deg: float = 45.0
-    least_speed_mps: float = 1.0
-    interruption_s: float = 1.0  # after which the integrals start afresh
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            speed_mps=POSITIVE,
-            period_s=POSITIVE,
-            damping=POSITIVE,
-            crosstrack_gain=NOT_NEGATIVE,
-            crosstrack_limit=NOT_NEGATIVE,
-            p=NOT_NEGATIVE,
-            i=NOT_NEGATIVE,
-            d=NOT_NEGATIVE,
-            tau_s=POSITIVE,
-            integral_limit_deg=NOT_NEGATIVE,
-            output_limit_deg=POSITIVE,
-            least_speed_mps=POSITIVE,
-            interruption_s=NOT_NEGATIVE,
-        )
+    speed_mps: Annotated[float, POSITIVE] = 0.29
+    period_s: Annotated[float, POSITIVE] = 6.0
+    damping: Annotated[float, POSITIVE] = 0.75
+    crosstrack_gain: Annotated[float, NOT_NEGATIVE] = 0.02
+    crosstrack_limit: Annotated[float, NOT_NEGATIVE] = 0.1
+    p: Annotated[float, NOT_NEGATIVE] = 1.8
+    i: Annotated[float, NOT_NEGATIVE] = 0.2
+    d: Annotated[float, NOT_NEGATIVE] = 0.005
+    tau_s: Annotated[float, POSITIVE] = 0.75
+    integral_limit_deg: Annotated[float, NOT_NEGATIVE] = 15.0
+    output_limit_deg: Annotated[float, POSITIVE] = 45.0
+    least_speed_mps: Annotated[float, POSITIVE] = 1.0
+    interruption_s: Annotated[float, NOT_NEGATIVE] = 1.0  # after which the integrals start afresh
 
     @property
     def mode(self) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias, runtime_checkable
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
+from evoros.base.checks import instance_of
 from evoros.filter.protocol import Filter
 
 if TYPE_CHECKING:
@@ -72,3 +73,6 @@ class Controller(Protocol):
     ) -> AbstractContextManager[Sequence[StartedLayer]]:
         """``rng(name)`` gives the named part's own generator for this mission."""
         ...
+
+
+A_CONTROLLER = instance_of(Controller, "a controller (period_s, localization and open)")

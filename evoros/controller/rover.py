@@ -3,21 +3,22 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from numpy.random import Generator
 
-from evoros.base.checks import POSITIVE, check, instance_of, mapping_of
+from evoros.base.checks import POSITIVE, checked, instance_of
 from evoros.controller.protocol import Layer, StartedLayer
-from evoros.filter.protocol import Filter
+from evoros.filter.protocol import FILTERS, Filter
 
 if TYPE_CHECKING:
     from evoros.robot.model import Robot
 
-LAYER = instance_of(Layer, "a layer of a controller (mode, rule and start)")
+A_LAYER = instance_of(Layer, "a layer of a controller (mode, rule and start)")
 
 
 @dataclass(frozen=True)
+@checked
 class Rover:
     """Two layers: ``avoidance`` decides where it sees an obstacle, else ``navigation`` does.
 
@@ -28,19 +29,10 @@ class Rover:
         InputError: a part of the wrong kind, or a period that is not positive.
     """
 
-    avoidance: Layer
-    navigation: Layer
-    period_s: float = 0.1
-    localization: Mapping[str, Filter] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            avoidance=LAYER,
-            navigation=LAYER,
-            period_s=POSITIVE,
-            localization=mapping_of(Filter, "filters"),
-        )
+    avoidance: Annotated[Layer, A_LAYER]
+    navigation: Annotated[Layer, A_LAYER]
+    period_s: Annotated[float, POSITIVE] = 0.1
+    localization: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)
 
     @contextmanager
     def open(

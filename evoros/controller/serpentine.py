@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import DRIVE_SPEED, STEERING, TO_X, TO_Y, YAW, Array, X, Y
-from evoros.base.checks import POSITIVE, Rule, check, is_number
+from evoros.base.checks import POSITIVE, Rule, checked, is_number
 from evoros.controller.protocol import LayerRule
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def follow(
 
 
 @dataclass(frozen=True)
+@checked
 class Serpentine:
     """Steers towards the bearing to the waypoint plus a sine of time.
 
@@ -54,19 +55,10 @@ class Serpentine:
         InputError: a value outside of its range.
     """
 
-    speed_mps: float = 0.29
-    amplitude_deg: float = 30.0
-    period_s: float = 9.7
-    gain: float = 1.5
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            speed_mps=POSITIVE,
-            amplitude_deg=AMPLITUDES,
-            period_s=POSITIVE,
-            gain=POSITIVE,
-        )
+    speed_mps: Annotated[float, POSITIVE] = 0.29
+    amplitude_deg: Annotated[float, AMPLITUDES] = 30.0
+    period_s: Annotated[float, POSITIVE] = 9.7
+    gain: Annotated[float, POSITIVE] = 1.5
 
     @property
     def mode(self) -> str:

@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
-from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, check, invalid, is_number
+from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_number
 from evoros.controller.protocol import LayerRule
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ def vote(
 
 
 @dataclass(frozen=True)
+@checked
 class WeightedVoting:
     """Each sensor that sees an obstacle votes for the side it does not face.
 
@@ -71,23 +72,12 @@ class WeightedVoting:
         InputError: a value outside of its range.
     """
 
-    range_m: float = 2.0
-    max_range_m: float = 2.0
-    speed_mps: float = 0.3175
-    ahead_deg: float = 3.0
-    deadlock_difference_m: float = 1.0
-    deadlock_sum_m: float = 1.5
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            range_m=POSITIVE,
-            max_range_m=POSITIVE,
-            speed_mps=POSITIVE,
-            ahead_deg=HALF_TURN,
-            deadlock_difference_m=NOT_NEGATIVE,
-            deadlock_sum_m=NOT_NEGATIVE,
-        )
+    range_m: Annotated[float, POSITIVE] = 2.0
+    max_range_m: Annotated[float, POSITIVE] = 2.0
+    speed_mps: Annotated[float, POSITIVE] = 0.3175
+    ahead_deg: Annotated[float, HALF_TURN] = 3.0
+    deadlock_difference_m: Annotated[float, NOT_NEGATIVE] = 1.0
+    deadlock_sum_m: Annotated[float, NOT_NEGATIVE] = 1.5
 
     @property
     def mode(self) -> str:

@@ -5,9 +5,9 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from evoros.base.checks import FLAG, NAME, NUMBER, TEXT, check, invalid, is_number, is_whole
+from evoros.base.checks import FLAG, NAME, NUMBER, TEXT, checked, invalid, is_number, is_whole
 from evoros.base.errors import InputError
 from evoros.base.intervals import pick_index, scale
 
@@ -27,19 +27,19 @@ CLOCK = re.compile(r"controller\.period_s|design\.sensors\.[^.]+\.period_s")
 
 
 @dataclass(frozen=True)
+@checked
 class Gene:
     """One evolved value: the dotted key of a number in the configuration, and its range.
 
     The key starts with one of ``EVOLVABLE``, and is not a period of the controller or a sensor.
     """
 
-    key: str
-    low: float
-    high: float
-    whole: bool = False  # whole numbers only, both ends included
+    key: Annotated[str, TEXT]
+    low: Annotated[float, NUMBER]
+    high: Annotated[float, NUMBER]
+    whole: Annotated[bool, FLAG] = False  # whole numbers only, both ends included
 
     def __post_init__(self) -> None:
-        check(self, key=TEXT, low=NUMBER, high=NUMBER, whole=FLAG)
         if not self.key.startswith(EVOLVABLE) or not all(self.key.split(".")):
             rule = f"must be a dotted key that starts with {' or '.join(EVOLVABLE)}"
             cure = "worlds, failures and the simulator are the test and do not evolve"

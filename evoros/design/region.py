@@ -1,13 +1,12 @@
 """Where on a robot a sensor may be, and where it may face."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from evoros.base.checks import NOT_NEGATIVE, TEXT, Rule, check
+from evoros.base.checks import NOT_NEGATIVE, TEXT, Rule, checked
 from evoros.base.errors import InputError
-from evoros.base.intervals import INTERVAL, bounds
+from evoros.base.intervals import INTERVAL, Interval, bounds
 
 if TYPE_CHECKING:
     from evoros.robot.model import Robot
@@ -25,21 +24,17 @@ ELEVATION = _within(90, "from -90 to 90")
 
 
 @dataclass(frozen=True)
+@checked
 class Region:
     """Where a sensor may be and where it may face: each a number, or [low, high]."""
 
-    x_m: float | Sequence[float]  # in the frame of ``link``
-    y_m: float | Sequence[float]
-    yaw_deg: float | Sequence[float]  # left positive
-    z_m: float | Sequence[float] | None = None  # None: as high as the robot's default mount
-    pitch_deg: float | Sequence[float] | None = None  # nose up positive; None: the default mount's
-    link: str | None = None  # None: the link of the robot's default mount
-    overhang_m: float = 0.05  # how far a sensor may stand out from the robot: on a bracket
-
-    def __post_init__(self) -> None:
-        check(self, x_m=INTERVAL, y_m=INTERVAL, yaw_deg=HEADING, overhang_m=NOT_NEGATIVE)
-        optional = {"z_m": INTERVAL, "pitch_deg": ELEVATION, "link": TEXT}
-        check(self, **{k: rule for k, rule in optional.items() if getattr(self, k) is not None})
+    x_m: Annotated[Interval, INTERVAL]  # in the frame of ``link``
+    y_m: Annotated[Interval, INTERVAL]
+    yaw_deg: Annotated[Interval, HEADING]  # left positive
+    z_m: Annotated[Interval | None, INTERVAL] = None  # None: as high as the default mount
+    pitch_deg: Annotated[Interval | None, ELEVATION] = None  # nose up positive; None: see z_m
+    link: Annotated[str | None, TEXT] = None  # None: the link of the robot's default mount
+    overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # how far a bracket may stand out
 
     def on(self, robot: "Robot", mirrored: bool, where: str) -> "Region":
         """This region with the default mount of ``robot`` wherever it leaves a value to it.

@@ -9,12 +9,12 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.checks import FLAG, TEXT, Rule, check, invalid, mapping_of
+from evoros.base.checks import FLAG, TEXT, Rule, checked, invalid, mapping_of
 from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, bounds, pick_index, scale
 from evoros.design.design import Design
@@ -35,6 +35,7 @@ SLOT_NUMBER = Rule(
 
 
 @dataclass(frozen=True)
+@checked
 class SensorDesign:
     """Sensors of the given types, placed in the given regions; other evolved values (``genes``).
 
@@ -42,21 +43,13 @@ class SensorDesign:
     evolves too. ``mirrored`` gives each of them a twin across the robot's x axis.
     """
 
-    sensors: Mapping[str, Sensor]
-    regions: Mapping[str, Region]
-    number: int | Sequence[int]
-    mirrored: bool
-    genes: Mapping[str, Gene] = field(default_factory=dict)
+    sensors: Annotated[Mapping[str, Sensor], mapping_of(Sensor, "sensors")]
+    regions: Annotated[Mapping[str, Region], mapping_of(Region, "regions")]
+    number: Annotated[int | Sequence[int], SLOT_NUMBER]
+    mirrored: Annotated[bool, FLAG]
+    genes: Annotated[Mapping[str, Gene], mapping_of(Gene, "genes")] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            sensors=mapping_of(Sensor, "sensors"),
-            regions=mapping_of(Region, "regions"),
-            number=SLOT_NUMBER,
-            mirrored=FLAG,
-            genes=mapping_of(Gene, "genes"),
-        )
         self._check_names()
         keys = [gene.key for gene in self.genes.values()]
         for key in keys:

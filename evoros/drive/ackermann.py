@@ -4,15 +4,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 
-from evoros.base.checks import NUMBER, POSITIVE, check, invalid
+from evoros.base.checks import NUMBER, POSITIVE, checked, invalid
 from evoros.drive.wheels import ANGLE, PAIR, TOLERANCE_M, UP, axle, driven_joint, same_radius, wheel
 from evoros.formats.urdf.tree import Urdf
 
 
 @dataclass(frozen=True)
+@checked
 class Ackermann:
     """All axles meet in the instant centre of rotation, about which every wheel rolls.
 
@@ -23,29 +25,17 @@ class Ackermann:
 
     steering_joints: tuple[str, ...]  # front left, front right
     wheel_joints: tuple[str, ...]  # front left, front right, rear left, rear right
-    wheelbase_m: float
-    kingpin_track_m: float  # between the axes of the steering joints
-    front_track_m: float  # between the centres of the front wheels, straight ahead
-    rear_track_m: float
-    wheel_radius_m: float
-    rear_axle_x_m: float  # of the rear axle, in the robot's frame
-    steering_stop_rad: float  # how far the steering joints can turn
-    steering_limit_rad: float  # how far each of them may turn
-    max_speed_mps: float  # of the rear axle's middle
+    wheelbase_m: Annotated[float, POSITIVE]
+    kingpin_track_m: Annotated[float, POSITIVE]  # between the axes of the steering joints
+    front_track_m: Annotated[float, POSITIVE]  # between the front wheels' centres, straight ahead
+    rear_track_m: Annotated[float, POSITIVE]
+    wheel_radius_m: Annotated[float, POSITIVE]
+    rear_axle_x_m: Annotated[float, NUMBER]  # of the rear axle, in the robot's frame
+    steering_stop_rad: Annotated[float, POSITIVE]  # how far the steering joints can turn
+    steering_limit_rad: Annotated[float, ANGLE]  # how far each of them may turn
+    max_speed_mps: Annotated[float, POSITIVE]  # of the rear axle's middle
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            wheelbase_m=POSITIVE,
-            kingpin_track_m=POSITIVE,
-            front_track_m=POSITIVE,
-            rear_track_m=POSITIVE,
-            wheel_radius_m=POSITIVE,
-            rear_axle_x_m=NUMBER,
-            steering_stop_rad=POSITIVE,
-            steering_limit_rad=ANGLE,
-            max_speed_mps=POSITIVE,
-        )
         if self.steering_limit_rad > self.steering_stop_rad:
             rule = f"must be at most {self.steering_stop_rad:g}, where the steering joints stop"
             raise invalid(self, "steering_limit_rad", self.steering_limit_rad, rule)
@@ -97,24 +87,15 @@ class Ackermann:
 
 
 @dataclass(frozen=True)
+@checked
 class AckermannDescription:
     """Which joints of a robot form an Ackermann drive, and its limits."""
 
-    steering_joints: Sequence[str]  # left, right: revolute, axis up
-    front_wheel_joints: Sequence[str]  # left, right: continuous, axis to the left
-    rear_wheel_joints: Sequence[str]  # left, right: continuous, axis to the left
-    steering_limit_rad: float  # of each front wheel
-    max_speed_mps: float  # of the rear axle's middle
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            steering_joints=PAIR,
-            front_wheel_joints=PAIR,
-            rear_wheel_joints=PAIR,
-            steering_limit_rad=ANGLE,
-            max_speed_mps=POSITIVE,
-        )
+    steering_joints: Annotated[Sequence[str], PAIR]  # left, right: revolute, axis up
+    front_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis to the left
+    rear_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis to the left
+    steering_limit_rad: Annotated[float, ANGLE]  # of each front wheel
+    max_speed_mps: Annotated[float, POSITIVE]  # of the rear axle's middle
 
     def fit(self, urdf: Urdf) -> Ackermann:
         """The drive with the wheelbase, tracks, radius and stops of this robot.

@@ -3,8 +3,9 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
-from evoros.base.checks import NUMBER, POSITIVE, Rule, check
+from evoros.base.checks import NUMBER, POSITIVE, Rule, checked
 from evoros.drive.wheels import ANGLE, PAIR, TOLERANCE_M, axle, same_radius, wheel
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.footprint import bottom_height
@@ -21,6 +22,7 @@ LINKS = Rule(
 
 
 @dataclass(frozen=True)
+@checked
 class Differential:
     """The robot turns about a point on the axle's line; casters carry the rest of it.
 
@@ -32,23 +34,12 @@ class Differential:
 
     wheel_joints: tuple[str, ...]  # left, right
     caster_links: tuple[str, ...]
-    wheelbase_m: float  # of the bicycle model
-    track_m: float  # between the centres of the wheels
-    wheel_radius_m: float
-    rear_axle_x_m: float  # of the axle, in the robot's frame
-    steering_limit_rad: float  # of the bicycle model
-    max_speed_mps: float  # of each wheel
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            wheelbase_m=POSITIVE,
-            track_m=POSITIVE,
-            wheel_radius_m=POSITIVE,
-            rear_axle_x_m=NUMBER,
-            steering_limit_rad=ANGLE,
-            max_speed_mps=POSITIVE,
-        )
+    wheelbase_m: Annotated[float, POSITIVE]  # of the bicycle model
+    track_m: Annotated[float, POSITIVE]  # between the centres of the wheels
+    wheel_radius_m: Annotated[float, POSITIVE]
+    rear_axle_x_m: Annotated[float, NUMBER]  # of the axle, in the robot's frame
+    steering_limit_rad: Annotated[float, ANGLE]  # of the bicycle model
+    max_speed_mps: Annotated[float, POSITIVE]  # of each wheel
 
     @property
     def steering_joints(self) -> tuple[str, ...]:
@@ -80,24 +71,15 @@ class Differential:
 
 
 @dataclass(frozen=True)
+@checked
 class DifferentialDescription:
     """Which joints and links of a robot form a differential drive, and its limits."""
 
-    wheel_joints: Sequence[str]  # left, right: continuous, axis to the left
-    caster_links: Sequence[str]  # touch the ground, on which they slide without friction
-    wheelbase_m: float  # of the bicycle model: curvature = tan(steering) / wheelbase
-    steering_limit_rad: float  # of the bicycle model
-    max_speed_mps: float  # of each wheel, along the ground
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            wheel_joints=PAIR,
-            caster_links=LINKS,
-            wheelbase_m=POSITIVE,
-            steering_limit_rad=ANGLE,
-            max_speed_mps=POSITIVE,
-        )
+    wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis to the left
+    caster_links: Annotated[Sequence[str], LINKS]  # slide on the ground without friction
+    wheelbase_m: Annotated[float, POSITIVE]  # bicycle model: curvature = tan(steering) / wheelbase
+    steering_limit_rad: Annotated[float, ANGLE]  # of the bicycle model
+    max_speed_mps: Annotated[float, POSITIVE]  # of each wheel, along the ground
 
     def fit(self, urdf: Urdf) -> Differential:
         """The drive with the track and radius of this robot.

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
-from evoros.base.checks import COUNT, check, instance_of
-from evoros.simulator.protocol import Simulator
+from evoros.base.checks import COUNT, checked, instance_of
+from evoros.simulator.protocol import A_SIMULATOR, Simulator
 
 
 @dataclass(frozen=True)
+@checked
 class Confirmation:
     """Repeats the missions of each generation's best new designs in ``simulator``.
 
@@ -18,15 +20,8 @@ class Confirmation:
         InputError: a part of the wrong kind, or a number below 1.
     """
 
-    simulator: Simulator
-    best: int = 3  # of each generation's new designs
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            simulator=instance_of(Simulator, "a simulator (time_step and open)"),
-            best=COUNT,
-        )
+    simulator: Annotated[Simulator, A_SIMULATOR]
+    best: Annotated[int, COUNT] = 3  # of each generation's new designs
 
     def confirm_best(
         self,
@@ -49,3 +44,8 @@ class Confirmation:
             if not unconfirmed:
                 return confirmed
             confirmed.update(confirm(unconfirmed))
+
+
+A_CONFIRMATION = instance_of(
+    Confirmation, "a confirmation (evoros.evolution.confirmation.Confirmation)"
+)

@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Annotated
 
 import numpy as np
 
 from evoros.base.arrays import POSE_SIZE
-from evoros.base.checks import COUNT, NAME, WHOLE, check, instance_of, one_of
+from evoros.base.checks import COUNT, NAME, WHOLE, checked, instance_of, one_of
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER
 from evoros.base.rng import generator
@@ -15,7 +16,7 @@ from evoros.controller.protocol import Controller
 from evoros.design.design import Design
 from evoros.design.genes import check_genes
 from evoros.design.space import DesignSpace, SensorDesign
-from evoros.evolution.confirmation import Confirmation
+from evoros.evolution.confirmation import A_CONFIRMATION, Confirmation
 from evoros.executor.protocol import Executor
 from evoros.failure.protocol import Failure
 from evoros.fitness.protocol import Fitness
@@ -28,11 +29,12 @@ from evoros.optimizer.protocol import Optimizer, Search
 from evoros.robot.model import Robot
 from evoros.session.figures import DRAWABLE
 from evoros.simulator.protocol import RuleSimulation, RuleSimulator, Simulator
-from evoros.world.course import Course
+from evoros.world.course import A_COURSE, Course
 from evoros.world.model import World
 
 
 @dataclass(frozen=True)
+@checked
 class Experiment:
     """All that a run is: a pure function from this to a run folder.
 
@@ -48,33 +50,18 @@ class Experiment:
     failure: Failure
     controller: Controller
     simulator: Simulator
-    fitness: Fitness
-    optimizer: Optimizer
-    executor: Executor
-    seed: int = 0
-    trials: int = 1  # missions of a design in each world
-    draws: str = "generation"  # who meets the same random draws: generation, individual or run
-    lost_missions: str = STOP  # a mission that crashes or hangs: stop the run, or worst
-    confirmation: Confirmation | None = None  # of each generation's best, in another simulator
-    figures: Sequence[str] = ()  # that a finished run draws of itself: evoros-analyze's subcommands
-    course: Course | None = None  # to whose values those of the worlds' courses may refer
+    fitness: Annotated[Fitness, instance_of(Fitness, "a fitness (score and worst)")]
+    optimizer: Annotated[Optimizer, instance_of(Optimizer, "an optimizer (generations and start)")]
+    executor: Annotated[Executor, instance_of(Executor, "an executor (workers and open)")]
+    seed: Annotated[int, WHOLE] = 0
+    trials: Annotated[int, COUNT] = 1  # missions of a design in each world
+    draws: Annotated[str, one_of(*POLICIES)] = "generation"  # where missions share random draws
+    lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # if a mission crashes or hangs
+    confirmation: Annotated[Confirmation | None, A_CONFIRMATION] = None  # in another simulator
+    figures: Annotated[Sequence[str], DRAWABLE] = ()  # subcommands of evoros-analyze, at the end
+    course: Annotated[Course | None, A_COURSE] = None  # the worlds' courses may refer to its values
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            fitness=instance_of(Fitness, "a fitness (score and worst)"),
-            optimizer=instance_of(Optimizer, "an optimizer (generations and start)"),
-            executor=instance_of(Executor, "an executor (workers and open)"),
-            seed=WHOLE,
-            trials=COUNT,
-            draws=one_of(*POLICIES),
-            lost_missions=one_of(STOP, WORST),
-            confirmation=instance_of(
-                Confirmation | None, "a confirmation (evoros.evolution.confirmation.Confirmation)"
-            ),
-            figures=DRAWABLE,
-            course=instance_of(Course | None, "a course (evoros.world.course.Course)"),
-        )
         parts = {"robot": self.robot, "controller": self.controller, "design": self.design}
         check_genes(self.scenario.design.genes, parts)
         for name in self.world:

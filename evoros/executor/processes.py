@@ -11,9 +11,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing import resource_tracker
 from threading import Lock, Thread
-from typing import Any
+from typing import Annotated, Any
 
-from evoros.base.checks import POSITIVE, WHOLE, Rule, check, is_whole
+from evoros.base.checks import POSITIVE, WHOLE, Rule, checked, is_whole
 from evoros.base.errors import InputError, WorkerLost
 from evoros.executor.protocol import Pool
 from evoros.executor.worker_handle import LostError, Worker
@@ -38,6 +38,7 @@ def _null_or_whole(least: int) -> Rule:
 
 
 @dataclass(frozen=True)
+@checked
 class Processes:
     """Calls run in worker processes; one that crashes or hangs costs only itself.
 
@@ -55,19 +56,12 @@ class Processes:
         InputError: a value breaks its rule.
     """
 
-    workers: int = 0
-    time_limit_s: float = 600.0  # wall clock, for one attempt at one call
-    retries: int = 1  # further attempts at a call that crashed or hung
-    calls_per_worker: int | None = None  # then a fresh process takes over; None: never
+    workers: Annotated[int, _null_or_whole(0)] = 0
+    time_limit_s: Annotated[float, POSITIVE] = 600.0  # wall clock, for one attempt at one call
+    retries: Annotated[int, WHOLE] = 1  # further attempts at a call that crashed or hung
+    calls_per_worker: Annotated[int | None, _null_or_whole(1)] = None  # None: no limit
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            workers=_null_or_whole(0),
-            time_limit_s=POSITIVE,
-            retries=WHOLE,
-            calls_per_worker=_null_or_whole(1),
-        )
         object.__setattr__(self, "workers", self.workers or available_cores())
 
     @contextmanager

@@ -2,23 +2,27 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 from numpy.random import Generator
 
 from evoros.base import rng as randomness
-from evoros.base.checks import check, mapping_of
+from evoros.base.checks import checked, mapping_of
 from evoros.failure.protocol import Failure, Fault
 from evoros.filter.protocol import Channels
 
+FAILURES = mapping_of(Failure, "failures")
+
 
 @dataclass(frozen=True)
+@checked
 class CombinedFailure:
-    """All of the named failures, each drawn by itself: one sensor may be hit more than once."""
+    """Several named failures, drawn independently; one sensor may be hit more than once.
 
-    failures: Mapping[str, Failure] = field(default_factory=dict)  # faults act in this order
+    Their faults act in the order of the mapping.
+    """
 
-    def __post_init__(self) -> None:
-        check(self, failures=mapping_of(Failure, "failures"))
+    failures: Annotated[Mapping[str, Failure], FAILURES] = field(default_factory=dict)  # in order
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """The faults of every failure.

@@ -2,18 +2,20 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.checks import COUNT, check, instance_of
+from evoros.base.checks import COUNT, NOT_NEGATIVE, checked
 from evoros.failure.protocol import Fault
 from evoros.failure.timing import check_window, time_at
-from evoros.filter.protocol import Channels, Filter
+from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
 
 @dataclass(frozen=True)
+@checked
 class RandomFailure:
     """``count`` sensors, chosen uniformly, fail at times uniform in earliest_s to latest_s.
 
@@ -21,17 +23,12 @@ class RandomFailure:
     2018 paper (Evo-ROS).
     """
 
-    count: int = 1  # how many different sensors fail
-    earliest_s: float = 40.0
-    latest_s: float = 80.0
-    effect: Filter = field(default_factory=Silence)  # what happens to the readings
+    count: Annotated[int, COUNT] = 1  # how many different sensors fail
+    earliest_s: Annotated[float, NOT_NEGATIVE] = 40.0
+    latest_s: Annotated[float, NOT_NEGATIVE] = 80.0
+    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # acts on the readings
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            count=COUNT,
-            effect=instance_of(Filter, "a filter"),
-        )
         check_window(self)
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:

@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from evoros.base.checks import NOT_NEGATIVE, check, invalid
+from evoros.base.checks import invalid
 
 
 class Timed(Protocol):
@@ -23,9 +23,8 @@ def check_window(failure: Timed) -> None:
     """For ``__post_init__`` of a failure.
 
     Raises:
-        InputError: a time is negative, or the latest is before the earliest.
+        InputError: the latest time is before the earliest.
     """
-    check(failure, earliest_s=NOT_NEGATIVE, latest_s=NOT_NEGATIVE)
     if failure.earliest_s > failure.latest_s:
         rule = f"must be at most latest_s ({failure.latest_s})"
         raise invalid(failure, "earliest_s", failure.earliest_s, rule)

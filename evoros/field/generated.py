@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
@@ -15,15 +16,13 @@ from evoros.base.checks import (
     NOT_NEGATIVE,
     POSITIVE,
     WHOLE,
-    check,
-    instance_of,
+    Rule,
+    checked,
     invalid,
-    is_number,
-    mapping_of,
 )
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
-from evoros.field.kinds import Kind, moments
+from evoros.field.kinds import KINDS, Kind, moments
 from evoros.field.note import write_note
 from evoros.field.passage import MARGIN_M, Passage
 from evoros.field.placement import PlacedObstacles
@@ -31,7 +30,7 @@ from evoros.formats.sdf.reader import read_sdf
 from evoros.formats.sdf.writer import write_sdf
 from evoros.geometry.footprint import project_shape
 from evoros.geometry.shapes import Body, Pose, Shape
-from evoros.world.course import Course
+from evoros.world.course import A_COURSE, Course
 from evoros.world.model import World
 
 FIXED = "fixed"
@@ -43,8 +42,14 @@ TRIES, ATTEMPTS, HOPELESS = 300, 50, 0.5
 less than this share of its obstacles found a place."""
 GROUND = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
 
+EXTENT = Rule(
+    "two numbers [x, y] greater than 0",
+    lambda v: isinstance(v, list | tuple) and len(v) == 2 and all(map(POSITIVE.holds, v)),
+)
+
 
 @dataclass(frozen=True)
+@checked
 class Field:
     """How fields are drawn: which obstacles, how many, and what they leave free.
 
@@ -54,32 +59,17 @@ class Field:
     else. Places are rounded to millimetres and headings to milliradians.
     """
 
-    course: Course
-    extent_m: Sequence[float]  # lengths along x and y, about the middle of the course
-    density: float  # obstacles for each square metre of the extent
-    kinds: Mapping[str, Kind]
-    clearing_m: float  # free radius around home and each waypoint
-    gap_m: float  # least distance between obstacles
-    passage_m: float  # width of a way that exists along each leg
-    enclosed: bool  # a wall around the extent
-    seed: int = 0
+    course: Annotated[Course, A_COURSE]
+    extent_m: Annotated[Sequence[float], EXTENT]  # along x and y, centred on the course
+    density: Annotated[float, NOT_NEGATIVE]  # obstacles for each square metre of the extent
+    kinds: Annotated[Mapping[str, Kind], KINDS]
+    clearing_m: Annotated[float, POSITIVE]  # free radius around home and each waypoint
+    gap_m: Annotated[float, NOT_NEGATIVE]  # least distance between obstacles
+    passage_m: Annotated[float, POSITIVE]  # width of a way that exists along each leg
+    enclosed: Annotated[bool, FLAG]  # a wall around the extent
+    seed: Annotated[int, WHOLE] = 0
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            course=instance_of(Course, "a course (evoros.world.course.Course)"),
-            density=NOT_NEGATIVE,
-            kinds=mapping_of(Kind, "kinds of obstacles (share, mass_kg and draw)"),
-            clearing_m=POSITIVE,
-            gap_m=NOT_NEGATIVE,
-            passage_m=POSITIVE,
-            enclosed=FLAG,
-            seed=WHOLE,
-        )
-        extent = self.extent_m
-        lengths = isinstance(extent, list | tuple) and len(extent) == 2
-        if not lengths or not all(is_number(length) and length > 0 for length in extent):
-            raise invalid(self, "extent_m", extent, "must be two numbers [x, y] greater than 0")
         if not self.kinds or not all(map(NAME.holds, self.kinds)):
             rule = f"must have at least one kind, and each key be {NAME.text}"
             raise invalid(self, "kinds", dict(self.kinds), rule)
@@ -90,7 +80,7 @@ class Field:
         low, high = self.corners
         if (np.minimum(self._places - low, high - self._places) < self.clearing_m).any():
             rule = "must reach at least clearing_m beyond home and all waypoints"
-            raise invalid(self, "extent_m", extent, rule, "enlarge it")
+            raise invalid(self, "extent_m", self.extent_m, rule, "enlarge it")
 
     def __hash__(self) -> int:
         """Of the numbers: the mapping of kinds has none."""
@@ -218,7 +208,7 @@ class Field:
 
 def generated_world(
     course: Course,
-    extent_m: Sequence[float],
+    extent_m: Annotated[Sequence[float], EXTENT],
     density: float,
     kinds: Mapping[str, Kind],
     clearing_m: float,

@@ -1,17 +1,13 @@
 """Kinds of obstacles that a generated field is made of."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
 from numpy.random import Generator
 
-from evoros.base.checks import POSITIVE, Rule, check, is_number
-from evoros.base.intervals import INTERVAL, bounds, scale
+from evoros.base.checks import POSITIVE, Rule, checked, is_number, mapping_of
+from evoros.base.intervals import INTERVAL, Interval, bounds, scale
 from evoros.geometry.shapes import Shape, Vector
-
-Interval = float | Sequence[float]
-"""A number, or [low, high]."""
 
 LEAST_M = 0.001  # to which sizes are rounded
 
@@ -41,18 +37,19 @@ class Kind(Protocol):
         ...
 
 
+KINDS = mapping_of(Kind, "kinds of obstacles (share, mass_kg and draw)")
+
+
 @dataclass(frozen=True)
+@checked
 class Box:
     """An upright box: a crate, a low block, a wall."""
 
-    length_m: Interval
-    width_m: Interval
-    height_m: Interval
-    share: float = 1.0
-    mass_kg: float | None = None
-
-    def __post_init__(self) -> None:
-        check(self, length_m=SIZE, width_m=SIZE, height_m=SIZE, share=POSITIVE, mass_kg=MASS)
+    length_m: Annotated[Interval, SIZE]
+    width_m: Annotated[Interval, SIZE]
+    height_m: Annotated[Interval, SIZE]
+    share: Annotated[float, POSITIVE] = 1.0
+    mass_kg: Annotated[float | None, MASS] = None
 
     def draw(self, rng: Generator) -> Shape:
         """Length along x, width along y, height along z."""
@@ -61,16 +58,14 @@ class Box:
 
 
 @dataclass(frozen=True)
+@checked
 class Cylinder:
     """An upright cylinder: a post, a trunk, a barrel."""
 
-    diameter_m: Interval
-    height_m: Interval
-    share: float = 1.0
-    mass_kg: float | None = None
-
-    def __post_init__(self) -> None:
-        check(self, diameter_m=SIZE, height_m=SIZE, share=POSITIVE, mass_kg=MASS)
+    diameter_m: Annotated[Interval, SIZE]
+    height_m: Annotated[Interval, SIZE]
+    share: Annotated[float, POSITIVE] = 1.0
+    mass_kg: Annotated[float | None, MASS] = None
 
     def draw(self, rng: Generator) -> Shape:
         """Radius and height."""

@@ -1,16 +1,18 @@
 """A systematic error of a sensor: too long or too short by the same amount all the time."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import NOT_NEGATIVE, NUMBER, check
+from evoros.base.checks import NOT_NEGATIVE, NUMBER, checked
 from evoros.filter.protocol import Channels, FilterRule
 
 
 @dataclass(frozen=True)
+@checked
 class Bias:
     """Adds an offset to each channel, constant during a mission, and keeps it within the limits.
 
@@ -18,11 +20,8 @@ class Bias:
     that is not below ``high`` stays as it is: the sensor sees nothing.
     """
 
-    offset_m: float = 0.0  # in the unit of the values
-    sd_m: float = 0.02  # standard deviation between channels, in the unit of the values
-
-    def __post_init__(self) -> None:
-        check(self, offset_m=NUMBER, sd_m=NOT_NEGATIVE)
+    offset_m: Annotated[float, NUMBER] = 0.0  # in the unit of the values
+    sd_m: Annotated[float, NOT_NEGATIVE] = 0.02  # between channels, in the unit of the values
 
     @property
     def rule(self) -> FilterRule:

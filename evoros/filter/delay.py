@@ -2,16 +2,18 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import NOT_NEGATIVE, check
+from evoros.base.checks import NOT_NEGATIVE, checked
 from evoros.filter.protocol import Channels, FilterRule
 
 
 @dataclass(frozen=True)
+@checked
 class Delay:
     """Gives the newest sample that is at least ``delay_s`` old.
 
@@ -19,10 +21,7 @@ class Delay:
     sample in between has not arrived yet. Until the first sample arrives, its value is given.
     """
 
-    delay_s: float = 0.2
-
-    def __post_init__(self) -> None:
-        check(self, delay_s=NOT_NEGATIVE)
+    delay_s: Annotated[float, NOT_NEGATIVE] = 0.2
 
     @property
     def rule(self) -> FilterRule:

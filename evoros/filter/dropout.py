@@ -2,18 +2,20 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import NOT_NEGATIVE, PROBABILITY, check, one_of
+from evoros.base.checks import NOT_NEGATIVE, PROBABILITY, checked, one_of
 from evoros.filter.protocol import Channels, FilterRule
 
 SILENT, LAST = "silent", "last"
 
 
 @dataclass(frozen=True)
+@checked
 class Dropout:
     """Starts an outage of a channel with ``probability`` at each sample that is not in one.
 
@@ -21,17 +23,9 @@ class Dropout:
     is lost in the long run.
     """
 
-    probability: float = 0.1
-    duration_s: float = 0.0  # of an outage, rounded up to whole samples; 0: a single sample
-    lost: str = SILENT  # what is given instead: silent (nothing) or last (the last that arrived)
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            probability=PROBABILITY,
-            duration_s=NOT_NEGATIVE,
-            lost=one_of(SILENT, LAST),
-        )
+    probability: Annotated[float, PROBABILITY] = 0.1
+    duration_s: Annotated[float, NOT_NEGATIVE] = 0.0  # of an outage, in whole samples, at least 1
+    lost: Annotated[str, one_of(SILENT, LAST)] = SILENT  # readings are NaN, or the last one repeats
 
     @property
     def rule(self) -> FilterRule:

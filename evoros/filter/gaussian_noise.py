@@ -1,16 +1,18 @@
 """White Gaussian noise on what a sensor measures."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import NOT_NEGATIVE, check
+from evoros.base.checks import NOT_NEGATIVE, checked
 from evoros.filter.protocol import Channels, FilterRule
 
 
 @dataclass(frozen=True)
+@checked
 class GaussianNoise:
     """Adds an independent normal deviate to every sample, and keeps it within the limits.
 
@@ -18,10 +20,7 @@ class GaussianNoise:
     ``high`` stays as it is.
     """
 
-    sigma_m: float = 0.005  # standard deviation, in the unit of the values
-
-    def __post_init__(self) -> None:
-        check(self, sigma_m=NOT_NEGATIVE)
+    sigma_m: Annotated[float, NOT_NEGATIVE] = 0.005  # standard deviation, in the unit of the values
 
     @property
     def rule(self) -> FilterRule:

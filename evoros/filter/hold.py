@@ -2,26 +2,25 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import POSITIVE, check
+from evoros.base.checks import POSITIVE, checked
 from evoros.filter.protocol import Channels, FilterRule
 
 
 @dataclass(frozen=True)
+@checked
 class Hold:
     """Takes a value at each multiple of ``period_s``, or as soon after as there is a sample.
 
     Silence is a value too: it is held where the sample taken is silent, and missed elsewhere.
     """
 
-    period_s: float = 0.5
-
-    def __post_init__(self) -> None:
-        check(self, period_s=POSITIVE)
+    period_s: Annotated[float, POSITIVE] = 0.5
 
     @property
     def rule(self) -> FilterRule:

@@ -2,34 +2,28 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import POSE_SIZE, Array
-from evoros.base.checks import NOT_NEGATIVE, check
+from evoros.base.checks import NOT_NEGATIVE, checked
 from evoros.base.errors import InputError
 from evoros.filter.protocol import Channels, FilterRule
 
 
 @dataclass(frozen=True)
+@checked
 class PoseNoise:
     """Adds independent normal deviates to x and y, to the yaw and to the speed of each sample.
 
     The yaw is not wrapped: it may leave the interval from -pi to pi by its noise.
     """
 
-    sigma_position_m: float = 0.02  # of x and of y
-    sigma_yaw_deg: float = 1.0
-    sigma_speed_mps: float = 0.0
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            sigma_position_m=NOT_NEGATIVE,
-            sigma_yaw_deg=NOT_NEGATIVE,
-            sigma_speed_mps=NOT_NEGATIVE,
-        )
+    sigma_position_m: Annotated[float, NOT_NEGATIVE] = 0.02  # of x and of y
+    sigma_yaw_deg: Annotated[float, NOT_NEGATIVE] = 1.0
+    sigma_speed_mps: Annotated[float, NOT_NEGATIVE] = 0.0
 
     @property
     def rule(self) -> FilterRule:

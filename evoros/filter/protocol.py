@@ -7,6 +7,7 @@ from typing import Protocol, TypeAlias, runtime_checkable
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
+from evoros.base.checks import instance_of, mapping_of
 
 
 @dataclass(frozen=True)
@@ -44,3 +45,7 @@ class Filter(Protocol):
         ordinary filter, infinity for a channel that it leaves alone.
         """
         ...
+
+
+A_FILTER = instance_of(Filter, "a filter")
+FILTERS = mapping_of(Filter, "filters")

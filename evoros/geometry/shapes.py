@@ -3,15 +3,17 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.base.checks import (
     NOT_NEGATIVE,
+    POSITIVE,
     TEXT,
     Rule,
-    check,
+    checked,
     invalid,
     is_number,
     one_of,
@@ -30,14 +32,14 @@ def _numbers(count: int) -> Rule:
 
 
 @dataclass(frozen=True)
+@checked
 class Pose:
     """A frame in another frame: ``a_to_c = a_to_b @ b_to_c``."""
 
-    position: Vector = (0.0, 0.0, 0.0)  # x, y, z [m]
-    quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)  # x, y, z, w, of length 1
+    position: Annotated[Vector, _numbers(3)] = (0.0, 0.0, 0.0)  # x, y, z [m]
+    quaternion: Annotated[Quaternion, _numbers(4)] = (0.0, 0.0, 0.0, 1.0)  # x, y, z, w, of length 1
 
     def __post_init__(self) -> None:
-        check(self, position=_numbers(3), quaternion=_numbers(4))
         length = math.sqrt(sum(q * q for q in self.quaternion))
         if abs(length - 1.0) > 1e-6:
             raise invalid(self, "quaternion", self.quaternion, "must have length 1")
@@ -136,6 +138,7 @@ _SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "plane": 3}
 
 
 @dataclass(frozen=True)
+@checked
 class Shape:
     """A primitive, centred on its frame.
 
@@ -143,13 +146,14 @@ class Shape:
     length along z; of a sphere, its radius; of a plane, its normal (no size: it is infinite).
     """
 
-    kind: str  # box, cylinder, sphere or plane
+    kind: Annotated[str, one_of(*_SIZES)]  # box, cylinder, sphere or plane
     size: tuple[float, ...]
     pose: Pose = Pose()  # in the frame of the body
 
     def __post_init__(self) -> None:
-        check(self, kind=one_of(*_SIZES))
-        check(self, size=_numbers(_SIZES[self.kind]))
+        sizes = _numbers(_SIZES[self.kind])
+        if not sizes.holds(self.size):
+            raise invalid(self, "size", self.size, f"must be {sizes.text}")
         if self.kind == "plane":
             if math.sqrt(sum(n * n for n in self.size)) < 1e-9:
                 raise invalid(self, "size", self.size, "the normal of a plane must not be 0")
@@ -157,30 +161,29 @@ class Shape:
             raise invalid(self, "size", self.size, f"all sizes of a {self.kind} must be above 0")
 
 
+MASS = Rule("greater than 0 kg, or null if fixed", POSITIVE.holds)
+
+
 @dataclass(frozen=True)
+@checked
 class Body:
     """Shapes that move as one. The frame of a movable body is the one of its inertia."""
 
-    name: str
+    name: Annotated[str, TEXT]
     pose: Pose  # in the world; of a movable body: at its centre of mass, along its principal axes
-    shapes: tuple[Shape, ...]
-    mass: float | None = None  # [kg]; None: fixed to the ground
-    friction: float = 1.0  # coefficient mu of this body's surface
-    inertia: Vector | None = None
+    shapes: Annotated[tuple[Shape, ...], sequence_of(Shape, "shapes")]
+    mass: Annotated[float | None, MASS] = None  # [kg]; None: fixed to the ground
+    friction: Annotated[float, NOT_NEGATIVE] = 1.0  # coefficient mu of this body's surface
+    inertia: Annotated[Vector | None, _numbers(3)] = None
     """Principal moments [kg m2] about the axes of ``pose``; None: that of the shapes, filled."""
 
     def __post_init__(self) -> None:
-        check(self, name=TEXT, friction=NOT_NEGATIVE, shapes=sequence_of(Shape, "shapes"))
         if not self.shapes:
             raise invalid(self, "shapes", self.shapes, "must not be empty")
-        if self.mass is not None and not (is_number(self.mass) and self.mass > 0):
-            raise invalid(self, "mass", self.mass, "must be greater than 0 kg, or null if fixed")
         if self.mass is not None and any(shape.kind == "plane" for shape in self.shapes):
             raise invalid(self, "mass", self.mass, "a body with a plane must be fixed")
-        if self.inertia is not None:
-            check(self, inertia=_numbers(3))
-            if min(self.inertia) <= 0:
-                raise invalid(self, "inertia", self.inertia, "all moments must be above 0")
+        if self.inertia is not None and min(self.inertia) <= 0:
+            raise invalid(self, "inertia", self.inertia, "all moments must be above 0")
 
     @property
     def is_ground(self) -> bool:

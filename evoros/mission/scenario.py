@@ -3,20 +3,22 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Annotated
 
-from evoros.base.checks import check, instance_of
+from evoros.base.checks import checked, instance_of
 from evoros.base.errors import InputError
-from evoros.controller.protocol import Controller
+from evoros.controller.protocol import A_CONTROLLER, Controller
 from evoros.design.design import Design
 from evoros.design.genes import replace_values
 from evoros.design.space import SensorDesign
 from evoros.failure.protocol import Failure
 from evoros.robot.model import Robot
-from evoros.simulator.protocol import Simulator
+from evoros.simulator.protocol import A_SIMULATOR, Simulator
 from evoros.world.model import World
 
 
 @dataclass(frozen=True, eq=False)  # so it can be the key of what is computed from it once
+@checked
 class Scenario:
     """All that a mission needs besides the design, the world's name and the draws.
 
@@ -28,23 +30,14 @@ class Scenario:
             time limit that is no multiple of the controller's period.
     """
 
-    robot: Robot
-    world: Mapping[str, World]
-    design: SensorDesign
-    failure: Failure
-    controller: Controller
-    simulator: Simulator
+    robot: Annotated[Robot, instance_of(Robot, "a robot")]
+    world: Annotated[Mapping[str, World], instance_of(Mapping, "a mapping from names to worlds")]
+    design: Annotated[SensorDesign, instance_of(SensorDesign, "a sensor design")]
+    failure: Annotated[Failure, instance_of(Failure, "a failure model (draw)")]
+    controller: Annotated[Controller, A_CONTROLLER]
+    simulator: Annotated[Simulator, A_SIMULATOR]
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            robot=instance_of(Robot, "a robot"),
-            world=instance_of(Mapping, "a mapping from names to worlds"),
-            design=instance_of(SensorDesign, "a sensor design"),
-            failure=instance_of(Failure, "a failure model (draw)"),
-            controller=instance_of(Controller, "a controller (period_s, localization and open)"),
-            simulator=instance_of(Simulator, "a simulator (time_step and open)"),
-        )
         if not self.world:
             raise InputError("world: must have at least one world, not none; add world=case_study")
         for name, world in self.world.items():

@@ -3,12 +3,13 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, PROBABILITY, WHOLE, Rule, check, is_number, one_of
+from evoros.base.checks import COUNT, PROBABILITY, WHOLE, Rule, checked, is_number, one_of
 from evoros.base.errors import InputError
 from evoros.optimizer.protocol import Aspect, Candidate, Individual, Search, Space, check_fitness
 
@@ -16,6 +17,7 @@ STEP = Rule("a number greater than 0, at most 1", lambda v: is_number(v) and 0 <
 
 
 @dataclass(frozen=True)
+@checked
 class GeneticAlgorithm:
     """Tournaments, single-point crossover between blocks, mutation of aspects, one elite.
 
@@ -28,27 +30,14 @@ class GeneticAlgorithm:
     generation, which is what the original study ran and which can lose the best so far.
     """
 
-    population_size: int = 30
-    generations: int = 25  # the first, random one included
-    mutation_probability: float = 0.15  # per candidate
-    crossover_probability: float = 0.25  # per pair of parents
-    tournament_size: int = 2
-    validation_trials: int = 5  # of each generation's best, on fresh draws
-    mutation_step: float = 1.0  # width of the redrawn part of the range; 1: all of it
-    elite: str = "best_so_far"
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            population_size=COUNT,
-            generations=COUNT,
-            mutation_probability=PROBABILITY,
-            crossover_probability=PROBABILITY,
-            tournament_size=COUNT,
-            validation_trials=WHOLE,
-            mutation_step=STEP,
-            elite=one_of("best_so_far", "best_child"),
-        )
+    population_size: Annotated[int, COUNT] = 30
+    generations: Annotated[int, COUNT] = 25  # the first, random one included
+    mutation_probability: Annotated[float, PROBABILITY] = 0.15  # per candidate
+    crossover_probability: Annotated[float, PROBABILITY] = 0.25  # per pair of parents
+    tournament_size: Annotated[int, COUNT] = 2
+    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
+    mutation_step: Annotated[float, STEP] = 1.0  # redrawn part of the range; 1: all of it
+    elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"
 
     def start(self, space: Space, rng: Generator) -> Search:
         """A fresh search; it draws from ``rng`` and from nothing else.

@@ -2,24 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, WHOLE, check
+from evoros.base.checks import COUNT, WHOLE, checked
 from evoros.optimizer.protocol import Candidate, Individual, Search, Space, check_fitness
 
 
 @dataclass(frozen=True)
+@checked
 class RandomSearch:
     """Each generation is drawn uniformly from the whole space; only the best so far is kept."""
 
-    population_size: int = 16
-    generations: int = 25
-    validation_trials: int = 5  # of each generation's best, on fresh draws
-
-    def __post_init__(self) -> None:
-        check(self, population_size=COUNT, generations=COUNT, validation_trials=WHOLE)
+    population_size: Annotated[int, COUNT] = 16
+    generations: Annotated[int, COUNT] = 25
+    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
 
     def start(self, space: Space, rng: Generator) -> Search:
         """A fresh search; it draws from ``rng`` and from nothing else."""

@@ -3,13 +3,13 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from lxml import etree
 
 from evoros.base.arrays import Array
-from evoros.base.checks import NUMBER, TEXT, check
+from evoros.base.checks import NUMBER, TEXT, checked
 from evoros.base.errors import InputError
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.formats.urdf import expansion
@@ -22,15 +22,13 @@ _CIRCLE = 64  # corners of the polygon that stands for a circle
 
 
 @dataclass(frozen=True)
+@checked
 class MountDefaults:
     """Where a sensor sits as long as nothing else is said."""
 
-    link: str
-    z_m: float  # in the frame of ``link``
-    pitch_deg: float  # nose up positive
-
-    def __post_init__(self) -> None:
-        check(self, link=TEXT, z_m=NUMBER, pitch_deg=NUMBER)
+    link: Annotated[str, TEXT]
+    z_m: Annotated[float, NUMBER]  # in the frame of ``link``
+    pitch_deg: Annotated[float, NUMBER]  # nose up positive
 
 
 def load_robot(

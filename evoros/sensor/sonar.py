@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -13,13 +14,12 @@ from evoros.base.checks import (
     NOT_NEGATIVE,
     POSITIVE,
     Rule,
-    check,
+    checked,
     invalid,
     is_number,
-    mapping_of,
 )
 from evoros.filter.gaussian_noise import GaussianNoise
-from evoros.filter.protocol import Filter
+from evoros.filter.protocol import FILTERS, Filter
 
 BOX = Rule(
     "a list of three lengths greater than 0",
@@ -62,33 +62,23 @@ GAZEBO_SENSOR = """\
 
 
 @dataclass(frozen=True)
+@checked
 class Sonar:
     """A range sensor with a square beam, sampled by ``rays_per_axis`` squared rays.
 
     The defaults, with ``conf/sensor/sonar.yaml``, are the sonar of the 2018 paper (Evo-ROS).
     """
 
-    range_min_m: float = 0.06
-    range_max_m: float = 4.5
-    fov_deg: float = 30.0  # full width of the beam, horizontal and vertical alike
-    rays_per_axis: int = 5
-    period_s: float = 0.1  # time between two readings
-    size_m: Sequence[float] = (0.02, 0.045, 0.02)  # of its body: that of common small sonars
-    mass_kg: float = 0.009
-    filters: Mapping[str, Filter] = field(default_factory=dict)  # applied in this order
+    range_min_m: Annotated[float, NOT_NEGATIVE] = 0.06
+    range_max_m: Annotated[float, POSITIVE] = 4.5
+    fov_deg: Annotated[float, BEAM] = 30.0  # full width of the beam, horizontal and vertical alike
+    rays_per_axis: Annotated[int, COUNT] = 5
+    period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
+    size_m: Annotated[Sequence[float], BOX] = (0.02, 0.045, 0.02)  # of common small sonars
+    mass_kg: Annotated[float, POSITIVE] = 0.009
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            range_min_m=NOT_NEGATIVE,
-            range_max_m=POSITIVE,
-            fov_deg=BEAM,
-            rays_per_axis=COUNT,
-            period_s=POSITIVE,
-            size_m=BOX,
-            mass_kg=POSITIVE,
-            filters=mapping_of(Filter, "filters"),
-        )
         if self.range_min_m >= self.range_max_m:
             rule = f"must be less than range_max_m ({self.range_max_m})"
             raise invalid(self, "range_min_m", self.range_min_m, rule)

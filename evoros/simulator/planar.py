@@ -8,11 +8,12 @@ rigid-body engine. ``docs/fidelity.md`` shows how far the two simulators agree.
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from evoros.base.arrays import YAW, X, Y
-from evoros.base.checks import NOT_NEGATIVE, Rule, check, is_number
+from evoros.base.checks import NOT_NEGATIVE, Rule, checked, is_number
 from evoros.robot.model import Robot
 from evoros.simulator.engines.planar_layout import PLACED_OUTLINE, lay_out
 from evoros.simulator.engines.planar_rules import advance, observe, sense
@@ -28,6 +29,7 @@ STEP_S = Rule(
 
 
 @dataclass(frozen=True)
+@checked
 class Planar:
     """The planar simulator: wheels without slip, servos that lag, obstacles that stop the robot.
 
@@ -35,17 +37,9 @@ class Planar:
         InputError: a value out of range.
     """
 
-    time_step: float = 0.02  # [s]
-    steering_lag_s: float = 0.05  # time constant of the steering servos
-    drive_lag_s: float = 0.0  # time constant of the speed
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            time_step=STEP_S,
-            steering_lag_s=NOT_NEGATIVE,
-            drive_lag_s=NOT_NEGATIVE,
-        )
+    time_step: Annotated[float, STEP_S] = 0.02  # [s]
+    steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the steering servos
+    drive_lag_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time constant of the speed
 
     @property
     def rules(self) -> SimulationRules:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from evoros.base.arrays import Array
+from evoros.base.checks import instance_of
 
 if TYPE_CHECKING:
     from evoros.robot.model import Robot
@@ -44,6 +45,9 @@ class Simulator(Protocol):
             SimulationError: the engine cannot simulate this robot or world.
         """
         ...
+
+
+A_SIMULATOR = instance_of(Simulator, "a simulator (time_step and open)")
 
 
 ObserveRule: TypeAlias = Callable[[Array, Array, Array], None]

@@ -15,9 +15,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
-from typing import Any
+from typing import Annotated, Any
 
-from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, Rule, check, is_number
+from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, Rule, checked, is_number
 from evoros.base.errors import InputError
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_model import Engine, Settings
@@ -32,6 +32,7 @@ STEP = Rule(
 
 
 @dataclass(frozen=True)
+@checked
 class PyBullet:
     """The PyBullet simulator.
 
@@ -43,19 +44,12 @@ class PyBullet:
         InputError: a value out of range.
     """
 
-    time_step: float = 0.025  # [s]
-    solver_iterations: int = 20
-    wheel_friction: float = 1.0  # of all wheels alike; the engine multiplies it with the ground's
-    steering_lag_s: float = 0.05  # time constant of the steering servos
+    time_step: Annotated[float, STEP] = 0.025  # [s]
+    solver_iterations: Annotated[int, COUNT] = 20
+    wheel_friction: Annotated[float, POSITIVE] = 1.0  # multiplied with the ground's by the engine
+    steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the steering servos
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            time_step=STEP,
-            solver_iterations=COUNT,
-            wheel_friction=POSITIVE,
-            steering_lag_s=NOT_NEGATIVE,
-        )
         if find_spec("pybullet") is None:
             raise _not_installed()
 

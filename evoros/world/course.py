@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
@@ -12,41 +13,34 @@ from evoros.base.checks import (
     NOT_NEGATIVE,
     NUMBER,
     POSITIVE,
-    check,
+    checked,
+    instance_of,
     invalid,
     is_number,
     one_of,
     sequence_of,
 )
 
+PAIRS = sequence_of((list, tuple), "waypoints [x, y]")
+DIRECTION = one_of("random", "forward", "backward", "parity")
+
 
 @dataclass(frozen=True)
+@checked
 class Course:
     """A route in two phases: the corners and home again, then the same backwards and home."""
 
-    home_x_m: float
-    home_y_m: float
-    home_z_m: float  # height of the robot's base frame when it is set down
-    home_yaw_rad: float
-    waypoints: Sequence[Sequence[float]]  # the corners [[x, y], ...] [m]; home is appended
-    acceptance_m: float  # a waypoint counts within this distance
-    time_limit_s: float
-    direction: str  # of the first phase: random, forward, backward, parity (of the generation)
-    end_on_collision: bool
+    home_x_m: Annotated[float, NUMBER]
+    home_y_m: Annotated[float, NUMBER]
+    home_z_m: Annotated[float, NOT_NEGATIVE]  # height of the robot's base frame when it is set down
+    home_yaw_rad: Annotated[float, NUMBER]
+    waypoints: Annotated[Sequence[Sequence[float]], PAIRS]  # the corners [m]; home is appended
+    acceptance_m: Annotated[float, POSITIVE]  # a waypoint counts within this distance
+    time_limit_s: Annotated[float, POSITIVE]
+    direction: Annotated[str, DIRECTION]  # of the first phase; parity: that of the generation
+    end_on_collision: Annotated[bool, FLAG]
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            home_x_m=NUMBER,
-            home_y_m=NUMBER,
-            home_z_m=NOT_NEGATIVE,
-            home_yaw_rad=NUMBER,
-            acceptance_m=POSITIVE,
-            time_limit_s=POSITIVE,
-            direction=one_of("random", "forward", "backward", "parity"),
-            end_on_collision=FLAG,
-            waypoints=sequence_of((list, tuple), "waypoints [x, y]"),
-        )
         if not self.waypoints:
             raise invalid(self, "waypoints", self.waypoints, "must have at least one waypoint")
         for point in self.waypoints:
@@ -74,3 +68,6 @@ class Course:
         home = (self.home_x_m, self.home_y_m)
         there = self.waypoints if forward else self.waypoints[::-1]
         return np.array([*there, home, *there[::-1], home], dtype=np.float64)
+
+
+A_COURSE = instance_of(Course, "a course (evoros.world.course.Course)")

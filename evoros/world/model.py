@@ -2,16 +2,16 @@
 
 import math
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 
-from evoros.base.checks import TEXT, check, instance_of, invalid, sequence_of
+from evoros.base.checks import TEXT, checked, instance_of, invalid, sequence_of
 from evoros.base.errors import InputError
 from evoros.formats.sdf.writer import write_sdf
 from evoros.geometry.footprint import bottom_height, contains, project_shape, top_height
 from evoros.geometry.shapes import Body
-from evoros.world.course import Course
+from evoros.world.course import A_COURSE, Course
 
 LOW_M = 0.3
 """An obstacle whose underside is higher than this above the ground may stand over a waypoint."""
@@ -26,30 +26,26 @@ class WorldSampler(Protocol):
         ...
 
 
+A_SAMPLER = instance_of(WorldSampler, "what draws worlds (world)")
+
+
 @dataclass(frozen=True)
+@checked
 class World:
     """Bodies and a course among them. Every world has level ground at z = 0.
 
     A world that is renewed is another one under each mission's draws, and itself an example.
     """
 
-    name: str
-    bodies: tuple[Body, ...]
-    course: Course
-    source: str  # the file, as the configuration names it
+    name: Annotated[str, TEXT]
+    bodies: Annotated[tuple[Body, ...], sequence_of(Body, "bodies")]
+    course: Annotated[Course, A_COURSE]
+    source: Annotated[str, TEXT]  # the file, as the configuration names it
     source_sha256: str  # of its content
-    renewal: WorldSampler | None = None  # None: always the same
+    renewal: Annotated[WorldSampler | None, A_SAMPLER] = None  # None: always the same
     note: str = ""  # what its SDF says of it: where it comes from
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            name=TEXT,
-            bodies=sequence_of(Body, "bodies"),
-            course=instance_of(Course, "a course (evoros.world.course.Course)"),
-            source=TEXT,
-            renewal=instance_of(WorldSampler | None, "what draws worlds (world)"),
-        )
         _check_names(self)
         _check_ground(self)
         _check_course(self)

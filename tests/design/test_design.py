@@ -1,7 +1,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from evoros.base.arrays import Array
-from evoros.base.checks import POSITIVE, check, invalid
+from evoros.base.checks import POSITIVE, checked, invalid
 from evoros.base.errors import InputError
 from evoros.base.intervals import pick_index, scale
 from evoros.base.resources import bundled_folder
@@ -304,13 +304,13 @@ def test_what_is_not_in_the_cube_is_refused(bad: list[float]) -> None:
 
 
 @dataclass(frozen=True)
+@checked
 class Avoidance:
-    range_m: float = 2.0
+    range_m: Annotated[float, POSITIVE] = 2.0
     near_m: float = 1.0
     hidden: float = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        check(self, range_m=POSITIVE)
         if self.near_m > self.range_m:
             raise invalid(self, "near_m", self.near_m, "must be at most range_m")
 

@@ -86,10 +86,8 @@ def configured(*overrides: str) -> Failure:
 
 
 def test_every_failure_module_has_a_configuration_of_its_name() -> None:
-    package = ROOT / "evoros" / "failure"
-    assert {path.stem for path in package.glob("*.py")} - {"__init__", "protocol", "timing"} == set(
-        KINDS
-    )
+    modules = {path.stem for path in (ROOT / "evoros" / "failure").glob("*.py")}
+    assert modules - {"__init__", "protocol", "timing"} == set(KINDS)
 
 
 @pytest.fixture(params=KINDS)

@@ -11,12 +11,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import CONTACT, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
-from evoros.base.checks import POSITIVE, TEXT, check, invalid
+from evoros.base.checks import POSITIVE, TEXT, checked, invalid
 from evoros.base.errors import SimulationError
 from evoros.filter.protocol import Channels, FilterRule
 from evoros.robot.model import Robot
@@ -24,17 +25,15 @@ from evoros.world.model import World
 
 
 @dataclass(frozen=True)
+@checked
 class Planar:
     """``fault``: none, raise, exit, hang or fail, in ``fault_limit_s``; with ``mark``, once."""
 
-    time_step: float = 0.05
+    time_step: Annotated[float, POSITIVE] = 0.05
     pause_s: float = 0.0  # wall clock, for each mission
-    fault: str = "none"
+    fault: Annotated[str, TEXT] = "none"
     fault_limit_s: float = 30.0  # time limit of the world in which it happens
     mark: str = ""
-
-    def __post_init__(self) -> None:
-        check(self, time_step=POSITIVE, fault=TEXT)
 
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator["Plane"]:
