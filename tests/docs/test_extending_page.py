@@ -17,8 +17,8 @@ from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
 from evoros.mission.rollout import run_mission
 
-# The part replaces one of these; the fitness, optimizer and executor do not touch a mission.
-FLIGHT = ("robot", "sensor", "filter", "failure", "controller", "simulator")
+MISSION_PARTS = ("robot", "sensor", "filter", "failure", "controller", "simulator")
+"""Groups whose parts act in a mission; fitness, optimizer and executor do not."""
 
 
 def quick(overrides: list[str]) -> Experiment:
@@ -29,7 +29,7 @@ def quick(overrides: list[str]) -> Experiment:
     return build(compose([*added, *overrides, LIMIT], "mine"))
 
 
-def flown(experiment: Experiment) -> tuple[Outcome, Array]:
+def run_once(experiment: Experiment) -> tuple[Outcome, Array]:
     design = experiment.space.decode(np.linspace(0.1, 0.9, experiment.space.size))
     mission = Mission(0, 0, design, "yard", 0, "evaluation", "a key of draws")
     return run_mission(experiment.scenario, mission)
@@ -37,15 +37,17 @@ def flown(experiment: Experiment) -> tuple[Outcome, Array]:
 
 @pytest.fixture(scope="module")
 def baseline(mine: Path) -> Array:
-    return flown(quick([]))[1]
+    return run_once(quick([]))[1]
 
 
 EXAMPLES = commands("extending")
-IN_FLIGHT = [line for line in EXAMPLES if re.match(rf".*mine \+?({'|'.join(FLIGHT)})\b", line)]
+IN_MISSION = [
+    line for line in EXAMPLES if re.match(rf".*mine \+?({'|'.join(MISSION_PARTS)})\b", line)
+]
 
 
-# Those that fly are built there, but in another simulator, whose time step may differ.
-TYPED = [line for line in EXAMPLES if line not in IN_FLIGHT or "controller=" in line]
+# The tests below build the others with another simulator, whose time step may differ.
+TYPED = [line for line in EXAMPLES if line not in IN_MISSION or "controller=" in line]
 
 
 @pytest.mark.parametrize("line", TYPED)
@@ -54,34 +56,34 @@ def test_the_examples_of_parts_build(line: str, mine: Path) -> None:
         build(config)
 
 
-@pytest.mark.parametrize("line", IN_FLIGHT)
-def test_the_examples_of_parts_fly_and_matter(line: str, mine: Path, baseline: Array) -> None:
+@pytest.mark.parametrize("line", IN_MISSION)
+def test_the_examples_of_parts_run_and_matter(line: str, mine: Path, baseline: Array) -> None:
     overrides = options_of(shlex.split(line)[1:]).overrides
     experiment = quick(overrides)
-    outcome, trajectory = flown(experiment)
+    outcome, trajectory = run_once(experiment)
     assert outcome.ended in ("completed", "collision", "time_limit")
-    again = flown(experiment)
-    assert str(again[0]) == str(outcome)  # NaN differs from itself
-    np.testing.assert_array_equal(again[1], trajectory)
+    repeated = run_once(experiment)
+    assert str(repeated[0]) == str(outcome)  # NaN differs from itself
+    np.testing.assert_array_equal(repeated[1], trajectory)
     if overrides != ["simulator=kinematic"]:
         assert not np.array_equal(baseline, trajectory, equal_nan=True)
 
 
 def test_the_example_of_a_robot_drives_in_pybullet(mine: Path) -> None:
     pytest.importorskip("pybullet")
-    outcome, _ = flown(quick(["robot=cart", "simulator=pybullet"]))
+    outcome, _ = run_once(quick(["robot=cart", "simulator=pybullet"]))
     assert outcome.ended == "time_limit"
     assert 1.0 < outcome.distance_m < 2.0  # 0.3 m/s for 5 s
 
 
 def test_the_examples_of_optimizer_executor_and_fitness_run(mine: Path) -> None:
-    here = short_run("here", ["optimizer=hill_climber", "fitness=careful"])
-    there = short_run("there", ["optimizer=hill_climber", "fitness=careful", "executor=standard"])
-    lines = (here.path / "missions.csv").read_text().splitlines()
-    assert sorted(lines) == sorted((there.path / "missions.csv").read_text().splitlines())
-    best = here.generations.groupby("generation").fitness.max()
+    serial = short_run("here", ["optimizer=hill_climber", "fitness=careful"])
+    pooled = short_run("there", ["optimizer=hill_climber", "fitness=careful", "executor=standard"])
+    lines = (serial.path / "missions.csv").read_text().splitlines()
+    assert sorted(lines) == sorted((pooled.path / "missions.csv").read_text().splitlines())
+    best = serial.generations.groupby("generation").fitness.max()
     assert best.is_monotonic_increasing
-    first = here.missions[here.missions.purpose == "selection"].iloc[0]
-    fitness = here.generations.set_index("id").fitness[first.design]
+    first = serial.missions[serial.missions.purpose == "selection"].iloc[0]
+    fitness = serial.generations.set_index("id").fitness[first.design]
     expected = first.progress + 0.5 * first.least_clearance_m
     assert float(np.max(fitness)) == pytest.approx(expected, abs=1e-12)

@@ -36,7 +36,7 @@ class Cma:
     """Stands for the library: asks for uniform draws."""
 
     def __init__(self, start: list[float], sigma: float, options: dict[str, Any]) -> None:
-        self.size, self.rng, self.told = len(start), np.random.default_rng(0), 0
+        self.size, self.rng, self.calls = len(start), np.random.default_rng(0), 0
 
     def ask(self) -> list[Array]:
         return [self.rng.random(self.size) for _ in range(2)]
@@ -44,7 +44,7 @@ class Cma:
     def tell(self, genomes: list[Array], values: list[float]) -> None:
         assert len(genomes) == len(values)
         assert all(value <= 0 for value in values)  # fitness is maximized, cma minimizes
-        self.told += 1
+        self.calls += 1
 
 
 def test_the_examples_in_python_run(
@@ -66,8 +66,8 @@ def test_the_examples_in_python_run(
 
     monkeypatch.setattr(evoros.session.api, "_composed", quicker)
     for block in code("python"):
-        less = block.replace("range(10)", "range(1)").replace("generations=5", "generations=3")
-        exec(less, {"__name__": "__main__"})
+        shorter = block.replace("range(10)", "range(1)").replace("generations=5", "generations=3")
+        exec(shorter, {"__name__": "__main__"})
     assert {"seed=1", "trials=3", "trials=2"} <= set(typed)
-    said = capsys.readouterr().out
-    assert all(word in said for word in ("maze_progress", "validated_fitness", "yard"))
+    printed = capsys.readouterr().out
+    assert all(word in printed for word in ("maze_progress", "validated_fitness", "yard"))

@@ -48,8 +48,8 @@ def test_the_fields_of_manifest_and_status_are_documented_in_order(finished: evo
 
 def test_the_files_of_a_run_are_documented(finished: evoros.Run) -> None:
     names = {name for row in table(text("run_folder"), "file") for name in row[0].split("`, `")}
-    there = {str(path.relative_to(finished.path)) for path in finished.path.rglob("*.*")}
-    numbered = {re.sub(r"\d{5}", "NNNNN", name).replace("_yard", "_WORLD") for name in there}
+    paths = {str(path.relative_to(finished.path)) for path in finished.path.rglob("*.*")}
+    numbered = {re.sub(r"\d{5}", "NNNNN", name).replace("_yard", "_WORLD") for name in paths}
     numbered = {re.sub(r"figures/\w+", "figures/NAME", name) for name in numbered}
     assert numbered == names
 
