@@ -1,1 +1,1 @@
-"""Executors: where missions are computed."""
+"""Executors: where calls of functions, such as missions, run."""

@@ -1,4 +1,4 @@
-"""Worker processes on this machine that survive calls which crash or hang."""
+"""Runs calls in worker processes on this machine, and survives calls that crash or hang."""
 
 import os
 import pickle
@@ -16,10 +16,10 @@ from typing import Annotated, Any
 from evoros.base.checks import POSITIVE, WHOLE, Rule, checked, is_whole
 from evoros.base.errors import InputError, WorkerLost
 from evoros.executor.protocol import Pool
-from evoros.executor.worker_handle import LostError, Worker
+from evoros.executor.worker_handle import NoAnswerError, Worker
 
-# Read by the numeric libraries as they are imported. Not NUMBA_NUM_THREADS: numba would refuse
-# the change in a main process that has already started numba's threads.
+# The numeric libraries read these when they are imported. NUMBA_NUM_THREADS is not among them,
+# because numba refuses to change it in a main process that has already started numba's threads.
 ONE_THREAD = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
@@ -30,84 +30,88 @@ ONE_THREAD = (
 )
 
 
-def _null_or_whole(least: int) -> Rule:
+def _null_or_whole(minimum: int) -> Rule:
     return Rule(
-        f"a whole number of at least {least}, or null",
-        lambda v: v is None or (is_whole(v) and v >= least),
+        f"a whole number of at least {minimum}, or null",
+        lambda v: v is None or (is_whole(v) and v >= minimum),
     )
 
 
 @dataclass(frozen=True)
 @checked
 class Processes:
-    """Calls run in worker processes; one that crashes or hangs costs only itself.
+    """Runs calls in worker processes. A call that crashes or hangs does not affect others.
 
-    A worker is a fresh interpreter (spawn: measured 0.12 s with numpy; a fork server's 0.03 s
-    are not worth a process whose environment and imports are those of an earlier moment). It
-    gets ``sys.path`` as it is when the worker starts, and imports the main script, which
-    therefore needs its ``if __name__ == "__main__"``. Its numeric libraries use one thread,
-    because there are as many workers as cores.
+    A worker is a fresh interpreter. Spawning one takes 0.12 s with numpy; a fork server takes
+    0.03 s, but its processes would have outdated imports and an outdated environment. A worker
+    gets ``sys.path`` as it is when the worker starts. It imports the main script, which must
+    therefore guard its code with ``if __name__ == "__main__"``. Its numeric libraries use one
+    thread, because there are as many workers as cores.
 
     A call that ends its process with exit code 0 is noticed only at the time limit.
 
-    Linux and macOS. ``workers`` of 0 or None becomes the number of cores this process may use.
+    Linux and macOS only. ``workers`` of 0 or None becomes the number of cores that this process
+    may use.
 
     Raises:
         InputError: a value breaks its rule.
     """
 
     workers: Annotated[int, _null_or_whole(0)] = 0
-    time_limit_s: Annotated[float, POSITIVE] = 600.0  # wall clock, for one attempt at one call
+    time_limit_s: Annotated[float, POSITIVE] = 600.0  # wall clock, of one attempt at one call
     retries: Annotated[int, WHOLE] = 1  # further attempts at a call that crashed or hung
-    calls_per_worker: Annotated[int | None, _null_or_whole(1)] = None  # None: no limit
+    calls_per_worker: Annotated[int | None, _null_or_whole(1)] = None
+    """Calls until a fresh process takes over; None: no limit."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "workers", self.workers or available_cores())
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
-        """Start the workers. Leaving waits for no call and kills every worker with its children.
+        """Start the workers. Leaving the context kills every worker with its children.
 
-        Calls that are not finished then raise CancelledError. A worker also dies with the main
-        process, however that ends.
+        Futures that are not finished by then raise CancelledError. The workers also die with the
+        main process, however that ends.
         """
         with _one_thread_each(), _importable_main_script():
-            crew = _Crew(self)
+            pool = _WorkerPool(self)
             try:
-                crew.start()
-                yield crew
+                pool.start()
+                yield pool
             finally:
-                crew.close()
+                pool.close()
 
 
 def available_cores() -> int:
-    """How many cores the system lets this process use."""
-    if sys.platform == "linux":  # others cannot confine a process to some of the cores
+    """The number of cores that the system lets this process use."""
+    if sys.platform == "linux":  # only Linux can confine a process to some of the cores
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 @dataclass(frozen=True, eq=False)
-class _Call:
+class _QueuedCall:
     name: str
     payload: bytes
     future: "Future[Any]" = field(default_factory=Future)
 
 
-class _Crew:
-    """The pool: a queue of calls, and for each worker one thread that serves it."""
+class _WorkerPool:
+    """A queue of calls, and for each worker one thread that serves it."""
 
     def __init__(self, settings: Processes) -> None:
         self._settings = settings
-        self._calls: queue.SimpleQueue[_Call | None] = queue.SimpleQueue()
-        self._closing: Future[None] = Future()  # a future, to be waited for along with an answer
-        self._lock = Lock()  # between the last submit and close
+        self._calls: queue.SimpleQueue[_QueuedCall | None] = queue.SimpleQueue()
+        self._closing: Future[None] = (
+            Future()
+        )  # a future, because threads wait for it and for an answer
+        self._lock = Lock()  # so that no call is submitted after close
         self._threads = [Thread(target=self._serve, daemon=True) for _ in range(settings.workers)]
 
     def start(self) -> None:
-        # Threads and processes inherit the blocked signal: Ctrl-C, which reaches every process
-        # in the terminal, is the main process's alone even while a worker is still importing.
-        # Python's resource tracker comes first, because starting it unblocks the signal.
+        # Ctrl-C reaches every process in the terminal, but only the main process handles it.
+        # Threads and processes inherit the blocked signal, so that a worker ignores it even while
+        # it imports. The resource tracker starts first, because its start unblocks the signal.
         resource_tracker.ensure_running()
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
@@ -117,10 +121,15 @@ class _Crew:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
-        """Call ``function(*args)`` in a worker; InputError where they do not pickle."""
+        """Call ``function(*args)`` in a worker.
+
+        Raises:
+            InputError: the function or an argument does not pickle.
+            RuntimeError: the pool is closed.
+        """
         name = getattr(function, "__qualname__", None) or repr(function)
         try:
-            call = _Call(name, pickle.dumps((function, args)))
+            call = _QueuedCall(name, pickle.dumps((function, args)))
         except Exception as error:  # whatever a user's __reduce__ raises
             raise InputError(
                 f"{name}: cannot be sent to a worker process ({error}); define functions and "
@@ -148,42 +157,45 @@ class _Crew:
     def _serve(self) -> None:
         worker = Worker(self._closing, self._settings.time_limit_s, self._settings.calls_per_worker)
         try:
-            with suppress(OSError, RuntimeError):  # the first call will try again, and tell
+            with suppress(OSError, RuntimeError):  # the first call tries again and reports it
                 worker.start()
             while call := self._calls.get():
                 if call.future.set_running_or_notify_cancel():
-                    self._settle(call, worker)
+                    self._finish(call, worker)
         finally:
             worker.stop()
 
-    def _settle(self, call: _Call, worker: Worker) -> None:
+    def _finish(self, call: _QueuedCall, worker: Worker) -> None:
         try:
-            returned, value = pickle.loads(self._answer(call, worker))
-        except BaseException as error:  # this thread must live on, and the caller must hear
+            returned, value = pickle.loads(self._attempt(call, worker))
+        except BaseException as error:  # for the caller; this thread must go on
             returned, value = False, error
         if returned:
             call.future.set_result(value)
         else:
             call.future.set_exception(value)
 
-    def _answer(self, call: _Call, worker: Worker) -> bytes:
+    def _attempt(self, call: _QueuedCall, worker: Worker) -> bytes:
         """Attempt the call until it is answered, as often as the settings allow."""
         attempts = self._settings.retries + 1
         for _ in range(attempts - 1):
-            with suppress(LostError):
+            with suppress(NoAnswerError):
                 return worker.answer(call.payload)
         try:
             return worker.answer(call.payload)
-        except LostError as lost:
+        except NoAnswerError as error:
             times = "once" if attempts == 1 else f"{attempts} times, the last time"
             raise WorkerLost(
-                f"{call.name}: lost {times} because {lost.what}; {lost.cure}"
-            ) from lost
+                f"{call.name}: lost {times} because {error.reason}; {error.fix}"
+            ) from error
 
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """In the environment, because a worker imports numpy before it runs any code of ours."""
+    """Limit the threads of workers by environment variables.
+
+    A worker imports numpy before it runs any code of evoros.
+    """
     before = {name: os.environ.pop(name, None) for name in ONE_THREAD}
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     try:
@@ -197,7 +209,7 @@ def _one_thread_each() -> Iterator[None]:
 
 @contextmanager
 def _importable_main_script() -> Iterator[None]:
-    """Hide a main script that workers could not import: read from standard input, or deleted."""
+    """Hide a main script that workers cannot import: one from standard input, or a deleted one."""
     main = sys.modules["__main__"]
     file = getattr(main, "__file__", None)
     if file is None or main.__spec__ is not None or os.path.isfile(file):

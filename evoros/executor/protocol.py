@@ -1,4 +1,4 @@
-"""What an executor must offer: a pool of workers."""
+"""The protocols of executors: each opens a pool of workers."""
 
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -7,26 +7,26 @@ from typing import Any, Protocol, runtime_checkable
 
 
 class Pool(Protocol):
-    """A started executor. ``submit`` is that of ``concurrent.futures.Executor``."""
+    """The workers of an open executor; ``submit`` is that of ``concurrent.futures.Executor``."""
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
-        """Call ``function(*args)`` in a worker; both must pickle.
+        """Call ``function(*args)`` in a worker; function and arguments must pickle.
 
-        The future raises what the function raised, or WorkerLost where the call crashed its
-        process or hung, once more often than it may be retried.
+        The future raises the exception of the function, or WorkerLost if the call crashed its
+        process or hung, also when it was retried.
         """
         ...
 
 
 @runtime_checkable
 class Executor(Protocol):
-    """Where missions are computed. No result may depend on it."""
+    """Runs calls in workers. No result may depend on the choice of executor."""
 
     @property
     def workers(self) -> int:
-        """How many calls run at the same time."""
+        """The number of calls that run at the same time."""
         ...
 
     def open(self) -> AbstractContextManager[Pool]:
-        """Start the workers; leaving the context ends every one of them, whatever it does."""
+        """Start the workers. Leaving the context ends all of them, whatever they are doing."""
         ...

@@ -1,4 +1,4 @@
-"""Calls in the main process, for debugging."""
+"""Runs calls in the main process, for debugging."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -11,30 +11,30 @@ from evoros.executor.protocol import Pool
 
 @dataclass(frozen=True)
 class Serial:
-    """Each call runs in the main process, at the moment it is submitted.
+    """Runs each call in the main process, when it is submitted.
 
-    Breakpoints, profilers and tracebacks work as in any function. There is no time limit and no
-    retry: nothing here could end a call that hangs, and one that crashes ends the run.
+    Breakpoints, profilers and tracebacks work as usual. There is no time limit and no retry: a
+    call that hangs goes on forever, and one that crashes the process ends the run.
     """
 
     @property
     def workers(self) -> int:
-        """Always one: the main process."""
+        """One, the main process."""
         return 1
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
-        """Nothing to start, nothing to end."""
-        yield _Here()
+        """Open the pool; there is nothing to start or to end."""
+        yield _MainProcess()
 
 
-class _Here:
+class _MainProcess:
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
-        """The finished future of ``function(*args)``."""
+        """Call ``function(*args)``; returns a finished future."""
         future: Future[Any] = Future()
         future.set_running_or_notify_cancel()
         try:
             future.set_result(function(*args))
-        except Exception as error:  # Ctrl-C and sys.exit act at once, as anywhere in this process
+        except Exception as error:  # Ctrl-C and sys.exit act at once
             future.set_exception(error)
         return future

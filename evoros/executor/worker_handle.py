@@ -1,9 +1,9 @@
-"""One worker process, as the main process holds it.
+"""The main process's handle on one worker process.
 
-Each has a Pebble pool of its own, which is given one call at a time. In a pool that several
-processes share, Pebble (5.2) can blame a crash on the wrong call, or give up the whole pool with
-the calls that wait in it: it did so in 4 of 24 trials in which calls crashed as they began while
-the main process was busy.
+Each worker has a Pebble pool of its own, which gets one call at a time. In a pool with several
+processes, Pebble 5.2 can blame a crash on the wrong call, or give up the whole pool and all calls
+that wait in it. It did so in 4 of 24 trials in which calls crashed at their start while the main
+process was busy.
 """
 
 import os
@@ -15,25 +15,25 @@ from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
 
-from evoros.executor.worker_main import perform, prepare
+from evoros.executor.worker_main import prepare, run_call
 
 START_LIMIT_S = 120.0
-"""A process that is not ready by then is given up: it imports the main script, no more."""
+"""A process that is not ready by then is killed; all it has to do is import the main script."""
 GRACE_S = 10.0
-"""Pebble enforces the limits; an answer that is still missing so much later never comes."""
+"""Pebble enforces the time limits; an answer that is missing this much later never comes."""
 
 
-class LostError(Exception):
+class NoAnswerError(Exception):
     """An attempt at a call got no answer."""
 
-    def __init__(self, what: str, cure: str) -> None:
-        super().__init__(what, cure)
-        self.what = what
-        self.cure = cure
+    def __init__(self, reason: str, fix: str) -> None:
+        super().__init__(reason, fix)
+        self.reason = reason
+        self.fix = fix
 
 
 class _Spawn(SpawnContext):
-    """Spawns as usual, and keeps hold of the newest process, which Pebble does not show."""
+    """Spawns as usual and keeps the newest process, which Pebble does not expose."""
 
     newest: SpawnProcess | None = None
 
@@ -43,7 +43,7 @@ class _Spawn(SpawnContext):
 
 
 class Worker:
-    """A process that is replaced when a call crashed it or hung. Used by one thread."""
+    """A process that is replaced when a call crashes it or hangs. Only one thread uses it."""
 
     def __init__(
         self, closing: "Future[None]", time_limit_s: float, calls_per_process: int | None
@@ -54,13 +54,13 @@ class Worker:
         self._answered = 0
         self._spawn = _Spawn()
         self._pool: Any = None
-        self._leader: Future[int] | None = None  # the id of the process, once it is prepared
+        self._leader: Future[int] | None = None  # its process id, once the process is ready
 
     def start(self) -> None:
         """Start a process without waiting for it.
 
         Raises:
-            OSError, RuntimeError: the system or Pebble could not.
+            OSError, RuntimeError: the system or Pebble cannot start one.
         """
         self._answered = 0
         if self._pool is None or not self._pool.active:
@@ -69,10 +69,10 @@ class Worker:
         self._leader = self._pool.schedule(prepare, timeout=START_LIMIT_S)
 
     def answer(self, payload: bytes) -> bytes:
-        """What ``inside.perform`` answers to the pickled call.
+        """Send the pickled call to the process; returns the answer of ``worker_main.run_call``.
 
         Raises:
-            LostError: the process crashed or hung.
+            NoAnswerError: the process crashed or hung.
             CancelledError: the pool is being closed.
         """
         if self._answered == self._calls_per_process:
@@ -80,20 +80,20 @@ class Worker:
         try:
             self._await_start()
             answer = self._attempt(payload)
-        except LostError:
+        except NoAnswerError:
             self._kill_group()  # Pebble has replaced the process, or its pool is broken
             raise
         self._answered += 1
         return answer
 
     def stop(self) -> None:
-        """Kill the process, and those that it has started."""
+        """Kill the process and its children."""
         if self._pool is None:
             return
         self._pool.stop()
         self._kill_group()
         if self._spawn.newest is not None and self._spawn.newest.pid is not None:
-            # It may still be starting, and would complain of the locks that join() takes away.
+            # A process that is still starting would complain that join() takes its locks away.
             self._spawn.newest.kill()
             self._spawn.newest.join()
         self._pool.join()
@@ -101,7 +101,7 @@ class Worker:
 
     def _kill_group(self) -> None:
         if self._leader is not None and self._leader.done() and not self._leader.exception():
-            with suppress(ProcessLookupError, PermissionError):  # nobody is left of the group
+            with suppress(ProcessLookupError, PermissionError):  # the group is empty
                 os.killpg(self._leader.result(), signal.SIGKILL)
         self._leader = None
 
@@ -113,26 +113,26 @@ class Worker:
             self._result(self._leader, START_LIMIT_S)
         except (OSError, RuntimeError) as error:
             self.stop()
-            raise LostError(
+            raise NoAnswerError(
                 "its worker process ended or hung as it started",
-                "read what that process printed; a script that runs evoros must do so under "
+                "read what that process printed; a script must run evoros under "
                 "if __name__ == '__main__'",
             ) from error
 
     def _attempt(self, payload: bytes) -> bytes:
         limit = self._time_limit_s
         try:
-            attempt = self._pool.schedule(perform, (payload,), timeout=limit)
+            attempt = self._pool.schedule(run_call, (payload,), timeout=limit)
             answer: bytes = self._result(attempt, limit)
             return answer
         except TimeoutError as error:
-            raise LostError(
+            raise NoAnswerError(
                 f"it ran longer than executor.time_limit_s = {limit:g} s",
-                "raise that limit, or look where it hangs with executor=serial",
+                "raise that limit, or use executor=serial to find where it hangs",
             ) from error
         except ProcessExpired as error:
             raise _crash(error.exitcode) from error
-        except RuntimeError as error:  # Pebble's pool broke, before it replaced the process
+        except RuntimeError as error:  # Pebble's pool broke before it replaced the process
             newest = self._spawn.newest
             raise _crash(newest.exitcode if newest is not None else None) from error
 
@@ -143,11 +143,11 @@ class Worker:
         return attempt.result(timeout=0)
 
 
-def _crash(code: int | None) -> LostError:
+def _crash(code: int | None) -> NoAnswerError:
     how = "" if code is None else f" with exit code {code}"
     if code is not None and code < 0:
         how = f" by signal {-code} ({signal.strsignal(-code)})"
-    return LostError(
+    return NoAnswerError(
         f"its worker process ended{how}",
         "read what that process printed, take fewer executor.workers if memory ran out, or "
         "debug it with executor=serial",

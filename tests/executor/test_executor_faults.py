@@ -1,0 +1,122 @@
+"""Worker processes under real faults: calls that crash, hang, raise or do not pickle."""
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from executor_calls import (
+    HomeOnly,
+    ParticularError,
+    alive,
+    children,
+    die,
+    die_at_first,
+    fail,
+    hang_in_c,
+    make_unpicklable,
+    noted,
+    process_id,
+    segfault,
+    sleep_long,
+    square,
+)
+
+from evoros.base.errors import EvorosError, InputError, WorkerLost
+from evoros.executor.processes import Processes
+from evoros.executor.protocol import Pool
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[Pool]:
+    with Processes(workers=2, retries=1, time_limit_s=60).open() as pool:
+        yield pool
+
+
+@pytest.fixture
+def no_process_left() -> Iterator[None]:
+    before = set(children())  # the workers of ``pool``
+    yield
+    assert set(children()) <= before
+
+
+@pytest.fixture
+def tally(tmp_path: Path) -> str:
+    return str(tmp_path / "tally")
+
+
+FAULTS: dict[str, tuple[Callable[..., Any], tuple[object, ...], str]] = {
+    "killed": (die, (-signal.SIGKILL,), "signal 9"),
+    "aborted": (die, (-signal.SIGABRT,), "signal 6"),
+    "exits": (die, (3,), "exit code 3"),
+    "segfault": (segfault, (), "signal 11"),
+    "sleeps": (sleep_long, (), "time_limit_s = 2 s"),
+    "hangs in C": (hang_in_c, (), "time_limit_s = 2 s"),
+}
+
+
+@pytest.mark.usefixtures("no_process_left")
+@pytest.mark.parametrize("workers", [1, 3])
+def test_faults_cost_only_the_calls_that_have_them(tmp_path: Path, workers: int) -> None:
+    retries = int(workers > 1)
+    with Processes(workers=workers, time_limit_s=2, retries=retries).open() as pool:
+        healthy, faulty = [], {}
+        for number, (name, (function, arguments, _)) in enumerate(FAULTS.items()):
+            healthy.append(pool.submit(square, number))
+            faulty[name] = pool.submit(function, str(tmp_path / name), *arguments)
+        healthy.append(pool.submit(square, len(FAULTS)))
+        assert [future.result(60) for future in healthy] == [n * n for n in range(len(FAULTS) + 1)]
+        for name, future in faulty.items():
+            with pytest.raises(WorkerLost) as loss:
+                future.result(60)
+            text = str(loss.value)
+            assert "\n" not in text
+            assert FAULTS[name][0].__name__ in text
+            assert FAULTS[name][2] in text
+            attempts = noted(tmp_path / name)
+            assert len(attempts) == retries + 1
+            assert not any(alive(pid) for pid in attempts)
+
+
+def test_a_call_that_crashes_once_succeeds_at_its_second_attempt(pool: Pool, tally: str) -> None:
+    assert pool.submit(die_at_first, tally).result(60) == "survived"
+    assert len(set(noted(tally))) == 2
+
+
+def test_a_worker_that_is_killed_while_idle_costs_no_call() -> None:
+    with Processes(workers=1, retries=1).open() as pool:
+        first = pool.submit(process_id).result(60)
+        os.kill(first, signal.SIGKILL)
+        time.sleep(0.3)  # longer than Pebble takes to see it
+        assert pool.submit(process_id).result(60) != first
+
+
+@pytest.mark.parametrize("error", [ValueError, TimeoutError, RuntimeError, WorkerLost, InputError])
+def test_an_exception_is_passed_on_unchanged_and_not_repeated(
+    pool: Pool, tally: str, error: type[Exception]
+) -> None:
+    # TimeoutError and RuntimeError are also what Pebble raises about its own processes.
+    with pytest.raises(error) as raised:
+        pool.submit(fail, tally, error).result(60)
+    assert type(raised.value) is error
+    assert raised.value.args == ("as it is", 7)
+    assert "in fail" in "".join(raised.value.__notes__)  # the traceback from the worker
+    assert len(noted(tally)) == 1
+
+
+def test_what_cannot_be_pickled_is_an_error_of_its_own_call_only(pool: Pool, tally: str) -> None:
+    with pytest.raises(InputError, match="cannot be sent"):
+        pool.submit(lambda: None)
+    with pytest.raises(EvorosError, match="ParticularError: as it is; this cannot be sent back"):
+        pool.submit(fail, tally, ParticularError).result(60)
+    with pytest.raises(EvorosError, match=r"function: .*cannot be sent back"):
+        pool.submit(make_unpicklable).result(60)
+    with pytest.raises(AttributeError, match="NoSuchClass"):
+        pool.submit(repr, HomeOnly()).result(60)
+    assert pool.submit(square, 3).result(60) == 9
