@@ -1,4 +1,4 @@
-"""Reads the documents, which the tests hold against the code."""
+"""Reads the documents, which tests compare with the code."""
 
 import re
 from collections.abc import Mapping
@@ -30,8 +30,8 @@ def table(content: str, first: str) -> list[list[str]]:
 
 def files(name: str) -> dict[str, str]:
     """The files that a document spells out: a line with a path, then a block of code."""
-    found = re.findall(r"^`(mine/[\w./]+)`:\n\n```\w+\n(.*?)^```$", text(name), re.M | re.S)
-    return dict(found)
+    blocks = re.findall(r"^`(mine/[\w./]+)`:\n\n```\w+\n(.*?)^```$", text(name), re.M | re.S)
+    return dict(blocks)
 
 
 def write(contents: Mapping[str, str], folder: Path) -> None:

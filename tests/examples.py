@@ -1,4 +1,4 @@
-"""Runs the examples of the documents: what they type is composed, and short runs are made."""
+"""Composes the commands of the documents, and makes short runs with their examples."""
 
 import shlex
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ SMALL = [
     "figures=[]",
 ]
 LIMIT = "world.yard.course.time_limit_s=5"
-"""The worlds of docs/extending.md are crossed for a few seconds only."""
+"""Ends the missions in the world of docs/extending.md after a few seconds."""
 
 
 def composed(line: str, *more: str) -> Iterator[DictConfig]:

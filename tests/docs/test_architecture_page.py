@@ -46,7 +46,7 @@ def importers(library: str) -> set[str]:
     return {
         name
         for name, path in modules().items()
-        if library in {each.partition(".")[0] for each in imported(path)}
+        if library in {module.partition(".")[0] for module in imported(path)}
     }
 
 
@@ -87,15 +87,15 @@ def test_the_picture_shows_the_table() -> None:
 def test_libraries_are_imported_only_where_the_document_says() -> None:
     for library, places in table(text("architecture"), "library"):
         allowed = re.findall(r"[\w./]+", places)
-        found = importers(library)
-        for name in found:
+        names = importers(library)
+        for name in names:
             assert any(name.startswith(place) for place in allowed), name
         for place in allowed:
-            assert any(name.startswith(place) for name in found), (library, place)
+            assert any(name.startswith(place) for name in names), (library, place)
 
 
 def test_every_library_is_in_the_table() -> None:
-    names = {each.partition(".")[0] for path in modules().values() for each in imported(path)}
+    names = {name.partition(".")[0] for path in modules().values() for name in imported(path)}
     libraries = names - sys.stdlib_module_names - {*PACKAGES, "numpy"}
     assert libraries == {row[0] for row in table(text("architecture"), "library")}
 
@@ -106,6 +106,6 @@ def test_figures_are_drawn_by_one_module_of_the_session() -> None:
         name
         for name, path in modules().items()
         if name.startswith("evoros/")
-        and any(each.startswith(("evoros.analysis", "analysis")) for each in imported(path))
+        and any(module.startswith(("evoros.analysis", "analysis")) for module in imported(path))
     }
     assert drawing == {"evoros/session/figures.py"}

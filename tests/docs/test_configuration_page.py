@@ -53,8 +53,8 @@ def chosen(defaults: list[Any]) -> Iterator[tuple[str, Any]]:
 def keys(path: Path) -> dict[str, Any]:
     """Every key that a file sets, with its value; the user's names of regions are one."""
     content = yaml.safe_load(path.read_text())
-    found = dict(chosen(content.get("defaults", []))) | dict(leaves(content))
-    return {re.sub(r"^regions\.\w+", "regions.NAME", key): found[key] for key in found}
+    values = dict(chosen(content.get("defaults", []))) | dict(leaves(content))
+    return {re.sub(r"^regions\.\w+", "regions.NAME", key): values[key] for key in values}
 
 
 CHOICES = sorted(str(path.relative_to(CONF).with_suffix("")) for path in CONF.rglob("*.yaml"))
@@ -101,8 +101,8 @@ def test_the_commands_compose_and_build(
     if "resume=" in line:
         overrides = options_of(shlex.split(line)[1:]).overrides
         allowed = ("resume", "executor", "executor.workers", "optimizer.generations")
-        assert all(each.partition("=")[0] in allowed for each in overrides)
+        assert all(override.partition("=")[0] in allowed for override in overrides)
     else:
-        every = list(islice(composed(line), 3))
-        for config in (every[0], every[-1])[: len(every)]:
+        configs = list(islice(composed(line), 3))
+        for config in (configs[0], configs[-1])[: len(configs)]:
             build(config)

@@ -24,8 +24,8 @@ MISSION_PARTS = ("robot", "sensor", "filter", "failure", "controller", "simulato
 def quick(overrides: list[str]) -> Experiment:
     """The experiment in the example's simulator and world, unless they are chosen."""
     named = {word.split("=")[0] for word in overrides}
-    rest = {"simulator": "kinematic", "world": "yard", "executor": "serial"}
-    added = [f"{group}={choice}" for group, choice in rest.items() if group not in named]
+    defaults = {"simulator": "kinematic", "world": "yard", "executor": "serial"}
+    added = [f"{group}={choice}" for group, choice in defaults.items() if group not in named]
     return build(compose([*added, *overrides, LIMIT], "mine"))
 
 

@@ -61,8 +61,8 @@ def test_the_examples_in_python_run(
         # The link and the worlds of the document stay: only what costs time is replaced.
         worlds = [f"world.{name}.course.time_limit_s=0.1" for name in ("boxes", "maze", "blocks")]
         small = [] if "experiment=quickstart" not in overrides else SMALL
-        rest = ["simulator=kinematic", "executor=serial", "figures=[]", *worlds, *small]
-        return compose([*overrides, *rest], "mine")
+        fast = ["simulator=kinematic", "executor=serial", "figures=[]", *worlds, *small]
+        return compose([*overrides, *fast], "mine")
 
     monkeypatch.setattr(evoros.session.api, "_composed", quicker)
     for block in code("python"):

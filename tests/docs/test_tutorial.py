@@ -1,4 +1,4 @@
-"""The tutorial's commands run as they are written, but for the size of the study."""
+"""The tutorial's commands run as they are written, except for the size of the study."""
 
 import re
 import shlex
@@ -39,11 +39,11 @@ def lines() -> list[list[str]]:
 
 
 def smaller(words: list[str]) -> list[str]:
-    """The arguments; of what is typed for a key, the last counts."""
+    """The arguments, with those of the smaller study in place of the same keys."""
     name, *arguments = words
-    more = CLIP if arguments[0] == "replay" else SMALL.get(name, [])
-    keys = {each.partition("=")[0] for each in more if "=" in each}
-    return [*(each for each in arguments if each.partition("=")[0] not in keys), *more]
+    added = CLIP if arguments[0] == "replay" else SMALL.get(name, [])
+    keys = {word.partition("=")[0] for word in added if "=" in word}
+    return [*(word for word in arguments if word.partition("=")[0] not in keys), *added]
 
 
 def test_every_command_runs_in_order_and_leaves_what_the_next_needs(
