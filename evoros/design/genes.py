@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Annotated, Any, TypeVar
 
-from evoros.base.checks import FLAG, NAME, NUMBER, TEXT, checked, invalid, is_number, is_whole
+from evoros.base.checks import FLAG, NUMBER, TEXT, checked, invalid, is_number, is_whole
 from evoros.base.errors import InputError
 from evoros.base.intervals import pick_index, scale
 
@@ -118,13 +118,8 @@ def check_genes(genes: Mapping[str, Gene], parts: Mapping[str, object]) -> None:
     ``parts`` are named as the keys begin: ``{"controller": ..., "robot": ..., "design": ...}``.
 
     Raises:
-        InputError: a name is not plain, a key leads nowhere, or a part refuses a combination.
+        InputError: a key leads nowhere, or a part refuses a combination.
     """
-    for name in genes:
-        if not NAME.holds(name):
-            raise InputError(
-                f"design.genes: each name must be {NAME.text}, not {name!r}; rename it"
-            )
     for corner in corners(len(genes)):
         values = dict(zip(genes, corner, strict=True))
         try:

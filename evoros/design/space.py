@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.checks import FLAG, TEXT, Rule, checked, invalid, mapping_of
+from evoros.base.checks import FLAG, NAME, TEXT, Rule, checked, invalid, mapping_of
 from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, bounds, pick_index, scale
 from evoros.design.design import Design
@@ -57,7 +57,7 @@ class SensorDesign:
                 raise invalid(self, "genes", key, "must not evolve one key twice", "remove one")
 
     def _check_names(self) -> None:
-        for part in ("sensors", "regions", "genes"):
+        for part in ("sensors", "regions"):
             for name in getattr(self, part):
                 if not TEXT.holds(name):
                     raise invalid(self, part, name, f"each name must be {TEXT.text}")
@@ -66,6 +66,8 @@ class SensorDesign:
                 cure = "give at least one, or set number to 0"
                 raise invalid(self, part, {}, "must not be empty where sensors are placed", cure)
         for name in self.genes:
+            if not NAME.holds(name):  # a column of the table of a generation
+                raise invalid(self, "genes", name, f"each name must be {NAME.text}", "rename it")
             if re.match(r"number$|sensor\d+_", name):
                 cure = "choose another name"
                 raise invalid(self, "genes", name, "names of sensor columns are taken", cure)

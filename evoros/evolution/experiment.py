@@ -2,33 +2,23 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Annotated
 
-import numpy as np
-
-from evoros.base.arrays import POSE_SIZE
 from evoros.base.checks import COUNT, NAME, WHOLE, checked, instance_of, one_of
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER
 from evoros.base.rng import generator
 from evoros.controller.protocol import Controller
-from evoros.design.design import Design
-from evoros.design.genes import check_genes
 from evoros.design.space import DesignSpace, SensorDesign
 from evoros.evolution.confirmation import A_CONFIRMATION, Confirmation
 from evoros.executor.protocol import Executor
 from evoros.failure.protocol import Failure
 from evoros.fitness.protocol import Fitness
-from evoros.mission.compiled_loop import explain_interpreted, prepare
-from evoros.mission.loop import LayerStage, LoopInputs, loop_inputs
-from evoros.mission.pipeline import localization_chain, sensor_chain, sensor_channels
 from evoros.mission.plan import CONFIRMATION, POLICIES, STOP, VALIDATION, WORST, Plan
 from evoros.mission.scenario import Scenario
 from evoros.optimizer.protocol import Optimizer, Search
 from evoros.robot.model import Robot
-from evoros.session.figures import DRAWABLE
-from evoros.simulator.protocol import RuleSimulation, RuleSimulator, Simulator
+from evoros.simulator.protocol import Simulator
 from evoros.world.course import A_COURSE, Course
 from evoros.world.model import World
 
@@ -58,56 +48,16 @@ class Experiment:
     draws: Annotated[str, one_of(*POLICIES)] = "generation"  # where missions share random draws
     lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # if a mission crashes or hangs
     confirmation: Annotated[Confirmation | None, A_CONFIRMATION] = None  # in another simulator
-    figures: Annotated[Sequence[str], DRAWABLE] = ()  # subcommands of evoros-analyze, at the end
+    figures: Sequence[str] = ()  # subcommands of evoros-analyze, at the end
     course: Annotated[Course | None, A_COURSE] = None  # the worlds' courses may refer to its values
 
     def __post_init__(self) -> None:
-        parts = {"robot": self.robot, "controller": self.controller, "design": self.design}
-        check_genes(self.scenario.design.genes, parts)
+        _ = self.confirming  # checks that the parts fit together
         for name in self.world:
             if not NAME.holds(name):
                 raise InputError(
                     f"world: the key of each world must be {NAME.text}, not {name!r}; rename it"
                 )
-        _ = self.confirming
-        self._try_out()
-
-    def _try_out(self) -> None:
-        """All that a mission needs before its engine, once: a run must not break in its middle.
-
-        The design lies in the middle of the search space, with a sensor of each type.
-        """
-        rng = partial(generator, "try out")
-        _ = self.optimizer.start(self.space, rng("optimizer"))
-        middle = self.space.decode(np.full(self.space.size, 0.5))
-        places = middle.mounts[:1]  # none where no sensors are placed
-        mounts = tuple(replace(at, sensor=name) for at in places for name in self.design.sensors)
-        scenario = self.scenario.with_design(Design(mounts, middle.values))
-        faults = self.failure.draw(sensor_channels(scenario.robot), rng("failure"))
-        values, tick = np.zeros(len(mounts)), self.simulator.time_step
-        filters = sensor_chain(scenario.robot, faults, values, values, tick, rng)
-        controller, pose = scenario.controller, np.zeros(POSE_SIZE)
-        localization = localization_chain(controller.localization, pose, controller.period_s, rng)
-        try:
-            with controller.open(scenario.robot, rng) as layers:
-                steps = [LayerStage(layer.rule, layer.parameters, layer.memory) for layer in layers]
-        except InputError as error:
-            raise InputError(f"controller: {error}") from None
-        simulators = (self.scenario.simulator, self.confirming.simulator)
-        made = dict.fromkeys(each.rules for each in simulators if isinstance(each, RuleSimulator))
-        for rules in made:
-            simulation = RuleSimulation(rules, np.zeros(0), np.zeros(0))
-            self._compile(loop_inputs(simulation, filters, localization, steps))
-
-    def _compile(self, parts: LoopInputs) -> None:
-        """Here and once, so that the workers find everything on disk; what cannot be is said."""
-        prepare(parts)
-        fewer = len(parts.filters)  # designs without sensors of some type, or without faults
-        while fewer:
-            fewer //= 2
-            prepare(parts._replace(filters=parts.filters[:fewer]))
-        for line in explain_interpreted(parts):
-            LOGGER.warning("%s; missions are flown step by step, several times slower", line)
 
     @cached_property
     def scenario(self) -> Scenario:

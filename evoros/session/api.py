@@ -94,6 +94,7 @@ class Evaluator:
 
     def __init__(self, config: Configuration) -> None:
         self.experiment: Experiment = configuration.build(_composed(config))
+        session.check_experiment(self.experiment)
         self._stack = ExitStack()
         self._pool: Pool | None = None
 

@@ -29,7 +29,7 @@ from evoros.session.given_designs import (
     to_files,
 )
 from evoros.session.resume import rebuild
-from evoros.session.run import Opener, own_pool
+from evoros.session.run import Opener, check_experiment, own_pool
 from evoros.session.status import RUNNING, Display, Tally, recording
 from evoros.storage.figure_context import SETTING, describe_experiment
 from evoros.storage.manifest import manifest
@@ -102,6 +102,7 @@ def create_evaluation(config: DictConfig, folder: Path) -> Evaluation:
         sources = _sources(config)
         rest = OmegaConf.masked_copy(config, [str(key) for key in config if key != "designs"])
         experiment = configuration.build(rest)
+        check_experiment(experiment)
         given = read_given(sources, experiment.scenario)
         content, files = configuration.to_text(rest), to_files(given)
         values = configuration.to_values(rest)
@@ -128,6 +129,7 @@ def open_evaluation(
     with remembering() as said:
         files = (DESIGN_FILE, GENE_FILE)
         experiment, _ = rebuild(folder, overrides, config_dir, COMMAND, files)
+        check_experiment(experiment)
         given = read_kept(folder, experiment.scenario)
     return Evaluation(experiment, given, folder, said)
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from evoros.analysis.subcommands import SUBCOMMANDS
 from evoros.base.checks import Rule
+from evoros.base.errors import InputError
 from evoros.base.log import LOGGER, detached, remembering
 from evoros.executor.protocol import Pool
 
@@ -26,6 +27,16 @@ def _drawable(value: Any) -> bool:
 DRAWABLE = Rule(
     f"a list of subcommands of evoros-analyze, each once ({', '.join(SUBCOMMANDS)})", _drawable
 )
+
+
+def check_figures(names: Sequence[str]) -> None:
+    """Refuse a value of the key ``figures`` before the run starts.
+
+    Raises:
+        InputError: a name is no subcommand of evoros-analyze, or is there twice.
+    """
+    if not DRAWABLE.holds(names):
+        raise InputError(f"figures: must be {DRAWABLE.text}, not {names!r}; set it to such a value")
 
 
 def draw_figures(run: Path, names: Sequence[str], pool: Pool) -> None:

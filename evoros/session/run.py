@@ -16,8 +16,9 @@ from evoros.config import compose as configuration
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation
 from evoros.evolution.loop import evolve
+from evoros.evolution.preflight import preflight
 from evoros.executor.protocol import Executor, Pool
-from evoros.session.figures import discard_figures, draw_figures
+from evoros.session.figures import check_figures, discard_figures, draw_figures
 from evoros.session.resume import rebuild
 from evoros.session.status import FINISHED, Display, Recorder, Tally, recording
 from evoros.storage.figure_context import describe_experiment
@@ -92,6 +93,16 @@ class Session:
         return last
 
 
+def check_experiment(experiment: Experiment) -> None:
+    """Refuse bad input before a run or an evaluation writes anything.
+
+    Raises:
+        InputError: the experiment would stop in its middle, or its figures cannot be drawn.
+    """
+    check_figures(experiment.figures)
+    preflight(experiment)
+
+
 def create_run(config: DictConfig, folder: Path) -> Session:
     """The configured run, in a new folder.
 
@@ -101,6 +112,7 @@ def create_run(config: DictConfig, folder: Path) -> Session:
     require_unused(folder)  # before anything is built, which may take seconds
     with remembering() as said:
         experiment = configuration.build(config)
+        check_experiment(experiment)
         content = configuration.to_text(config)
         described = manifest(experiment, content, configuration.to_values(config))
     record = RunFolder.create(folder, content, described, describe_experiment(experiment))
@@ -131,6 +143,7 @@ def open_run(
     """
     with remembering() as said:
         experiment, asked = rebuild(folder, overrides, config_dir)
+        check_experiment(experiment)
     record = RunFolder(folder)
     reached = record.read_status().get("generations")
     known = reached if isinstance(reached, int) else experiment.optimizer.generations

@@ -15,9 +15,7 @@ from evoros.design.design import Design
 from evoros.evolution.confirmation import Confirmation
 from evoros.evolution.experiment import Experiment
 from evoros.fitness.scoring import fitness_of
-from evoros.mission.loop import LoopInputs
 from evoros.mission.plan import POLICIES, Plan
-from evoros.simulator.planar import Planar
 from evoros.simulator.pybullet import PyBullet
 from evoros.storage.run_folder import RunFolder
 
@@ -316,20 +314,3 @@ def test_any_simulator_confirms(tmp_path: Path) -> None:
     experiment = build(config)
     assert experiment.confirmation
     assert experiment.confirmation.simulator == experiment.simulator
-
-
-@pytest.mark.parametrize(
-    ("run", "confirming", "compiled"),
-    [("pybullet", "pybullet", 0), ("pybullet", "planar", 1), ("planar", "planar", 1)],
-)
-def test_the_rules_of_both_simulators_are_compiled_once_before_the_run(
-    run: str, confirming: str, compiled: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    met: list[LoopInputs] = []
-    monkeypatch.setattr("evoros.evolution.experiment.best", met.append)
-    monkeypatch.setattr("evoros.evolution.experiment.interpreted", lambda parts: [])
-    chosen = [f"simulator={run}", f"simulator@confirmation.simulator={confirming}"]
-    build(compose(["confirmation=pybullet", *chosen]))
-    longest = max((len(parts.filters) for parts in met), default=0)
-    whole = [tuple(parts[:3]) for parts in met if len(parts.filters) == longest]
-    assert whole == [tuple(Planar().rules)] * compiled

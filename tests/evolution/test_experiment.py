@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import USER_PARTS, content, resume, tiny
 
-from evoros.base.console import DONE, INPUT
+from evoros.base.console import DONE
 from evoros.base.errors import InputError
 from evoros.cli.run import evoros
 from evoros.config.compose import build, compose
@@ -162,26 +162,6 @@ def test_groups_of_parts_combine(failure: str, controller: str) -> None:
     assert differs.distance_m != flown.distance_m
 
 
-NEAR_AND_FAR = [
-    "+design.genes.near={_target_: evoros.design.genes.Gene, "
-    "key: design.sensors.sonar.range_min_m, low: 0.06, high: 2}",
-    "+design.genes.far={_target_: evoros.design.genes.Gene, "
-    "key: design.sensors.sonar.range_max_m, low: %s, high: 4.5}",
-]
-
-
-def test_genes_that_do_not_fit_together_are_refused_before_the_run(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    near, far = NEAR_AND_FAR
-    assert tiny(tmp_path / "run", near, far % 1) == INPUT
-    err = capsys.readouterr().err
-    assert "design.genes, near at high, far at low: " in err
-    assert err.count("\n") == 1
-    assert not (tmp_path / "run").exists()
-    assert tiny(tmp_path / "run", near, far % 2.5, "optimizer.generations=1") == DONE
-
-
 @pytest.mark.parametrize("count", [0, 1, 3, FEW, FEW + 1])
 def test_the_corners_have_each_gene_at_both_ends_beside_all_others(count: int) -> None:
     found = set(corners(count))
@@ -216,7 +196,10 @@ def test_evolved_values_that_a_part_refuses_are_the_worst_and_not_the_end(
 
 def test_evolved_values_that_a_part_refuses_only_when_it_starts(tmp_path: Path) -> None:
     """The avoidance needs sensors that see as far as it looks, which is known in a mission only."""
-    far = NEAR_AND_FAR[1] % 1
+    far = (
+        "+design.genes.far={_target_: evoros.design.genes.Gene, "
+        "key: design.sensors.sonar.range_max_m, low: 1, high: 4.5}"
+    )
     assert tiny(tmp_path / "run", far, "optimizer.population_size=8") == DONE
     missions, table = load_run(tmp_path / "run").missions, load_run(tmp_path / "run").generations
     values = table.drop_duplicates("id").set_index("id")
@@ -224,25 +207,6 @@ def test_evolved_values_that_a_part_refuses_only_when_it_starts(tmp_path: Path) 
     assert set(refused) == {True, False}
     looks = build(compose(["experiment=tiny"], USER_PARTS)).controller.avoidance.range_m  # type: ignore[attr-defined]
     assert (refused == (values.loc[missions["design"], "far"].to_numpy() < looks)).all()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["design.number=0"], "evolve"),
-        (["+filter@design.sensors.sonar.filters.x=pose_noise"], "PoseNoise: "),
-        (["filter@failure.effect=pose_noise"], "PoseNoise: "),
-        (["design.sensors.sonar.range_max_m=1.5"], "controller: WeightedVoting.range_m: "),
-    ],
-)
-def test_what_would_break_inside_a_run_is_refused_before_it(
-    arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert tiny(tmp_path / "run", *arguments) == INPUT
-    err = capsys.readouterr().err
-    assert said in err
-    assert err.count("\n") == 1
-    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize("name", ["a/b", "", "a b", "ü", "..", "a;b", "a,b", 'a"b', 7, None])
