@@ -90,14 +90,14 @@ def _wheels(robot: Urdf, time: Array, twist: Array) -> Iterator[tuple[str, Array
     """
     steps = np.diff(time, prepend=time[0])
     for name, joint in robot.joints.items():
-        axis = robot.axis(joint)
+        axis = robot.axis_of(joint)
         if joint.type != "continuous" or abs(axis[2]) > 0.1:
             continue
         x, y, radius = robot.poses[joint.child].position
         ahead, aside = twist[0] - twist[2] * y, twist[1] + twist[2] * x
         speed = ahead
-        for above in robot.above(joint.parent):
-            upright = float(robot.axis(above)[2])
+        for above in robot.joints_above(joint.parent):
+            upright = float(robot.axis_of(above)[2])
             if above.type != "fixed" and abs(upright) > 0.9:
                 angle = _direction(ahead, aside)
                 yield (

@@ -145,7 +145,7 @@ def eyes(robot: Urdf, setting: FigureContext, count: int, near_m: float | None) 
                 frame = _matrix(_levelled(robot.poses[link], half))
                 found.append(Eye(link, frame, half, beam.range_max_m, near))
     if len(found) != count:
-        raise robot.fault(
+        raise robot.error(
             f"must have a link for each of the {count} sensors of the trajectory, and has "
             f"{len(found)}",
             "take the description of the robot that flew the mission",

@@ -112,7 +112,7 @@ class AckermannDescription:
         if abs(kingpin_x - front_x) > TOLERANCE_M or front_x <= rear_x:
             found = f"not at x = {front_x:g} m with the axes at {kingpin_x:g} and the rear wheels "
             rule = "front wheels must be on their steering axes, ahead of the rear wheels"
-            raise urdf.fault(f"{rule}, {found}at {rear_x:g} m", "correct the joints' <origin>")
+            raise urdf.error(f"{rule}, {found}at {rear_x:g} m", "correct the joints' <origin>")
         return Ackermann(
             steering_joints=tuple(self.steering_joints),
             wheel_joints=names,
@@ -132,11 +132,11 @@ class AckermannDescription:
         joints = [driven_joint(urdf, name, "revolute", UP) for name in self.steering_joints]
         for joint, name in zip(joints, self.front_wheel_joints, strict=True):
             link = urdf.joints[name].child
-            if joint.name not in [above.name for above in urdf.above(link)]:
+            if joint.name not in [above.name for above in urdf.joints_above(link)]:
                 rule = f"joint {name!r} must be steered by {joint.name!r}"
-                raise urdf.fault(rule, "swap the names or correct its <parent>")
+                raise urdf.error(rule, "swap the names or correct its <parent>")
         places = [np.array(urdf.poses[joint.child].position) for joint in joints]
         stop = min(min(joint.upper, -joint.lower) for joint in joints)
         if stop <= 0:
-            raise urdf.fault("steering joints must turn to both sides", "widen their <limit>")
+            raise urdf.error("steering joints must turn to both sides", "widen their <limit>")
         return (*axle(urdf, self.steering_joints, places), stop)

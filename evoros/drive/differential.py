@@ -93,7 +93,7 @@ class DifferentialDescription:
         wheels = {urdf.joints[name].child for name in self.wheel_joints}
         for link in self.caster_links:
             if link in wheels:
-                raise urdf.fault(f"caster {link!r} must not be a driven wheel", "name another link")
+                raise urdf.error(f"caster {link!r} must not be a driven wheel", "name another link")
             _check_caster(urdf, link)
         return Differential(
             wheel_joints=tuple(self.wheel_joints),
@@ -111,13 +111,13 @@ def _check_caster(urdf: Urdf, link: str) -> None:
     """A caster has a shape, and its lowest point is on the ground."""
     if link not in urdf.poses:
         known = ", ".join(sorted(urdf.poses))
-        raise urdf.fault(f"caster link {link!r} must exist", f"name one of: {known}")
+        raise urdf.error(f"caster link {link!r} must exist", f"name one of: {known}")
     shapes, pose = urdf.shapes[link], urdf.poses[link]
     if not shapes or link == urdf.root:
         rule = f"caster {link!r} must be a link of its own with a collision shape"
-        raise urdf.fault(rule, "give it a <link> with a sphere for <collision>")
+        raise urdf.error(rule, "give it a <link> with a sphere for <collision>")
     height = min(bottom_height(shape, pose @ shape.pose) for shape in shapes)
     if abs(height) > TOLERANCE_M:
         rule = f"caster {link!r} must touch the ground, which is at the height 0 of {urdf.root!r}"
         cure = "correct the <origin> of its joint"
-        raise urdf.fault(f"{rule}, but its lowest point is at {height:g} m", cure)
+        raise urdf.error(f"{rule}, but its lowest point is at {height:g} m", cure)

@@ -34,14 +34,14 @@ def driven_joint(urdf: Urdf, name: str, kind: str, axis: int) -> Joint:
     Raises:
         InputError: it is missing, of another type, without effort, or about another axis.
     """
-    joint = urdf.joint(name, kind)
+    joint = urdf.find_joint(name, kind)
     if joint.effort <= 0:
         cure = 'give it <limit effort="..." velocity="..."/>'
-        raise urdf.fault(f"joint {name!r} must have an effort above 0", cure)
-    if urdf.axis(joint)[axis] < 1.0 - 1e-6:
+        raise urdf.error(f"joint {name!r} must have an effort above 0", cure)
+    if urdf.axis_of(joint)[axis] < 1.0 - 1e-6:
         direction = ("forward (x)", "to the left (y)", "up (z)")[axis]
         cure = "turn its <axis> or its <origin>"
-        raise urdf.fault(f"joint {name!r} must have its axis point {direction}", cure)
+        raise urdf.error(f"joint {name!r} must have its axis point {direction}", cure)
     return joint
 
 
@@ -55,18 +55,18 @@ def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
     shapes = urdf.shapes[link]
     if len(shapes) != 1 or shapes[0].kind not in ("cylinder", "sphere"):
         rule = f"wheel {link!r} must have one collision shape, a cylinder or a sphere"
-        raise urdf.fault(rule, "give it such a <collision>")
+        raise urdf.error(rule, "give it such a <collision>")
     pose, radius = urdf.poses[link] @ shapes[0].pose, shapes[0].size[0]
     if shapes[0].kind == "cylinder" and abs(pose.rotation[LEFT, 2]) < 1.0 - 1e-6:
         cure = 'turn its <origin>, for example by rpy="1.5707963 0 0"'
-        raise urdf.fault(f"wheel {link!r} must have the cylinder's axis along its own", cure)
+        raise urdf.error(f"wheel {link!r} must have the cylinder's axis along its own", cure)
     axle, center = urdf.poses[link].position, pose.position
     if abs(center[0] - axle[0]) + abs(center[2] - axle[2]) > TOLERANCE_M:
-        raise urdf.fault(f"wheel {link!r} must be centred on its joint", "correct its <origin>")
+        raise urdf.error(f"wheel {link!r} must be centred on its joint", "correct its <origin>")
     if abs(center[2] - radius) > TOLERANCE_M:
         rule = f"wheel {link!r} must touch the ground, which is at the height 0 of {urdf.root!r}"
         found = f"its centre is at {center[2]:g} m, its radius {radius:g} m"
-        raise urdf.fault(f"{rule}, but {found}", "correct the <origin> of its joints")
+        raise urdf.error(f"{rule}, but {found}", "correct the <origin> of its joints")
     return urdf.poses[link].rotation @ shapes[0].pose.position + axle, radius
 
 
@@ -78,11 +78,11 @@ def axle(urdf: Urdf, names: Sequence[str], places: Sequence[Array]) -> tuple[flo
     """
     (left_x, left_y, _), (right_x, right_y, _) = (place.tolist() for place in places)
     if left_y <= right_y:
-        raise urdf.fault(f"joint {names[0]!r} must be left of {names[1]!r}", "swap the two names")
+        raise urdf.error(f"joint {names[0]!r} must be left of {names[1]!r}", "swap the two names")
     if abs(left_x - right_x) > TOLERANCE_M or abs(left_y + right_y) > TOLERANCE_M:
         found = f"({left_x:g}, {left_y:g}) and ({right_x:g}, {right_y:g})"
         rule = f"joints {names[0]!r} and {names[1]!r} must lie opposite each other, not at {found}"
-        raise urdf.fault(rule, "correct their <origin>")
+        raise urdf.error(rule, "correct their <origin>")
     return 0.5 * (left_x + right_x), left_y - right_y
 
 
@@ -94,5 +94,5 @@ def same_radius(urdf: Urdf, radii: Sequence[float]) -> float:
     """
     if max(radii) - min(radii) > TOLERANCE_M:
         found = ", ".join(f"{radius:g}" for radius in radii)
-        raise urdf.fault(f"wheels must be equally large, not {found} m", "correct their shapes")
+        raise urdf.error(f"wheels must be equally large, not {found} m", "correct their shapes")
     return math.fsum(radii) / len(radii)

@@ -22,13 +22,14 @@ from evoros.base.checks import (
 )
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
-from evoros.field.kinds import KINDS, Kind, moments
+from evoros.field.kinds import KINDS, Kind
 from evoros.field.note import write_note
 from evoros.field.passage import MARGIN_M, Passage
 from evoros.field.placement import PlacedObstacles
 from evoros.formats.sdf.reader import read_sdf
 from evoros.formats.sdf.writer import write_sdf
 from evoros.geometry.footprint import project_shape
+from evoros.geometry.inertia import solid_moments
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import A_COURSE, Course
 from evoros.world.model import World
@@ -155,7 +156,9 @@ class Field:
             if kind.mass_kg is None:
                 yield Body(name, pose, (shape,))
             else:
-                yield Body(name, pose, (shape,), kind.mass_kg, 1.0, moments(shape, kind.mass_kg))
+                yield Body(
+                    name, pose, (shape,), kind.mass_kg, 1.0, solid_moments(shape, kind.mass_kg)
+                )
 
     def _place(self, shape: Shape, placed: PlacedObstacles, rng: Generator) -> Pose | None:
         """A pose on the ground that the others leave free."""

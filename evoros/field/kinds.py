@@ -7,7 +7,7 @@ from numpy.random import Generator
 
 from evoros.base.checks import POSITIVE, Rule, checked, is_number, mapping_of
 from evoros.base.intervals import INTERVAL, Interval, bounds, scale
-from evoros.geometry.shapes import Shape, Vector
+from evoros.geometry.shapes import Shape
 
 LEAST_M = 0.001  # to which sizes are rounded
 
@@ -71,20 +71,6 @@ class Cylinder:
         """Radius and height."""
         diameter, height = (_drawn(each, rng) for each in (self.diameter_m, self.height_m))
         return Shape("cylinder", (diameter / 2, height))
-
-
-def moments(shape: Shape, mass: float) -> Vector:
-    """Principal moments of inertia [kg m2] of a solid box or an upright cylinder."""
-    if shape.kind == "box":
-        x, y, z = shape.size
-        return (
-            mass / 12 * (y * y + z * z),
-            mass / 12 * (x * x + z * z),
-            mass / 12 * (x * x + y * y),
-        )
-    radius, length = shape.size
-    across = mass / 12 * (3 * radius * radius + length * length)
-    return (across, across, mass / 2 * radius * radius)
 
 
 def _drawn(interval: Interval, rng: Generator) -> float:

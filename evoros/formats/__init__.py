@@ -1,1 +1,1 @@
-"""Text files to geometry and back: strict XML and CSV, SDF worlds, URDF robots."""
+"""Conversion between text files and geometry: strict XML and CSV, SDF worlds, URDF robots."""

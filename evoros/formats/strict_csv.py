@@ -1,4 +1,4 @@
-"""Strict CSV that was written by hand or by another program: errors with file and line."""
+"""Strict CSV, written by hand or by another program: each error has file and line."""
 
 import csv
 from collections.abc import Iterator, Sequence
@@ -8,19 +8,21 @@ from evoros.base.errors import InputError
 
 
 def read_rows(
-    path: Path, needed: Sequence[str], optional: Sequence[str]
+    path: Path, required: Sequence[str], optional: Sequence[str]
 ) -> Iterator[tuple[int, dict[str, str]]]:
-    """The number of each line and its cells by column; white space in a cell is one blank.
+    """Yield the number of each line and its cells by column.
+
+    Any white space inside a cell becomes one blank; empty lines are skipped.
 
     Raises:
-        InputError: no such file, or a column that is not ``needed`` or ``optional``, is there
-            twice, or is needed and missing.
+        InputError: the file cannot be read, a required column is missing, or a column is unknown
+            or given twice.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = csv.reader(file, strict=True)
             names = [name.strip() for name in next(rows, [])]
-            _check_columns(path, names, needed, optional)
+            _check_columns(path, names, required, optional)
             for row in rows:
                 if len(row) not in (0, len(names)):
                     raise InputError(
@@ -31,28 +33,25 @@ def read_rows(
                     cells = (" ".join(cell.split()) for cell in row)
                     yield rows.line_num, dict(zip(names, cells, strict=True))
     except FileNotFoundError:
-        raise InputError(
-            f"{path}: must be a CSV file of designs or the folder of a finished run, and there is "
-            f"none; correct the path"
-        ) from None
+        raise InputError(f"{path}: no such file; correct the path") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: must be a CSV file in UTF-8 ({error}); correct it") from error
 
 
 def _check_columns(
-    path: Path, names: Sequence[str], needed: Sequence[str], optional: Sequence[str]
+    path: Path, names: Sequence[str], required: Sequence[str], optional: Sequence[str]
 ) -> None:
-    all_of = ", ".join((*needed, *optional))
-    for name in needed:
+    known = ", ".join((*required, *optional))
+    for name in required:
         if name not in names:
             raise InputError(
                 f"{path}: line 1: must have the column {name}, not only "
-                f"{', '.join(names) or 'nothing'}; the columns are {all_of}"
+                f"{', '.join(names) or 'nothing'}; the columns are {known}"
             )
     for name in names:
-        if name not in (*needed, *optional) or names.count(name) > 1:
-            again = "again" if names.count(name) > 1 else "which is unknown"
+        if name not in (*required, *optional) or names.count(name) > 1:
+            problem = "again" if names.count(name) > 1 else "which is unknown"
             raise InputError(
-                f"{path}: line 1: must not have the column {name!r} {again}; the columns are "
-                f"{all_of}"
+                f"{path}: line 1: must not have the column {name!r} {problem}; the columns are "
+                f"{known}"
             )

@@ -1,4 +1,4 @@
-"""Strict XML: what cannot be understood is an error with file, line and element."""
+"""Strict XML: everything that cannot be understood is an error with file, line and element."""
 
 import itertools
 import logging
@@ -12,17 +12,18 @@ from lxml.etree import _Element as Element
 from evoros.base.errors import InputError
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-_LARGEST = 1e9  # no length, mass or angle is larger; so no product of two overflows
-_LONGEST = 60  # characters of a value that a message shows
+_MAX_NUMBER = 1e9  # no length, mass or angle exceeds it, so no product of two overflows
+_MAX_QUOTED = 60  # characters of a value in a message
 
 
 def parse(content: bytes, source: str) -> Element:
-    """The root of a document; comments and processing instructions are left out.
+    """Parse a document and return its root, without comments and processing instructions.
 
-    Nothing outside the document is read and no entity is expanded.
+    Nothing outside the document is read and no entity is expanded. ``source`` is the name of the
+    file in errors.
 
     Raises:
-        InputError: not well-formed, or it has a DOCTYPE.
+        InputError: the document is not well-formed or has a DOCTYPE.
     """
     parser = etree.XMLParser(
         resolve_entities=False,
@@ -45,20 +46,24 @@ def parse(content: bytes, source: str) -> Element:
     return root
 
 
-def fault(element: Element, problem: str, cure: str) -> InputError:
-    """The error for an element, to be raised by the caller."""
-    return InputError(f"{_place(element)} {problem}; {cure}")
+def element_error(element: Element, problem: str, fix: str) -> InputError:
+    """Create the error for an element, which the caller raises.
+
+    ``problem`` completes a sentence whose subject is the element; ``fix`` is an instruction.
+    """
+    return InputError(f"{_locate(element)} {problem}; {fix}")
 
 
-def warn(log: logging.Logger, element: Element, what: str) -> None:
-    """Report an element that the reader leaves out although it may mean something."""
-    log.warning("%s %s", _place(element), what)
+def warn(log: logging.Logger, element: Element, problem: str) -> None:
+    """Log a warning about an element that the reader ignores although it may matter."""
+    log.warning("%s %s", _locate(element), problem)
 
 
-def _place(element: Element) -> str:
+def _locate(element: Element) -> str:
+    """Return file, line, tag and the names of the elements around an element."""
     source = element.getroottree().docinfo.URL
     owners = [
-        f" of {local_tag(owner)} {shown(owner.get('name', ''))}"
+        f" of {local_tag(owner)} {quote(owner.get('name', ''))}"
         for owner in itertools.chain([element], element.iterancestors())
         if owner.get("name") is not None
     ]
@@ -66,102 +71,105 @@ def _place(element: Element) -> str:
 
 
 def local_tag(element: Element) -> str:
-    """The tag as it is written, with its prefix."""
+    """Return the tag as it is written, with its prefix."""
     name = etree.QName(element).localname
     return f"{element.prefix}:{name}" if element.prefix else name
 
 
-def shown(text: str) -> str:
-    """A value in quotes, on one line and not too long for a message."""
-    return repr(text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "...")
+def quote(text: str) -> str:
+    """Return a value in quotes, on one line and short enough for a message."""
+    return repr(text if len(text) <= _MAX_QUOTED else text[: _MAX_QUOTED - 3] + "...")
 
 
-def child(element: Element, tag: str) -> Element | None:
-    """The one child of this name, or None.
+def find_child(element: Element, tag: str) -> Element | None:
+    """Return the only child of this name, or None.
 
     Raises:
         InputError: there are several.
     """
-    found = element.findall(tag)
-    if len(found) > 1:
-        raise fault(
-            found[1], f"is given {len(found)} times in <{local_tag(element)}>", "keep one of them"
-        )
-    return found[0] if found else None
+    children = element.findall(tag)
+    if len(children) > 1:
+        problem = f"is given {len(children)} times in <{local_tag(element)}>"
+        raise element_error(children[1], problem, "keep one of them")
+    return children[0] if children else None
 
 
-def needed(element: Element, tag: str) -> Element:
-    """The one child of this name.
+def require_child(element: Element, tag: str) -> Element:
+    """Return the only child of this name.
 
     Raises:
-        InputError: there is none, or several.
+        InputError: there is none, or there are several.
     """
-    found = child(element, tag)
-    if found is None:
-        raise fault(element, f"must have a <{tag}>", f"add a <{tag}>")
-    return found
+    child = find_child(element, tag)
+    if child is None:
+        raise element_error(element, f"must have a <{tag}>", f"add a <{tag}>")
+    return child
 
 
-def text_of(element: Element) -> str:
-    """The text of an element that has nothing but text."""
+def read_text(element: Element) -> str:
+    """Return the text of an element without children."""
     if len(element):
-        raise fault(element[0], f"must not stand inside <{local_tag(element)}>", "delete it")
+        problem = f"must not stand inside <{local_tag(element)}>, which holds only text"
+        raise element_error(element[0], problem, "delete it")
     return (element.text or "").strip()
 
 
-def name_of(element: Element) -> str:
-    """The attribute ``name``, which must not be empty."""
+def read_name(element: Element) -> str:
+    """Return the attribute ``name``, which must not be empty."""
     name = element.get("name", "").strip()
     if not name:
-        raise fault(element, "must have a name", 'add the attribute name="..."')
+        raise element_error(element, "must have a name", 'add the attribute name="..."')
     return name
 
 
-def numbers(element: Element, *counts: int) -> tuple[float, ...]:
-    """The numbers in an element; there must be as many as one of ``counts``."""
-    words = text_of(element).split()
+def read_numbers(element: Element, *counts: int) -> tuple[float, ...]:
+    """Return the numbers in an element; there must be as many as one of ``counts``."""
+    words = read_text(element).split()
     if len(words) not in counts:
-        expected = " or ".join(map(str, counts))
-        text = shown(text_of(element))
-        cure = f"write {expected} numbers separated by spaces"
-        raise fault(element, f"must have {expected} numbers, not {len(words)}: {text}", cure)
+        expected = f"{' or '.join(map(str, counts))} number{'' if counts == (1,) else 's'}"
+        problem = f"must hold {expected}, not {len(words)}: {quote(read_text(element))}"
+        raise element_error(element, problem, f"write {expected}")
     values = tuple(float(word) if _NUMBER.fullmatch(word) else math.nan for word in words)
     for word, value in zip(words, values, strict=True):
-        if not abs(value) <= _LARGEST:
-            problem = f"must be made of numbers of at most {_LARGEST:g}, not {shown(word)}"
-            raise fault(element, problem, "correct it")
+        if not abs(value) <= _MAX_NUMBER:
+            problem = (
+                f"must hold numbers from -{_MAX_NUMBER:g} to {_MAX_NUMBER:g}, not {quote(word)}"
+            )
+            raise element_error(element, problem, "replace it by such a number")
     return values
 
 
-def number(element: Element, rule: str, holds: Callable[[float], bool]) -> float:
-    """The one number in an element; ``rule`` completes "must be ..."."""
-    (value,) = numbers(element, 1)
+def read_number(element: Element, rule: str, holds: Callable[[float], bool]) -> float:
+    """Return the only number in an element; ``rule`` completes "must be ..."."""
+    (value,) = read_numbers(element, 1)
     if not holds(value):
-        raise fault(element, f"must be {rule}, not {value:g}", "set it to such a value")
+        raise element_error(element, f"must be {rule}, not {value:g}", "set it to such a value")
     return value
 
 
-def positive(element: Element, *counts: int) -> tuple[float, ...]:
-    """The numbers in an element, all of them above 0."""
-    values = numbers(element, *counts)
+def read_positive(element: Element, *counts: int) -> tuple[float, ...]:
+    """Return the numbers in an element, all of which must be greater than 0."""
+    values = read_numbers(element, *counts)
     if min(values) <= 0:
-        shown_values = " ".join(f"{value:g}" for value in values)
-        raise fault(element, f"must be greater than 0, not {shown_values}", "correct it")
+        found = " ".join(f"{value:g}" for value in values)
+        problem = f"must be greater than 0, not {found}"
+        raise element_error(element, problem, "write positive numbers only")
     return values
 
 
-def flag(element: Element) -> bool:
-    """True or false, also written 1 or 0."""
-    text = text_of(element).lower()
-    if text not in ("true", "false", "1", "0"):
-        raise fault(element, f"must be true or false, not {shown(text)}", "correct it")
-    return text in ("true", "1")
+def read_flag(element: Element) -> bool:
+    """Return true or false, also written 1 or 0."""
+    return _parse_flag(element, read_text(element), "must be")
 
 
-def flag_attribute(element: Element, attribute: str) -> bool:
-    """An attribute that is true or false; false if it is absent."""
-    text = element.get(attribute, "false").strip().lower()
-    if text not in ("true", "false", "1", "0"):
-        problem = f"has {attribute}={shown(text)}, which is neither true nor false"
-        raise fault(element, problem, "correct it")
-    return text in ("true", "1")
+def read_flag_attribute(element: Element, attribute: str) -> bool:
+    """Return an attribute that is true or false; false if it is absent."""
+    return _parse_flag(element, element.get(attribute, "false"), f"must have {attribute}")
+
+
+def _parse_flag(element: Element, text: str, subject: str) -> bool:
+    word = text.strip().lower()
+    if word not in ("true", "false", "1", "0"):
+        problem = f"{subject} true or false, not {quote(word)}"
+        raise element_error(element, problem, "write true or false")
+    return word in ("true", "1")

@@ -79,14 +79,14 @@ class Pose:
         if largest != 3:
             q[3] = skew[largest]
         x, y, z = (float(p) for p in position)
-        return cls((x, y, z), normalized(q))
+        return cls((x, y, z), normalize(q))
 
     def __matmul__(self, other: "Pose") -> "Pose":
         x1, y1, z1, w1 = self.quaternion
         x2, y2, z2, w2 = other.quaternion
         return Pose(
             self.point(other.position),
-            normalized(
+            normalize(
                 (
                     w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
                     w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
@@ -127,7 +127,7 @@ class Pose:
         return math.atan2(2 * (x * y + z * w), 1 - 2 * (y * y + z * z))
 
 
-def normalized(quaternion: Sequence[float]) -> Quaternion:
+def normalize(quaternion: Sequence[float]) -> Quaternion:
     """The quaternion with length 1; it must not be zero."""
     length = math.sqrt(sum(q * q for q in quaternion))
     x, y, z, w = (q / length for q in quaternion)

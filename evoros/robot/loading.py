@@ -92,7 +92,7 @@ def _touching(urdf: Urdf, drive: Drive) -> list[tuple[Shape, Pose]]:
         for shape in shapes
     ]
     if not touching:
-        raise urdf.fault("a link beside the wheels must have a <collision>", "give it a box")
+        raise urdf.error("a link beside the wheels must have a <collision>", "give it a box")
     return touching
 
 
@@ -100,7 +100,7 @@ def _places(urdf: Urdf) -> dict[str, tuple[float, float, float, float]]:
     """The links that keep their place on the robot and stand upright."""
     sensor_links = {}
     for link, pose in urdf.poses.items():
-        fixed = all(joint.type == "fixed" for joint in urdf.above(link))
+        fixed = all(joint.type == "fixed" for joint in urdf.joints_above(link))
         if fixed and pose.rotation[2, 2] > 1.0 - 1e-9:
             sensor_links[link] = (*pose.position, pose.yaw)
     return sensor_links

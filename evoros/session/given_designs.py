@@ -73,6 +73,11 @@ def read_given(sources: Sequence[str], scenario: Scenario) -> list[NamedDesign]:
 def _designs_by_place(source: str, scenario: Scenario) -> Iterator[tuple[Path, list[NamedDesign]]]:
     """The designs of each file or run that a source stands for."""
     path = Path(source).expanduser()
+    if not path.exists():
+        raise InputError(
+            f"{path}: must be a CSV file of designs or the folder of a finished run or of a sweep, "
+            f"and there is none; correct the path"
+        )
     if not path.is_dir():
         yield path, _all_fitted(_of_file(_one_line(source), path, scenario), scenario)
         return

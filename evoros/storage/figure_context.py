@@ -18,8 +18,8 @@ from evoros.base.intervals import bounds
 from evoros.base.rng import generator
 from evoros.design.region import Region
 from evoros.failure.protocol import Failure
-from evoros.formats.strict_xml import name_of
-from evoros.formats.urdf.parts import read_looks
+from evoros.formats.strict_xml import read_name
+from evoros.formats.urdf.parts import read_visuals
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.robot.model import Robot
@@ -164,8 +164,8 @@ def _parts(robot: Robot) -> Iterator[Part]:
     wheels = {urdf.joints[name].child for name in robot.drive.wheel_joints}
     wheels |= set(robot.drive.caster_links)
     for element in root.findall("link"):
-        link = name_of(element)
-        for shape in read_looks(element):
+        link = read_name(element)
+        for shape in read_visuals(element):
             pose = urdf.poses[link] @ shape.pose
             area, top = project_shape(shape, pose), top_height(shape, pose)
             corners = tuple(map(_point, area.vertices.tolist()))

@@ -1,1 +1,1 @@
-"""SDF worlds: reads and writes them."""
+"""Reading and writing of SDF worlds."""

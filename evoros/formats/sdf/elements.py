@@ -1,15 +1,15 @@
-"""Which elements of SDF are used, which cannot matter, which are reported, which are errors."""
+"""Which elements of SDF are used, which are ignored, which are reported, and which are errors."""
 
 import logging
 import re
 
 from lxml.etree import _Element as Element
 
-from evoros.formats.strict_xml import fault, local_tag, warn
+from evoros.formats.strict_xml import element_error, local_tag, warn
 
 LOG = logging.getLogger("evoros.sdf")
 
-# Of physics, only gravity is looked at: the rest is how Gazebo computes.
+# Of <physics>, only gravity is checked: the rest configures Gazebo's solver.
 _USED = {
     "sdf": "world model",
     "world": "model frame state gravity physics",
@@ -34,7 +34,7 @@ _USED = {
     "state/link": "pose",
 }
 
-# What neither stands in the way of a robot nor moves anything.
+# Elements that neither block a robot nor move anything.
 _IGNORED = {
     "sdf": "light",
     "world": "light scene gui audio wind atmosphere magnetic_field spherical_coordinates",
@@ -50,7 +50,7 @@ _IGNORED = {
     "state/link": "velocity acceleration wrench collision",
 }
 
-# What the engines here do not have: reported once a file, unless it says nothing (see `_matters`).
+# Elements that no simulator here supports: each is reported once a file, unless it has no effect.
 _REPORTED = {
     "sdf": "plugin",
     "world": "plugin",
@@ -61,7 +61,7 @@ _REPORTED = {
     "bullet": "friction2 fdir1 rolling_friction",
 }
 
-_CURES = {
+_FIXES = {
     "include": "write the included model itself into this file; a sun and level ground need none",
     "mesh": "approximate it by boxes, cylinders and spheres",
     "capsule": "approximate it by a cylinder and two spheres",
@@ -71,46 +71,51 @@ _PRIMITIVES = "use boxes, cylinders, spheres and planes"
 
 
 def check_children(element: Element, kind: str = "") -> None:
-    """Go through what stands in an element; ``kind`` is its key in the tables, if not its tag.
+    """Check that every child of an element is supported, and warn about those of other namespaces.
+
+    ``kind`` is the key of the element in the tables, if it is not its tag.
 
     Raises:
-        InputError: something is not supported.
+        InputError: a child is not supported.
     """
     kind = kind or str(element.tag)
-    used, ignored, reported = (
-        table.get(kind, "").split() for table in (_USED, _IGNORED, _REPORTED)
-    )
-    for part in element:
-        if part.tag in used or part.tag in ignored or part.tag in reported:
+    known = {tag for table in (_USED, _IGNORED, _REPORTED) for tag in table.get(kind, "").split()}
+    for child in element:
+        if child.tag in known:
             continue
-        tag = local_tag(part)
-        if part.prefix and part.prefix != "xacro":
-            warn(LOG, part, "is left out: it is not part of SDF")
+        if child.prefix and child.prefix != "xacro":
+            warn(LOG, child, "is ignored: it is not part of SDF")
         else:
-            cure = "expand the file with xacro first" if part.prefix else _CURES.get(tag)
-            cure = cure or (_PRIMITIVES if kind == "geometry" else "delete it")
-            raise fault(part, f"is not supported inside <{local_tag(element)}>", cure)
+            problem = f"is not supported inside <{local_tag(element)}>"
+            raise element_error(child, problem, _fix(child, kind))
 
 
-def report(root: Element) -> None:
-    """Log what is left out of a document that has been read: the first of each name and line."""
-    found: dict[str, list[Element]] = {}
-    for owner in root.iter(*_REPORTED):
-        for element in owner.iterchildren(*_REPORTED[str(owner.tag)].split()):
-            if _matters(element):
-                found.setdefault(str(element.tag), []).append(element)
-    for first, *others in found.values():
+def _fix(element: Element, kind: str) -> str:
+    if element.prefix:
+        return "expand the file with xacro first"
+    default = _PRIMITIVES if kind == "geometry" else "delete it"
+    return _FIXES.get(local_tag(element), default)
+
+
+def report_ignored(root: Element) -> None:
+    """Warn about elements without support in a document: the first of each name, and how many."""
+    by_tag: dict[str, list[Element]] = {}
+    for parent in root.iter(*_REPORTED):
+        for element in parent.iterchildren(*_REPORTED[str(parent.tag)].split()):
+            if _has_effect(element):
+                by_tag.setdefault(str(element.tag), []).append(element)
+    for first, *others in by_tag.values():
         more = f", as are {len(others)} more" if others else ""
-        warn(LOG, first, f"is left out{more}: no engine here has it")
+        warn(LOG, first, f"is ignored{more}: no simulator here supports it")
 
 
-def _matters(element: Element) -> bool:
-    """Whether an element says more than zeros and false, or than the coefficient beside it."""
+def _has_effect(element: Element) -> bool:
+    """Tell whether an element holds more than zeros and false, or a mu2 that differs from mu."""
     if element.tag == "plugin":
         return True
     words = " ".join(str(text) for text in element.itertext()).split()
     if element.tag == "mu2":
-        beside = element.getparent()
-        first = None if beside is None else beside.findtext("mu")
-        return [float(word) for word in words] != [float(first or 1)]
+        parent = element.getparent()
+        mu = None if parent is None else parent.findtext("mu")
+        return [float(word) for word in words] != [float(mu or 1)]
     return any(word != "false" and not re.fullmatch(r"[+-]?0*\.?0*", word) for word in words)

@@ -1,7 +1,7 @@
-"""Frames of an SDF file: which pose is relative to which, resolved into world poses.
+"""Frames of an SDF file: resolves the poses, each relative to another frame, into world poses.
 
-A frame's path is the names of the models around it and its own: ``("shelf", "board")``; the path
-of the world is empty.
+A frame's path consists of the names of the models around it and its own, such as
+``("shelf", "board")``; the path of the world is empty.
 """
 
 import math
@@ -10,24 +10,31 @@ from dataclasses import dataclass
 from lxml.etree import _Element as Element
 
 from evoros.formats.sdf.elements import check_children
-from evoros.formats.strict_xml import child, fault, flag_attribute, name_of, numbers, shown
-from evoros.geometry.shapes import Pose, normalized
+from evoros.formats.strict_xml import (
+    element_error,
+    find_child,
+    quote,
+    read_flag_attribute,
+    read_name,
+    read_numbers,
+)
+from evoros.geometry.shapes import Pose, normalize
 
 Path = tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Placement:
-    """A pose in the frame called ``base``, or in the one around it if that is empty."""
+class RelativePose:
+    """A pose in the frame called ``base``, or in the one around it if ``base`` is empty."""
 
     pose: Pose
     base: str
-    element: Element  # where this stands
+    element: Element  # in which it is given, for errors
 
 
 @dataclass(frozen=True)
 class _Frame:
-    place: Placement
+    relative: RelativePose
     scope: Path  # where the name of its base is looked up
 
 
@@ -35,7 +42,7 @@ class Frames:
     """World poses of models, links, frames and joints by their path.
 
     Raises:
-        InputError: two with one name, a frame that does not exist, a circle of frames.
+        InputError: two frames have one name, a frame does not exist, or frames form a circle.
     """
 
     def __init__(self, container: Element) -> None:
@@ -47,31 +54,29 @@ class Frames:
         for element in container.iterchildren("model", "link", "frame", "joint"):
             if element.tag != "link":  # a link is checked when it is read
                 check_children(element)
-            name = name_of(element)
-            path = (*scope, name)
-            if path in self._frames:
-                cure = "rename one of the two"
-                raise fault(element, f"has a name that is taken: {shown(name)}", cure)
-            if name == "world" or (name.startswith("__") and name.endswith("__")):
-                raise fault(element, f"has a reserved name: {shown(name)}", "rename it")
-            place = read_pose(element)
-            if not place.base and element.tag == "frame":
-                place = Placement(place.pose, element.get("attached_to", ""), element)
-            if not place.base and element.tag == "joint":
-                base = (element.findtext("child") or "").strip()
-                place = Placement(place.pose, "" if base == "world" else base, element)
-            self._frames[path] = _Frame(place, scope)
+            path = (*scope, read_name(element))
+            self._check_name(element, path)
+            self._frames[path] = _Frame(_read_frame_pose(element), scope)
             if element.tag == "model":
                 if element.get("placement_frame"):
-                    cure = "give the pose of the model itself"
-                    raise fault(element, "has an unsupported placement_frame", cure)
+                    fix = "give the pose of the model itself"
+                    raise element_error(element, "has an unsupported placement_frame", fix)
                 self._collect(element, path)
 
-    def place(self, path: Path, pose: Pose) -> bool:
-        """Put a frame at a pose in the world; False where there is no such frame."""
+    def _check_name(self, element: Element, path: Path) -> None:
+        name = path[-1]
+        if path in self._frames:
+            problem = f"has a name that is taken: {quote(name)}"
+            raise element_error(element, problem, "rename one of the two")
+        if name == "world" or (name.startswith("__") and name.endswith("__")):
+            raise element_error(element, f"has a reserved name: {quote(name)}", "rename it")
+
+    def move(self, path: Path, pose: Pose) -> bool:
+        """Set the world pose of a frame; return False if there is no such frame."""
         if path not in self._frames:
             return False
-        self._frames[path] = _Frame(Placement(pose, "", self._frames[path].place.element), ())
+        element = self._frames[path].relative.element
+        self._frames[path] = _Frame(RelativePose(pose, "", element), ())
         return True
 
     def check(self) -> None:
@@ -80,7 +85,7 @@ class Frames:
             self.world_pose(path)
 
     def find(self, scope: Path, name: str, element: Element) -> Path:
-        """The path of the frame that ``element`` in ``scope`` calls ``name``."""
+        """Return the path of the frame that ``element`` in ``scope`` calls ``name``."""
         if name == "__model__" and scope:
             return scope
         if name == "world" and not scope:
@@ -89,56 +94,80 @@ class Frames:
         for path in ((*scope, name), (*scope, *inner)):
             if path in self._frames:
                 return path
-        inside = "::".join(scope) or "the world"
-        cure = "name a model, link, frame or joint beside it"
-        raise fault(element, f"refers to {shown(name)}, which is not in {inside}", cure)
+        owner = "::".join(scope) or "the world"
+        fix = "name a model, link, frame or joint beside it"
+        raise element_error(element, f"refers to {quote(name)}, which is not in {owner}", fix)
 
     def world_pose(self, path: Path) -> Pose:
-        """The pose in the world of the frame with this path."""
+        """Return the pose in the world of the frame with this path."""
         open_paths: list[Path] = []
         while path not in self._poses:
             if path in open_paths:
                 circle = " -> ".join("::".join(p) for p in [*open_paths, path])
-                cure = "make one of them relative to its model"
-                raise fault(
-                    self._frames[path].place.element, f"has a circular pose: {circle}", cure
+                raise element_error(
+                    self._frames[path].relative.element,
+                    f"has a circular pose: {circle}",
+                    "make one of them relative to its model",
                 )
             open_paths.append(path)
             path = self._base(self._frames[path])
         for path in reversed(open_paths):
             frame = self._frames[path]
-            self._poses[path] = self._poses[self._base(frame)] @ frame.place.pose
+            self._poses[path] = self._poses[self._base(frame)] @ frame.relative.pose
         return self._poses[path]
 
     def _base(self, frame: _Frame) -> Path:
-        place = frame.place
-        return self.find(frame.scope, place.base, place.element) if place.base else frame.scope
+        relative = frame.relative
+        if not relative.base:
+            return frame.scope
+        return self.find(frame.scope, relative.base, relative.element)
 
-    def pose_of(self, element: Element, link: Path) -> Pose:
-        """The pose in the world of a collision or inertia of the link with this path."""
-        place = read_pose(element)
-        base = self.find(link[:-1], place.base, place.element) if place.base else link
-        return self.world_pose(base) @ place.pose
+    def resolve(self, element: Element, link: Path) -> Pose:
+        """Return the pose in the world of a collision or inertia of the link with this path."""
+        relative = read_pose(element)
+        if not relative.base:
+            return self.world_pose(link) @ relative.pose
+        base = self.find(link[:-1], relative.base, relative.element)
+        return self.world_pose(base) @ relative.pose
 
 
-def read_pose(element: Element) -> Placement:
-    """Where the ``<pose>`` of an element puts it."""
-    found = child(element, "pose")
+def _read_frame_pose(element: Element) -> RelativePose:
+    """Read the pose of a frame, whose base may be given by ``attached_to`` or ``<child>``."""
+    relative = read_pose(element)
+    if relative.base or element.tag not in ("frame", "joint"):
+        return relative
+    if element.tag == "frame":
+        base = element.get("attached_to", "")
+    else:
+        child = (element.findtext("child") or "").strip()
+        base = "" if child == "world" else child
+    return RelativePose(relative.pose, base, element)
+
+
+def read_pose(element: Element) -> RelativePose:
+    """Read the ``<pose>`` of an element, by default that of the frame around it."""
+    found = find_child(element, "pose")
     if found is None:
-        return Placement(Pose(), "", element)
+        return RelativePose(Pose(), "", element)
     base = (found.get("relative_to") or found.get("frame") or "").strip()
     if not len(found) and not (found.text or "").strip():
-        return Placement(Pose(), base, found)
-    form = found.get("rotation_format", "euler_rpy")
-    degrees = flag_attribute(found, "degrees")
+        return RelativePose(Pose(), base, found)
+    return RelativePose(_parse_pose(found), base, found)
+
+
+def _parse_pose(element: Element) -> Pose:
+    form = element.get("rotation_format", "euler_rpy")
+    degrees = read_flag_attribute(element, "degrees")
     if form == "quat_xyzw" and not degrees:
-        x, y, z, *quaternion = numbers(found, 7)
+        x, y, z, *quaternion = read_numbers(element, 7)
         if sum(q * q for q in quaternion) < 1e-12:
-            raise fault(found, "has a quaternion of length 0", "write 0 0 0 1 for no rotation")
-        return Placement(Pose((x, y, z), normalized(quaternion)), base, found)
+            fix = "write 0 0 0 1 for no rotation"
+            raise element_error(element, "has a quaternion of length 0", fix)
+        return Pose((x, y, z), normalize(quaternion))
     if form != "euler_rpy":
-        cure = 'use "euler_rpy", or "quat_xyzw" without degrees'
-        raise fault(found, f"has rotation_format {shown(form)}, degrees {degrees}", cure)
-    x, y, z, *angles = numbers(found, 6)
+        problem = f"has rotation_format {quote(form)}, degrees {str(degrees).lower()}"
+        fix = 'use "euler_rpy", or "quat_xyzw" without degrees'
+        raise element_error(element, problem, fix)
+    x, y, z, *angles = read_numbers(element, 6)
     roll, pitch, yaw = (math.radians(a) if degrees else a for a in angles)
-    return Placement(Pose.from_rpy((x, y, z), roll, pitch, yaw), base, found)
+    return Pose.from_rpy((x, y, z), roll, pitch, yaw)

@@ -1,6 +1,6 @@
-"""Writes bodies as an SDF file, which the reader here and Gazebo read.
+"""Writes bodies as an SDF file, which the reader of this package and Gazebo can read.
 
-Numbers are rounded to nine decimals, so that what is read is written again as it was.
+Lengths and angles are rounded to nine decimals, so that a file that was read is written unchanged.
 """
 
 import math
@@ -48,43 +48,43 @@ _GEOMETRY = {
 
 
 def write_sdf(name: str, bodies: Iterable[Body], comment: str = "") -> str:
-    """The text of an SDF file with a world of these bodies, a model each.
+    """Return the text of an SDF file with a world of these bodies, each of which is a model.
 
-    ``comment`` stands at its beginning; ``--`` is not allowed in it, as in all XML.
+    The file begins with ``comment``, in which XML does not allow ``--``.
     """
     note = f"<!-- {comment} -->\n" if comment else ""
-    models = "\n".join(map(_model, bodies))
+    models = "\n".join(map(_format_model, bodies))
     return _FRAME.format(comment=note, name=quoteattr(name), models=models)
 
 
-def _model(body: Body) -> str:
-    solids = (_solid(i + 1, shape, body.friction) for i, shape in enumerate(body.shapes))
-    content = [*solids] if body.mass is None else [_inertial(body), *solids]
+def _format_model(body: Body) -> str:
+    solids = (_format_solid(i + 1, shape, body.friction) for i, shape in enumerate(body.shapes))
+    content = [*solids] if body.mass is None else [_format_inertial(body), *solids]
     return _MODEL.format(
-        name=quoteattr(body.name.replace("::", "-")),  # `::` is kept for paths of names
+        name=quoteattr(body.name.replace("::", "-")),  # `::` separates the names in a path
         static="      <static>true</static>\n" if body.mass is None else "",
-        pose=_pose(body.pose),
+        pose=_format_pose(body.pose),
         content="\n".join(content),
     )
 
 
-def _inertial(body: Body) -> str:
-    moments = "" if body.inertia is None else _MOMENTS.format(*map(_exact, body.inertia))
-    return _INERTIAL.format(mass=_exact(body.mass or 0.0), moments=moments)
+def _format_inertial(body: Body) -> str:
+    moments = "" if body.inertia is None else _MOMENTS.format(*map(_format_exact, body.inertia))
+    return _INERTIAL.format(mass=_format_exact(body.mass or 0.0), moments=moments)
 
 
-def _solid(number: int, shape: Shape, friction: float) -> str:
-    geometry = _GEOMETRY[shape.kind].format(*map(_rounded, shape.size))
-    pose = "" if shape.pose == Pose() else f"          <pose>{_pose(shape.pose)}</pose>\n"
-    return _SOLID.format(number=number, pose=pose, geometry=geometry, mu=_exact(friction))
+def _format_solid(number: int, shape: Shape, friction: float) -> str:
+    geometry = _GEOMETRY[shape.kind].format(*map(_format_rounded, shape.size))
+    pose = "" if shape.pose == Pose() else f"          <pose>{_format_pose(shape.pose)}</pose>\n"
+    return _SOLID.format(number=number, pose=pose, geometry=geometry, mu=_format_exact(friction))
 
 
-def _pose(pose: Pose) -> str:
-    return " ".join(map(_rounded, (*pose.position, *_angles(pose))))
+def _format_pose(pose: Pose) -> str:
+    return " ".join(map(_format_rounded, (*pose.position, *_compute_angles(pose))))
 
 
-def _angles(pose: Pose) -> tuple[float, float, float]:
-    """Roll, pitch and yaw [rad] of Rz(yaw) Ry(pitch) Rx(roll)."""
+def _compute_angles(pose: Pose) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw [rad] of the rotation Rz(yaw) Ry(pitch) Rx(roll)."""
     m = pose.rotation.tolist()
     flat = math.hypot(m[0][0], m[1][0])
     pitch = math.atan2(-m[2][0], flat)
@@ -93,10 +93,10 @@ def _angles(pose: Pose) -> tuple[float, float, float]:
     return math.atan2(m[2][1], m[2][2]), pitch, math.atan2(m[1][0], m[0][0])
 
 
-def _rounded(length: float) -> str:
-    """Of metres and radians."""
-    return f"{round(length, 9) + 0.0:.9f}".rstrip("0").rstrip(".")  # + 0.0: no -0
+def _format_rounded(length: float) -> str:
+    """Format a length [m] or an angle [rad]."""
+    return f"{round(length, 9) + 0.0:.9f}".rstrip("0").rstrip(".")  # + 0.0 avoids -0
 
 
-def _exact(value: float) -> str:
+def _format_exact(value: float) -> str:
     return f"{value:.9g}"

@@ -1,1 +1,1 @@
-"""URDF and xacro robot descriptions: reads them and merges their fixed links."""
+"""Reading of URDF and xacro robot descriptions, and merging of fixed links."""

@@ -7,7 +7,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.formats.strict_xml import fault, local_tag, name_of
+from evoros.formats.strict_xml import element_error, local_tag, read_name
 from evoros.formats.urdf.parts import Joint, check_inertia, read_joint, read_shapes
 from evoros.geometry.shapes import Pose, Shape
 
@@ -23,32 +23,32 @@ class Urdf:
     poses: Mapping[str, Pose]  # of each link, in the root's frame
     shapes: Mapping[str, tuple[Shape, ...]]  # of each link, in its own frame
 
-    def fault(self, problem: str, cure: str) -> InputError:
-        """The error for something in this description, to be raised by the caller."""
-        return InputError(f"{self.source}: {problem}; {cure}")
+    def error(self, problem: str, fix: str) -> InputError:
+        """Create the error for a part of this description, which the caller raises."""
+        return InputError(f"{self.source}: {problem}; {fix}")
 
-    def joint(self, name: str, *types: str) -> Joint:
-        """The joint of this name.
+    def find_joint(self, name: str, *types: str) -> Joint:
+        """Return the joint of this name.
 
         Raises:
-            InputError: there is none, or it is of none of ``types``.
+            InputError: there is none, or its type is none of ``types``.
         """
         joint = self.joints.get(name)
         if joint is None:
             known = ", ".join(sorted(self.joints)) or "none"
-            raise self.fault(f"joint {name!r} must exist", f"name one of: {known}")
+            raise self.error(f"joint {name!r} must exist", f"name one of: {known}")
         if joint.type not in types:
-            rule = f"joint {name!r} must be {' or '.join(types)}, not {joint.type}"
-            raise self.fault(rule, "change its type or name another joint")
+            problem = f"joint {name!r} must be {' or '.join(types)}, not {joint.type}"
+            raise self.error(problem, "change its type or name another joint")
         return joint
 
-    def axis(self, joint: Joint) -> Array:
-        """(3,) the joint's axis in the root's frame."""
-        turned: Array = self.poses[joint.child].rotation @ joint.axis
-        return turned
+    def axis_of(self, joint: Joint) -> Array:
+        """Return the joint's axis (3,) in the root's frame."""
+        axis: Array = self.poses[joint.child].rotation @ joint.axis
+        return axis
 
-    def above(self, link: str) -> Iterator[Joint]:
-        """The joints on the way from a link up to the root."""
+    def joints_above(self, link: str) -> Iterator[Joint]:
+        """Yield the joints on the way from a link up to the root."""
         by_child = {joint.child: joint for joint in self.joints.values()}
         while link != self.root:
             yield by_child[link]
@@ -56,70 +56,73 @@ class Urdf:
 
 
 def read_tree(robot: Element, source: str) -> Urdf:
-    """The links and joints of a ``<robot>``.
+    """Read the links and joints of a ``<robot>``; ``source`` is the name of its file in errors.
 
     Raises:
-        InputError: an element is not as it must be, or the links form no tree.
+        InputError: an element is missing or invalid, or the links form no tree.
     """
     if robot.tag != "robot":
-        raise fault(robot, f"must be <robot>, not <{local_tag(robot)}>", "name the file of a robot")
-    links = _named(robot, "link")
+        problem = f"must be <robot>, not <{local_tag(robot)}>"
+        raise element_error(robot, problem, "name the file of a robot")
+    links = _find_by_name(robot, "link")
     for link in links.values():
         check_inertia(link)
-    joints = {name: read_joint(element, links) for name, element in _named(robot, "joint").items()}
-    root = _root(robot, links, joints)
+    joints = {
+        name: read_joint(element, links) for name, element in _find_by_name(robot, "joint").items()
+    }
+    root = _find_root(robot, links, joints)
     return Urdf(
         source=source,
-        name=name_of(robot),
+        name=read_name(robot),
         root=root,
         joints=joints,
-        poses=_placed(robot, root, links, joints),
+        poses=_compute_poses(robot, root, links, joints),
         shapes={name: read_shapes(link) for name, link in links.items()},
     )
 
 
-def _named(robot: Element, tag: str) -> dict[str, Element]:
+def _find_by_name(robot: Element, tag: str) -> dict[str, Element]:
     elements: dict[str, Element] = {}
     for element in robot.findall(tag):
-        name = name_of(element)
+        name = read_name(element)
         if name in elements:
-            raise fault(element, "must have a name of its own", "rename one of the two")
+            raise element_error(element, "must have a unique name", "rename one of the two")
         elements[name] = element
     return elements
 
 
-def _root(robot: Element, links: Mapping[str, Element], joints: Mapping[str, Joint]) -> str:
-    above: dict[str, str] = {}
+def _find_root(robot: Element, links: Mapping[str, Element], joints: Mapping[str, Joint]) -> str:
+    joint_above: dict[str, str] = {}
     for joint in joints.values():
-        if joint.child in above:
-            rule = f"must have one joint above {joint.child!r}"
-            both = f"{above[joint.child]!r} and {joint.name!r}"
-            raise fault(robot, f"{rule}, not {both}", "delete one of them")
-        above[joint.child] = joint.name
-    roots = [name for name in links if name not in above]
+        if joint.child in joint_above:
+            both = f"{joint_above[joint.child]!r} and {joint.name!r}"
+            problem = f"must have one joint above {joint.child!r}, not {both}"
+            raise element_error(robot, problem, "delete one of them")
+        joint_above[joint.child] = joint.name
+    roots = [name for name in links if name not in joint_above]
     if len(roots) != 1:
         found = ", ".join(roots[:5]) or "none"
-        cure = "connect all links to one by joints, without a circle"
-        raise fault(robot, f"must have one link that is no joint's child, not {found}", cure)
+        problem = f"must have one link that is no joint's child, not {found}"
+        raise element_error(robot, problem, "connect all links to one by joints, without a circle")
     return roots[0]
 
 
-def _placed(
+def _compute_poses(
     robot: Element, root: str, links: Mapping[str, Element], joints: Mapping[str, Joint]
 ) -> dict[str, Pose]:
-    """Forward kinematics at zero joint positions, from the root down."""
-    below: dict[str, list[Joint]] = {}
+    """Compute the forward kinematics at zero joint positions, from the root down."""
+    joints_below: dict[str, list[Joint]] = {}
     for joint in joints.values():
-        below.setdefault(joint.parent, []).append(joint)
+        joints_below.setdefault(joint.parent, []).append(joint)
     poses = {root: Pose()}
     frontier = [root]
     while frontier:
         link = frontier.pop()
-        for joint in below.get(link, []):
+        for joint in joints_below.get(link, []):
             poses[joint.child] = poses[link] @ joint.origin
             frontier.append(joint.child)
     loose = [name for name in links if name not in poses]
     if loose:
-        rule = f"must have every link connected to {root!r}, unlike {', '.join(loose[:5])}"
-        raise fault(robot, rule, "break the circle of joints")
+        problem = f"must have every link connected to {root!r}, unlike {', '.join(loose[:5])}"
+        raise element_error(robot, problem, "break the circle of joints")
     return poses

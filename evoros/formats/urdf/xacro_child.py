@@ -1,8 +1,9 @@
-"""Expands one xacro file, as a program of its own that ``expansion`` starts.
+"""Expands one xacro file, as a separate program that ``expansion`` starts.
 
-Reads a request (JSON) from standard input and answers in JSON on standard output. A xacro file
-is code: its expressions reach Python. The limits set here, and the empty environment that the
-parent gives, keep a faulty file from harming the run; they do not make a hostile file safe.
+The program reads a request (JSON) from standard input and answers in JSON on standard output. A
+xacro file is code, because its expressions reach Python. The limits set here and the empty
+environment that the parent passes keep a faulty file from harming the run; they do not make a
+hostile file safe.
 """
 
 import contextlib
@@ -17,10 +18,10 @@ OUTPUT_CHARACTERS = 1 << 24
 
 
 class _Arguments(dict[str, str]):
-    """The given arguments, which notices the names that the file asks for."""
+    """The arguments of the request, which record the names that the file asks for."""
 
-    def __init__(self, given: dict[str, str]) -> None:
-        super().__init__(given)
+    def __init__(self, arguments: dict[str, str]) -> None:
+        super().__init__(arguments)
         self.known: set[str] = set()
 
     def __contains__(self, name: object) -> bool:
@@ -33,25 +34,25 @@ class _Arguments(dict[str, str]):
 
 
 class _OutsideError(Exception):
-    """A file is named that lies in no declared folder."""
+    """The file names a file that lies in no declared folder."""
 
 
-def _limit(seconds: int) -> None:
+def _limit_resources(seconds: int) -> None:
     limits = {
         resource.RLIMIT_CPU: seconds,
         resource.RLIMIT_AS: MEMORY_BYTES,
         resource.RLIMIT_FSIZE: 0,
         resource.RLIMIT_CORE: 0,
     }
-    for kind, value in limits.items():
-        given = resource.getrlimit(kind)[1]
-        least = value if given == resource.RLIM_INFINITY else min(value, given)
+    for kind, limit in limits.items():
+        hard = resource.getrlimit(kind)[1]
+        allowed = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
         with contextlib.suppress(ValueError, OSError):  # not every system has every limit
-            resource.setrlimit(kind, (least, least))
+            resource.setrlimit(kind, (allowed, allowed))
 
 
-def _package(name: str, roots: list[str]) -> str:
-    """The folder of a ROS package: a root of that name, or a folder of that name in a root."""
+def _find_package(name: str, roots: list[str]) -> str:
+    """Return the folder of a ROS package: a root of that name, or a folder of that name in one."""
     for root in map(Path, roots):
         if root.name == name:
             return str(root)
@@ -61,56 +62,62 @@ def _package(name: str, roots: list[str]) -> str:
 
 
 def _open(name: str, roots: list[str]) -> TextIO:
-    """What a file includes or loads (YAML), like its meshes, must lie in a declared folder."""
+    """Open an included or loaded file, which must lie in a declared folder, like meshes."""
     real = Path(name).resolve()
     if not any(real.is_relative_to(Path(root).resolve()) for root in roots):
         raise _OutsideError(f"{name} must lie inside {', '.join(roots)} or the robot's packages")
     return real.open()
 
 
-def _expand(file: str, given: dict[str, str], roots: list[str]) -> dict[str, Any]:
+def _patch_xacro(roots: list[str]) -> Any:
+    """Import xacro, restricted to files in ``roots`` without a document type."""
     import xacro  # type: ignore[import-untyped, unused-ignore]
     from xacro import substitution_args
 
-    read = xacro.parse
+    original_parse = xacro.parse
 
     def parse(text: Any, filename: str | None = None) -> Any:
-        document = read(text, filename)
+        document = original_parse(text, filename)
         if document.doctype is not None:
             raise ValueError("a document type (<!DOCTYPE>) is not allowed")
         return document
 
     def find(name: str) -> str:
-        return _package(name, roots)
+        return _find_package(name, roots)
 
     xacro.parse = parse
     xacro.open = lambda name: _open(name, roots)  # xacro opens every file by this name
     substitution_args._eval_find = find
     substitution_args._eval_dict["find"] = find
-    arguments = _Arguments(given)
+    return xacro
+
+
+def _expand(file: str, arguments: dict[str, str], roots: list[str]) -> dict[str, Any]:
+    xacro = _patch_xacro(roots)
+    mappings = _Arguments(arguments)
     try:
-        document = xacro.process_file(file, mappings=arguments)
+        document = xacro.process_file(file, mappings=mappings)
     except RecursionError:
-        return {"error": "it includes or calls itself without end", "file": file}
+        return {"error": "it includes or calls itself endlessly", "file": file}
     except _OutsideError as error:
         return {"error": str(error), "file": file}
     except MemoryError:
         return {"error": f"it needs more than {MEMORY_BYTES >> 20} MiB", "file": file}
-    except Exception as error:  # whatever the expressions of the file raise
-        where = (xacro.filestack or [file])[-1] or file
+    except Exception as error:  # the expressions of the file may raise anything
+        current = (xacro.filestack or [file])[-1] or file
         line = getattr(error, "lineno", None)
-        return {"error": " ".join(str(error).split()), "file": where, "line": line}
+        return {"error": " ".join(str(error).split()), "file": current, "line": line}
     text = document.toprettyxml(indent="  ")
     if len(text) > OUTPUT_CHARACTERS:
         return {"error": f"it expands to more than {OUTPUT_CHARACTERS >> 20} MiB", "file": file}
-    return {"text": text, "known": sorted(arguments.known)}
+    return {"text": text, "known": sorted(mappings.known)}
 
 
 def main() -> None:
-    """Answer the one request."""
+    """Answer the request on standard input."""
     request = json.load(sys.stdin)
     sys.path[:] = request["path"]
-    _limit(request["seconds"])
+    _limit_resources(request["seconds"])
     answer, sys.stdout = sys.stdout, sys.stderr  # a file that prints must not spoil the answer
     json.dump(_expand(request["file"], request["arguments"], request["roots"]), answer)
 

@@ -1,0 +1,91 @@
+"""The bodies that the links of an SDF model make."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.formats.sdf.elements import LOG
+from evoros.formats.sdf.links import Inertia, Link
+from evoros.formats.strict_xml import element_error, warn
+from evoros.geometry.inertia import point_tensor
+from evoros.geometry.shapes import Body, Pose, Shape, Vector
+
+
+def build_fixed_bodies(links: Sequence[Link]) -> list[Body]:
+    """Build one body for each shape of static links: each keeps its own friction."""
+    solids = [(link.path, solid) for link in links for solid in link.solids]
+    return [
+        Body(
+            path[0] if len(solids) == 1 else "::".join((*path, solid.name)),
+            solid.shape.pose,
+            (Shape(solid.shape.kind, solid.shape.size),),
+            friction=solid.friction,
+        )
+        for path, solid in solids
+    ]
+
+
+def build_movable_body(links: Sequence[Link], alone: bool) -> list[Body]:
+    """Build the body of links that move as one; none if nothing can touch it.
+
+    ``alone`` tells that the model has no other body, so that this one may have the model's name.
+
+    Raises:
+        InputError: a shape is a plane, or the shapes differ in friction.
+    """
+    first = links[0]
+    solids = [solid for link in links for solid in link.solids]
+    if not solids:
+        warn(LOG, first.element, "is ignored: it has no collision, so nothing can touch it")
+        return []
+    friction = solids[0].friction
+    for link in links:
+        _check_solids(link, friction)
+    mass, pose, moments = _combine([link.inertia for link in links if link.inertia is not None])
+    inverse = pose.inverse()
+    shapes = tuple(
+        Shape(solid.shape.kind, solid.shape.size, inverse @ solid.shape.pose) for solid in solids
+    )
+    name = first.path[0] if alone else "::".join(first.path)
+    return [Body(name, pose, shapes, mass, friction, moments)]
+
+
+def _check_solids(link: Link, friction: float) -> None:
+    for solid in link.solids:
+        if solid.shape.kind == "plane":
+            problem = f"has a plane ({solid.name}), but can move"
+            raise element_error(link.element, problem, "make it static")
+        if solid.friction != friction:
+            problem = f"has friction {friction:g} and {solid.friction:g} in one movable body"
+            raise element_error(link.element, problem, "give all its collisions the same friction")
+
+
+def _combine(parts: Sequence[Inertia]) -> tuple[float, Pose, Vector | None]:
+    """Return mass, principal frame in the world and principal moments of parts joined rigidly."""
+    if len(parts) == 1 and (parts[0].moments is None or _is_diagonal(parts[0].moments)):
+        moments = parts[0].moments
+        diagonal = None if moments is None else _to_vector(np.diag(moments))
+        return parts[0].mass, parts[0].pose, diagonal
+    masses = np.array([part.mass for part in parts])
+    mass = float(masses.sum())
+    centre = masses @ np.array([part.pose.position for part in parts]) / mass
+    total = np.zeros((3, 3))
+    for part in parts:
+        if part.moments is None:
+            return mass, Pose(_to_vector(centre), parts[0].pose.quaternion), None
+        rotation = part.pose.rotation
+        total += rotation @ part.moments @ rotation.T
+        total += point_tensor(part.mass, np.array(part.pose.position) - centre)
+    principal, axes = np.linalg.eigh(total)
+    axes[:, 0] *= np.sign(np.linalg.det(axes))  # right-handed
+    return mass, Pose.from_matrix(_to_vector(centre), axes), _to_vector(principal)
+
+
+def _is_diagonal(matrix: Array) -> bool:
+    return bool(np.count_nonzero(matrix - np.diag(np.diag(matrix))) == 0)
+
+
+def _to_vector(values: Array) -> Vector:
+    x, y, z = (float(value) for value in values)
+    return (x, y, z)
