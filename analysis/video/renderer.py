@@ -12,7 +12,7 @@ from evoros.base.arrays import Array
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.footprint import bottom_height, top_height
 from evoros.geometry.shapes import Body, Pose, Shape
-from evoros.simulator.engines.pybullet_viewer import NOTHING, Scene
+from evoros.simulator.engines.pybullet_viewer import NO_BODY, Scene
 from evoros.simulator.engines.pybullet_viewer import Colour as Shade
 from evoros.storage.figure_context import FigureContext
 from evoros.world.model import World
@@ -112,8 +112,8 @@ class Footage:
     def _solids(self, floor: Image.Image, camera: Camera) -> tuple[Floats, Floats]:
         """The picture (h, w, 3) float32 with what stands on the floor, and depths (h, w) [m]."""
         finer = camera.scaled(_FINER)
-        seen = self.scene.look(finer.view, finer.projection, finer.size, finer.light.tolist())
-        solid = seen.owner != NOTHING
+        seen = self.scene.render(finer.view, finer.projection, finer.size, finer.light.tolist())
+        solid = seen.bodies != NO_BODY
         colours = Image.frombuffer("RGBX", finer.size, seen.colours).reduce(_FINER).convert("RGB")
         free = Image.fromarray(np.where(solid, np.uint8(0), np.uint8(255))).reduce(_FINER)
         # Where nothing is, PyBullet's picture is white: take away what the floor is not.

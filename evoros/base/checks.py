@@ -94,6 +94,14 @@ NAME = Rule(  # for names of columns and files
 FLAG = Rule("true or false", lambda v: isinstance(v, bool))
 
 
+def positive_up_to(maximum: float) -> Rule:
+    """Require a number greater than 0 and at most ``maximum``."""
+    return Rule(
+        f"a number greater than 0 and at most {maximum}",
+        lambda v: is_number(v) and 0 < v <= maximum,
+    )
+
+
 def one_of(*choices: str) -> Rule:
     """Require one of the given texts."""
     return Rule("one of " + ", ".join(choices), lambda v: v in choices)

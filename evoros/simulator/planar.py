@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 
 from evoros.base.arrays import YAW, X, Y
-from evoros.base.checks import NOT_NEGATIVE, Rule, checked, is_number
+from evoros.base.checks import NOT_NEGATIVE, checked, positive_up_to
 from evoros.robot.model import Robot
 from evoros.simulator.engines.planar_layout import PLACED_OUTLINE, lay_out
 from evoros.simulator.engines.planar_rules import advance, observe, sense
@@ -22,10 +22,6 @@ from evoros.world.model import World
 
 MAX_STEP_S = 0.1
 """Contact is tested after each step; a longer step could jump over a thin wall."""
-STEP_S = Rule(
-    f"a number greater than 0 and at most {MAX_STEP_S}",
-    lambda v: is_number(v) and 0 < v <= MAX_STEP_S,
-)
 
 
 @dataclass(frozen=True)
@@ -37,8 +33,8 @@ class Planar:
         InputError: a value out of range.
     """
 
-    time_step: Annotated[float, STEP_S] = 0.02  # [s]
-    steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the steering servos
+    time_step: Annotated[float, positive_up_to(MAX_STEP_S)] = 0.02  # [s]
+    steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     drive_lag_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time constant of the speed
 
     @property

@@ -1,11 +1,12 @@
-"""Rigid-body physics in PyBullet, in this process, without a display. Deterministic.
+"""Deterministic rigid-body physics in PyBullet, in this process and without a display.
 
-The cheapest faithful set-up (``benchmarks/fidelity/engine.py`` measures each choice):
+The set-up is the cheapest faithful one (``benchmarks/fidelity/engine.py`` measures each choice):
 
-- wheels roll on the ground only; what meets obstacles is the chassis, which covers the wheels;
-- movable bodies sleep until something comes near them; links that cannot move are merged;
-- pairs that cannot move against each other are not looked at;
-- rays are given once, in the frame of the chassis, and the engine carries them along.
+- Wheels meet the ground only; the chassis, which covers the wheels, meets obstacles.
+- Movable bodies sleep until something comes near them.
+- Links on fixed joints are merged.
+- The engine skips pairs of bodies that cannot move against each other.
+- Rays are computed once, in the frame of the chassis, and the engine moves them along.
 """
 
 import ctypes
@@ -17,18 +18,15 @@ from functools import cache
 from importlib.util import find_spec
 from typing import Annotated, Any
 
-from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, Rule, checked, is_number
+from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, checked, positive_up_to
 from evoros.base.errors import InputError
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_model import Engine, Settings
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
 from evoros.world.model import World
 
-LARGEST_STEP = 0.025  # [s]
-STEP = Rule(
-    f"a number greater than 0 and at most {LARGEST_STEP}",
-    lambda v: is_number(v) and 0 < v <= LARGEST_STEP,
-)
+MAX_STEP_S = 0.025
+"""At longer steps, bodies that the robot pushes sink into the ground (``docs/simulation.md``)."""
 
 
 @dataclass(frozen=True)
@@ -36,18 +34,17 @@ STEP = Rule(
 class PyBullet:
     """The PyBullet simulator.
 
-    The default step and number of iterations are the coarsest at which open-loop manoeuvres stay
-    within 2 % of those at 2.5 ms and 50 iterations, and bodies that are pushed move as there;
-    at steps above ``LARGEST_STEP`` they sink into the ground (``docs/simulation.md``).
+    With the default step and number of iterations, open-loop manoeuvres stay within 2 % of those
+    at 2.5 ms and 50 iterations, and bodies that the robot pushes move as they do there.
 
     Raises:
         InputError: a value out of range.
     """
 
-    time_step: Annotated[float, STEP] = 0.025  # [s]
+    time_step: Annotated[float, positive_up_to(MAX_STEP_S)] = 0.025  # [s]
     solver_iterations: Annotated[int, COUNT] = 20
-    wheel_friction: Annotated[float, POSITIVE] = 1.0  # multiplied with the ground's by the engine
-    steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the steering servos
+    wheel_friction: Annotated[float, POSITIVE] = 1.0  # the engine multiplies it by the ground's
+    steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
 
     def __post_init__(self) -> None:
         if find_spec("pybullet") is None:
@@ -55,10 +52,10 @@ class PyBullet:
 
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator[PyBulletSimulation]:
-        """The robot at the world's home.
+        """Place the robot at the world's home.
 
-        An engine keeps its model: where robot and world are those of its last mission, and only
-        the robot has moved, the model is reset rather than rebuilt, with the same bits.
+        An engine keeps its model. If robot and world are those of its last mission and only the
+        robot has moved, the model is reset instead of rebuilt, which gives the same bits.
 
         Raises:
             InputError: PyBullet is not installed.
@@ -79,32 +76,32 @@ class PyBullet:
 
 @cache
 def _idle() -> list[Engine]:
-    """The engines of this process that no simulation is using: one, unless they are nested.
+    """The engines of this process that no simulation uses; at most one unless some were nested.
 
-    The one state that outlives a mission, and no result depends on it: an engine that is not
-    here is made anew.
+    No other state outlives a mission. No result depends on it, because a missing engine is made
+    anew.
     """
     return []
 
 
 def forget_models() -> None:
-    """Let the next mission build its model, as every new design does."""
+    """Make the next mission build its model, as every new design does."""
     for engine in _idle():
         engine.forget()
 
 
 def close_engines() -> None:
-    """Disconnect the idle engines of this process; the next mission makes its own."""
+    """Disconnect the idle engines of this process; the next mission makes a new one."""
     while _idle():
         _idle().pop().close()
 
 
 @cache
 def import_pybullet() -> Any:
-    """The pybullet module, without the line that it prints when it is imported.
+    """Import the pybullet module, without the line that it prints then.
 
     Raises:
-        InputError: it is not installed, as where it publishes no wheel.
+        InputError: PyBullet is not installed.
     """
     try:
         with _quiet():
@@ -116,26 +113,26 @@ def import_pybullet() -> Any:
 
 def _not_installed() -> InputError:
     return InputError(
-        "simulator=pybullet: PyBullet must be installed and is not, for it publishes wheels up to "
-        "Python 3.11 only; install evoros with Python 3.11, or build PyBullet with "
-        "`pip install pybullet` and a C++ compiler"
+        "simulator=pybullet: PyBullet is not installed, and it publishes wheels only up to Python "
+        "3.11; install evoros with Python 3.11, or build PyBullet with `pip install pybullet` and "
+        "a C++ compiler"
     )
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Nothing reaches the terminal, C's own output included."""
+    """Keep all output from the terminal, including that of C code."""
     libc = ctypes.CDLL(None)
     libc.fflush(None)
-    streams = [(os.dup(number), number) for number in (1, 2)]
-    nowhere = os.open(os.devnull, os.O_WRONLY)
+    saved = [(os.dup(number), number) for number in (1, 2)]
+    null = os.open(os.devnull, os.O_WRONLY)
     try:
-        for _, number in streams:
-            os.dup2(nowhere, number)
+        for _, number in saved:
+            os.dup2(null, number)
         yield
     finally:
         libc.fflush(None)
-        for kept, number in streams:
-            os.dup2(kept, number)
-            os.close(kept)
-        os.close(nowhere)
+        for copy, number in saved:
+            os.dup2(copy, number)
+            os.close(copy)
+        os.close(null)

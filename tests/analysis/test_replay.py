@@ -100,8 +100,8 @@ def looked() -> Iterator[LOOK]:
 
         def look(camera: Camera, x: float, y: float, yaw: float) -> Picture:
             scene.move((x, y, 0.0), Pose.from_rpy((0.0, 0.0, 0.0), 0.0, 0.0, yaw).quaternion, {})
-            picture = scene.look(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
-            assert set(np.unique(picture.owner)) == {-1, scene.robot}
+            picture = scene.render(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
+            assert set(np.unique(picture.bodies)) == {-1, scene.robot}
             return picture
 
         yield look
@@ -129,7 +129,7 @@ def test_a_robot_covers_the_pixels_that_its_pose_says(
     )
     depth = corners[:, 2]
     across, down = corners[:, 0] / depth, corners[:, 1] / depth
-    rows, columns = np.nonzero(picture.owner >= 0)
+    rows, columns = np.nonzero(picture.bodies >= 0)
     found = [columns.min(), columns.max() + 1, rows.min(), rows.max() + 1]
     assert found == pytest.approx([across.min(), across.max(), down.min(), down.max()], abs=1.5)
     depths = camera.depth(picture.depth)[rows, columns]
@@ -309,8 +309,8 @@ def test_links_that_show_meshes_show_what_collides_instead(urdf: str) -> None:
     covered = []
     for each in (urdf, urdf.replace(cylinder, mesh)):
         with open_scene(each, []) as scene:
-            seen = scene.look(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
-        covered.append(int((seen.owner == scene.robot).sum()))
+            seen = scene.render(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
+        covered.append(int((seen.bodies == scene.robot).sum()))
     assert covered[1] == pytest.approx(covered[0], rel=0.1)
     assert 3 * covered[0] > covered[1]
 

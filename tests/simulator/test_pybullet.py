@@ -22,10 +22,10 @@ from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, Sensor
 from evoros.sensor.sonar import Sonar
 from evoros.simulator import pybullet as module
-from evoros.simulator.pybullet import LARGEST_STEP, PyBullet
+from evoros.simulator.pybullet import MAX_STEP_S, PyBullet
 from evoros.world.model import World
 
-STEPS = (0.0025, 0.005, 0.01, 0.02, LARGEST_STEP)
+STEPS = (0.0025, 0.005, 0.01, 0.02, MAX_STEP_S)
 LIMITS = [f"world.{name}.course.time_limit_s=8" for name in ("boxes", "maze", "blocks")]
 DIGEST = """
 import hashlib, numpy as np

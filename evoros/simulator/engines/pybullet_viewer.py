@@ -1,4 +1,4 @@
-"""A robot among bodies in PyBullet, only to be looked at: nothing is simulated."""
+"""Renders a robot among bodies with PyBullet; simulates nothing."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -17,19 +17,17 @@ from evoros.simulator.pybullet import import_pybullet
 
 Colour = tuple[float, float, float]  # red, green, blue, from 0 to 1
 
-NOTHING = -1
-"""Owner of the pixels on which nothing is."""
+NO_BODY = -1
+"""The body number of pixels that show the background."""
 LIGHT = {"lightAmbientCoeff": 0.62, "lightDiffuseCoeff": 0.45, "lightSpecularCoeff": 0.0}
 
 
 class Picture(NamedTuple):
-    """What a camera sees, pixel by pixel, from the top left."""
+    """The view of a camera, pixel by pixel, from the top left."""
 
-    colours: NDArray[np.uint8]  # (h, w, 4) uint8: red, green, blue, and 255; white where nothing is
-    depth: NDArray[
-        np.float32
-    ]  # (h, w) float32, of the depth buffer: 0 at the near plane, 1 at the far one
-    owner: NDArray[np.int32]  # (h, w) int32: number of the body, NOTHING
+    colours: NDArray[np.uint8]  # (h, w, 4) red, green, blue, and 255; the background is white
+    depth: NDArray[np.float32]  # (h, w) from 0 at the near plane to 1 at the far plane
+    bodies: NDArray[np.int32]  # (h, w) number of the body, or NO_BODY
 
 
 class Scene:
@@ -41,8 +39,8 @@ class Scene:
         self._bullet, self._client = bullet, client
         for body, colour in bodies:
             shape = create_shape(bullet, client, body.shapes)
-            place = (body.pose.position, body.pose.quaternion)
-            number = bullet.createMultiBody(0.0, shape, -1, *place, physicsClientId=client)
+            frame = (body.pose.position, body.pose.quaternion)
+            number = bullet.createMultiBody(0.0, shape, -1, *frame, physicsClientId=client)
             bullet.changeVisualShape(number, -1, rgbaColor=(*colour, 1), physicsClientId=client)
         origin = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
@@ -61,52 +59,53 @@ class Scene:
         quaternion: Sequence[float],
         joints: Mapping[str, float],
     ) -> None:
-        """The frame of the robot's root link [m], and its joints [rad] by name."""
+        """Move the robot's root link to a frame [m] and its named joints to angles [rad]."""
         bullet, client = self._bullet, self._client
         # PyBullet places a body by its centre of mass.
-        place = bullet.multiplyTransforms(position, quaternion, *self._center)
-        bullet.resetBasePositionAndOrientation(self.robot, *place, client)
+        frame = bullet.multiplyTransforms(position, quaternion, *self._center)
+        bullet.resetBasePositionAndOrientation(self.robot, *frame, client)
         for name, angle in joints.items():
             bullet.resetJointState(self.robot, self._joints[name], angle, 0, client)
 
     def paint(self, link: str, colour: Colour) -> None:
-        """A link of the robot in another colour."""
+        """Change the colour of a link of the robot."""
         self._bullet.changeVisualShape(
             self.robot, self._links[link], rgbaColor=(*colour, 1), physicsClientId=self._client
         )
 
-    def look(
+    def render(
         self, view: Array, projection: Array, size: tuple[int, int], light: Sequence[float]
     ) -> Picture:
-        """What a camera sees, with matrices (4, 4) as OpenGL has them and ``size`` wide and high.
+        """Render the view of a camera.
 
-        ``light`` (3) points to where the light comes from.
+        ``view`` and ``projection`` are OpenGL's matrices (4, 4). ``size`` is width and height.
+        ``light`` (3,) points towards the light.
         """
         bullet = self._bullet
-        *_, colours, depth, owner = bullet.getCameraImage(
+        *_, colours, depth, bodies = bullet.getCameraImage(
             *size,
             view.T.ravel().tolist(),
             projection.T.ravel().tolist(),
             lightDirection=light,
-            shadow=0,  # they would take as long again
+            shadow=0,  # shadows would double the time
             renderer=bullet.ER_TINY_RENDERER,
             physicsClientId=self._client,
             **LIGHT,
         )
-        shape = (size[1], size[0])  # where PyBullet was built without numpy, it gives tuples
+        shape = (size[1], size[0])  # PyBullet gives tuples if it was built without numpy
         return Picture(
             np.reshape(np.asarray(colours, dtype=np.uint8), (*shape, 4)),
             np.reshape(np.asarray(depth, dtype=np.float32), shape),
-            np.reshape(np.asarray(owner, dtype=np.int32), shape),
+            np.reshape(np.asarray(bodies, dtype=np.int32), shape),
         )
 
 
 @contextmanager
 def open_scene(urdf: str, bodies: Sequence[tuple[Body, Colour]]) -> Iterator[Scene]:
-    """A scene with the robot at the origin; no display is needed.
+    """Open a scene with the robot at the origin; needs no display.
 
     Raises:
-        InputError: PyBullet is not installed, or ``urdf`` is no XML.
+        InputError: PyBullet is not installed, or ``urdf`` is not XML.
         SimulationError: PyBullet refuses the robot or a body.
     """
     bullet = import_pybullet()
@@ -120,15 +119,15 @@ def open_scene(urdf: str, bodies: Sequence[tuple[Body, Colour]]) -> Iterator[Sce
 
 
 def without_meshes(urdf: str) -> str:
-    """The description without the looks of links that show meshes.
+    """Remove the visual shapes of links that have meshes.
 
-    PyBullet then shows their collision shapes, and opens no files: those of meshes may not be
-    there.
+    PyBullet then shows the collision shapes of these links and opens no mesh files, which may not
+    exist.
     """
     root = parse(urdf.encode(), "robot.urdf")
     for link in root.findall("link"):
-        looks = link.findall("visual")
-        if any(look.find("geometry/mesh") is not None for look in looks):
-            for look in looks:
-                link.remove(look)
+        visuals = link.findall("visual")
+        if any(visual.find("geometry/mesh") is not None for visual in visuals):
+            for visual in visuals:
+                link.remove(visual)
     return etree.tostring(root, encoding="unicode")
