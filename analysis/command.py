@@ -8,7 +8,7 @@ from pathlib import Path
 
 from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result
 from evoros.base.errors import EvorosError, InputError, single_line
-from evoros.base.log import LOGGER, logging_to_terminal
+from evoros.base.log import LOGGER, log_to_terminal
 
 from .drawing.style import save
 from .product import Product
@@ -23,7 +23,7 @@ def main() -> None:
 
 def evoros_analyze(arguments: Sequence[str]) -> int:
     """Run the command; returns its exit status."""
-    with logging_to_terminal():
+    with log_to_terminal():
         try:
             options = parse(arguments)
             for path in draw(options):

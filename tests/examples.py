@@ -4,11 +4,11 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
-from omegaconf import DictConfig
-
 import evoros
 from evoros.config.compose import compose
-from evoros.config.jobs import Job, Jobs, options_of
+from evoros.config.configuration import Configuration
+from evoros.config.jobs import Job, Jobs
+from evoros.config.options import parse_options
 
 SMALL = [
     "optimizer.population_size=2",
@@ -20,10 +20,10 @@ LIMIT = "world.yard.course.time_limit_s=5"
 """Ends the missions in the world of docs/extending.md after a few seconds."""
 
 
-def composed(line: str, *more: str) -> Iterator[DictConfig]:
+def composed(line: str, *more: str) -> Iterator[Configuration]:
     """The configurations of the jobs that a command runs."""
-    options = options_of([*shlex.split(line, comments=True)[1:], *more])
-    for job in Jobs(options.overrides, bool(options.multirun), options.config_dir):
+    options = parse_options([*shlex.split(line, comments=True)[1:], *more])
+    for job in Jobs(options.overrides, options.multirun, options.config_dir):
         assert isinstance(job, Job), job
         yield job.config
 

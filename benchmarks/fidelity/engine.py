@@ -21,7 +21,7 @@ import openloop
 from openloop import commands
 
 from evoros.base.arrays import SPEED, Array, X, Y
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
 from evoros.simulator.engines import pybullet_bodies, pybullet_model, pybullet_robot
@@ -237,8 +237,8 @@ def figure(rows: Sequence[Row], spent: dict[str, dict[str, float]]) -> None:
 
 
 def main() -> None:
-    sphere = build(compose([]))
-    cylinder = build(compose(["+robot.arguments.wheel_collision=cylinder"]))
+    sphere = compose([]).build()
+    cylinder = compose(["+robot.arguments.wheel_collision=cylinder"]).build()
     design = sphere.space.decode(np.full(sphere.space.size, 0.5))
     bare = {"sphere": sphere.robot, "cylinder": cylinder.robot}
     robots = {

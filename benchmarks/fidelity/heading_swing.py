@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from evoros.base.arrays import Array
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.controller.rover import Rover
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
@@ -41,9 +41,8 @@ def leg(experiment: Experiment) -> World:
 
 def heading(robot: str, lag_s: float, hold_s: float) -> Array:
     """(n, 2) time [s] and heading [deg]."""
-    experiment = build(
-        compose([f"robot={robot}", "controller=rover_l1", "controller/avoidance=blind"])
-    )
+    overrides = [f"robot={robot}", "controller=rover_l1", "controller/avoidance=blind"]
+    experiment = compose(overrides).build()
     late: dict[str, Filter] = {"hold": Hold(hold_s)} if hold_s else {}
     controller = experiment.controller
     assert isinstance(controller, Rover)

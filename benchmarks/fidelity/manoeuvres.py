@@ -21,7 +21,7 @@ from tracks import figure
 
 from evoros.base.arrays import SPEED, STEERING, YAW, Array, X, Y
 from evoros.base.rng import generator
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import Simulator
@@ -208,7 +208,7 @@ def _row(name: str, pairs: list[tuple[Array, Array]]) -> None:
 
 
 def main() -> None:
-    experiment = build(compose([]))
+    experiment = compose([]).build()
     tracks = side_by_side(experiment)
     circles(experiment)
     turns = slaloms(experiment)

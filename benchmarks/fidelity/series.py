@@ -13,7 +13,7 @@ from pathlib import Path
 import pandas as pd
 
 from evoros.base.rng import generator
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.storage.tables import design_table
 
 EVALUATE = Path(sys.executable).with_name("evoros-evaluate")
@@ -71,7 +71,7 @@ def random_designs(study: Path, count: int) -> None:
     """The first designs of an endless sequence, in a file for ``evoros-evaluate``, once."""
     if (study / DESIGNS).exists():
         return
-    space = build(compose([])).space
+    space = compose([]).build().space
     rng = generator("0", "random_designs")
     designs = {number: space.decode(rng.random(space.size)) for number in range(count)}
     study.mkdir(parents=True, exist_ok=True)

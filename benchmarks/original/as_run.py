@@ -24,7 +24,7 @@ import pandas as pd
 
 import evoros
 from evoros.base.rng import generator
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import TIME_LIMIT
@@ -96,7 +96,7 @@ class Sample:
         """A row for each mission, in a file of its own that is there when it is whole."""
         file = folder / f"{self.name}.csv"
         if not file.exists():
-            experiment = build(compose([*BASE, *self.overrides]))
+            experiment = compose([*BASE, *self.overrides]).build()
             rows = [row for number in range(self.designs) for row in self._rows(experiment, number)]
             part = file.with_suffix(f".{os.getpid()}")
             pd.DataFrame(rows).to_csv(part, index=False)

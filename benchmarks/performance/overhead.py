@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from evoros.base.arrays import STATE_SIZE, Array, X, Y
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import AT_X, AT_Y
@@ -113,7 +113,7 @@ def pair(experiment: Experiment, recorder: Recorder, mission: Mission) -> tuple[
 
 
 def main(designs: int) -> None:
-    experiment = build(compose(["failure=random"]))
+    experiment = compose(["failure=random"]).build()
     assert isinstance(experiment.simulator, PyBullet)
     recorder = Recorder(experiment.simulator)
     rng = np.random.default_rng(1)

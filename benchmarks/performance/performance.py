@@ -28,7 +28,7 @@ import tick_cost
 from tick_cost import Point
 
 from evoros.base.rng import generator
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.executor.processes import available_cores
 from evoros.storage.manifest import processor
 from evoros.storage.tables import design_table
@@ -74,7 +74,7 @@ def command(name: str, *arguments: str, cache: Path | None = None) -> float:
 
 def random_designs(count: int, file: Path) -> None:
     """A file of designs for ``evoros-evaluate``."""
-    space, rng = build(compose([])).space, generator("0", "performance")
+    space, rng = compose([]).build().space, generator("0", "performance")
     designs = {i: space.decode(rng.random(space.size)) for i in range(count)}
     file.write_text(design_table(designs))
 

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from evoros.base.compilation import SIMULATION_RULES, compile_rule
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
@@ -94,7 +94,7 @@ def cost(experiment: Experiment, robot: Robot, obstacles: int) -> float:
 
 def curves() -> dict[str, list[Point]]:
     """The cost of a tick by what makes it dearer; the rest as in the case study."""
-    experiment = build(compose(["simulator=planar"]))
+    experiment = compose(["simulator=planar"]).build()
     six = rover(experiment, 6, 5)
     return {
         "sensors": [(n, cost(experiment, rover(experiment, n, 5), 200)) for n in SENSORS],

@@ -13,7 +13,7 @@ from evoros.analysis.drawing.style import save
 from evoros.analysis.drawing.worlds import worlds
 
 import evoros
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.world.model import World
 
 IMAGES = Path(__file__).parents[2] / "docs" / "img"
@@ -26,14 +26,14 @@ EXAMPLES = {
 
 def generated(overrides: list[str]) -> World:
     keys = [f"world.generated.{each}" for each in overrides]
-    return build(compose(["world=generated", *keys])).world["generated"]
+    return compose(["world=generated", *keys]).build().world["generated"]
 
 
 def main(folders: list[str]) -> None:
     examples = {name: generated(overrides) for name, overrides in EXAMPLES.items()}
     save(worlds(examples), IMAGES / "generated.png", "png")
     for folder in folders:
-        run, dense = evoros.load_run(folder), build(compose(["world=dense"])).world
+        run, dense = evoros.load_run(folder), compose(["world=dense"]).build().world
         tracks = {name: [run.trajectory(name)[["x_m", "y_m"]].to_numpy()] for name in dense}
         save(worlds(dense, tracks), IMAGES / "dense.png", "png")
 

@@ -1,4 +1,4 @@
-"""The terminal side of every command: exit statuses and printed results."""
+"""Exit statuses and printed results of every command."""
 
 import os
 import sys
@@ -8,7 +8,7 @@ DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 def print_result(text: str) -> None:
-    """Print a result to standard output; a reader that has left early is no error."""
+    """Print to standard output; a reader that has closed the pipe early is no error."""
     try:
         print(text, flush=True)
     except BrokenPipeError:

@@ -1,4 +1,4 @@
-"""Where messages go: to the terminal for the commands, into the folder for every run."""
+"""The destinations of log messages: the terminal for commands, a file in the folder for runs."""
 
 import logging
 import sys
@@ -11,14 +11,16 @@ from threading import Lock
 LOGGER = logging.getLogger("evoros")
 
 _JOB: ContextVar[str] = ContextVar("job", default="")
-"""The folder of the one of several jobs that speaks; empty where there is but one, and for what
-concerns all. Two folders may have the same name, in others."""
+"""The folder of the job that a message is about; empty for a lone job and for messages about all.
+
+The folder's name would not do: two folders may have the same name in different places.
+"""
 _LOCK = Lock()
 
 
 @contextmanager
-def on_behalf_of(job: str) -> Iterator[None]:
-    """What this thread says meanwhile concerns the job of this folder alone."""
+def log_for_job(job: str) -> Iterator[None]:
+    """Attribute all messages of this thread to the job of this folder."""
     token = _JOB.set(job)
     try:
         yield
@@ -27,56 +29,60 @@ def on_behalf_of(job: str) -> Iterator[None]:
 
 
 @contextmanager
-def attached(handler: logging.Handler, own: bool = False) -> Iterator[None]:
-    """Messages go to the handler, too; where it is ``own``, those of this thread's job only."""
+def attach(handler: logging.Handler, own_job: bool = False) -> Iterator[None]:
+    """Send messages to the handler, too; with ``own_job`` only those about this thread's job."""
     job = _JOB.get()
-    if own:
+    if own_job:
         handler.addFilter(lambda record: _JOB.get() == job)
-    _attach(handler)
+    _add(handler)
     try:
         yield
     finally:
-        _detach(handler)
+        _remove(handler)
 
 
 @contextmanager
-def detached(handler: logging.Handler) -> Iterator[None]:
-    """No messages go to the handler meanwhile."""
-    _detach(handler)
+def detach(handler: logging.Handler) -> Iterator[None]:
+    """Send no messages to the handler."""
+    _remove(handler)
     try:
         yield
     finally:
-        _attach(handler)
+        _add(handler)
 
 
-def _attach(handler: logging.Handler) -> None:
+def _add(handler: logging.Handler) -> None:
     with _LOCK:  # a new list: another thread may be going through the old one
         LOGGER.handlers = [*LOGGER.handlers, handler]
 
 
-def _detach(handler: logging.Handler) -> None:
+def _remove(handler: logging.Handler) -> None:
     with _LOCK:
-        LOGGER.handlers = [each for each in LOGGER.handlers if each is not handler]
+        LOGGER.handlers = [other for other in LOGGER.handlers if other is not handler]
 
 
-def for_terminal(handler: logging.Handler) -> logging.Handler:
-    """Standard error's: of several jobs it has only what went wrong, after the job's name."""
+def format_for_terminal(handler: logging.Handler) -> logging.Handler:
+    """Set up a handler for standard error.
+
+    It shows the warnings and errors of the jobs of a sweep, each after the job's name, and all
+    messages that concern no job of a sweep.
+    """
     handler.setLevel(logging.INFO)
-    handler.setFormatter(_Named("%(message)s"))
+    handler.setFormatter(_JobFormatter("%(message)s"))
     handler.addFilter(lambda record: not _JOB.get() or record.levelno >= logging.WARNING)
     return handler
 
 
-class _Named(logging.Formatter):
+class _JobFormatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
-        said = super().format(record)
-        return f"{PurePath(_JOB.get()).name}: {said}" if _JOB.get() else said
+        message = super().format(record)
+        return f"{PurePath(_JOB.get()).name}: {message}" if _JOB.get() else message
 
 
 @contextmanager
-def logging_to_terminal() -> Iterator[None]:
-    """Messages go to standard error; results alone go to standard output."""
-    with attached(for_terminal(logging.StreamHandler(sys.stderr))):
+def log_to_terminal() -> Iterator[None]:
+    """Send messages to standard error; standard output is for results alone."""
+    with attach(format_for_terminal(logging.StreamHandler(sys.stderr))):
         LOGGER.propagate = False
         try:
             yield
@@ -85,7 +91,7 @@ def logging_to_terminal() -> Iterator[None]:
 
 
 class _Memory(logging.Handler):
-    """Keeps what is said before there is a file for it."""
+    """Keeps messages in a list."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
@@ -96,24 +102,24 @@ class _Memory(logging.Handler):
 
 
 @contextmanager
-def remembering() -> Iterator[list[logging.LogRecord]]:
-    """The messages that are said while this is open, for ``logging_to_file``."""
+def collect_messages() -> Iterator[list[logging.LogRecord]]:
+    """Collect messages, for ``log_to_file`` once there is a file."""
     memory = _Memory()
-    with attached(memory, own=True):
+    with attach(memory, own_job=True):
         yield memory.records
 
 
 @contextmanager
-def logging_to_file(path: Path, before: Sequence[logging.LogRecord] = ()) -> Iterator[None]:
-    """Messages go into the file, too, and tracebacks go there alone.
+def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterator[None]:
+    """Send messages to the file, too; it alone gets tracebacks.
 
-    ``before`` are messages that were said before the file was there.
+    ``earlier`` are messages from before the file existed; they are written first.
     """
     handler = logging.FileHandler(path)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
-    for record in before:
+    for record in earlier:
         handler.handle(record)
-    with attached(handler, own=True), logging_all():
+    with attach(handler, own_job=True), log_everything():
         try:
             yield
         finally:
@@ -121,10 +127,11 @@ def logging_to_file(path: Path, before: Sequence[logging.LogRecord] = ()) -> Ite
 
 
 @contextmanager
-def logging_all() -> Iterator[None]:
-    """Nothing is too detailed for those handlers that take it.
+def log_everything() -> Iterator[None]:
+    """Pass messages of every level to the handlers, which have levels of their own.
 
-    Around several jobs, too: each ends with the level that it found.
+    A sweep uses this around its jobs: they end in any order, and each restores the level that it
+    found.
     """
     level = LOGGER.level
     LOGGER.setLevel(logging.DEBUG)

@@ -1,4 +1,4 @@
-"""Finds ``conf``, ``robots`` and ``worlds``, in a checkout and in an installed wheel alike."""
+"""Finds the bundled folders ``conf``, ``robots`` and ``worlds``, in a checkout and in a wheel."""
 
 from pathlib import Path
 
@@ -9,13 +9,13 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def bundled_folder(name: str) -> Path:
-    """The bundled folder ``conf``, ``robots`` or ``worlds``."""
+    """The path of the bundled folder ``conf``, ``robots`` or ``worlds``."""
     installed = PACKAGE / name
     return installed if installed.is_dir() else PACKAGE.parent / name
 
 
 def find_file(name: str, kind: str) -> Path:
-    """The file that a configuration names: as a path, or relative to the bundled folder ``kind``.
+    """Find a file that a configuration names: a path, or one relative to the bundled ``kind``.
 
     Raises:
         InputError: there is no such file.
@@ -25,6 +25,6 @@ def find_file(name: str, kind: str) -> Path:
         if candidate.is_file():
             return candidate.resolve()
     raise InputError(
-        f"{name}: no such file, neither from here ({Path.cwd()}) nor among the bundled {kind}; "
-        f"give the path of an existing file"
+        f"{name}: no such file, neither in the current folder ({Path.cwd()}) nor among the bundled "
+        f"{kind}; give the path of an existing file"
     )

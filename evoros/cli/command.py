@@ -1,261 +1,207 @@
-"""What the commands share: arguments, messages, signals and exit statuses.
+"""What ``evoros`` and ``evoros-evaluate`` share: arguments, messages and exit statuses.
 
 Exit statuses: 0 done; 1 stopped, resumable; 2 input that cannot be used; 130 interrupted.
 """
 
-import os
 import shlex
-import signal
 import sys
-from argparse import Namespace
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
 from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED, print_result
 from evoros.base.errors import EvorosError, InputError, RunStopped
-from evoros.base.log import LOGGER, logging_to_terminal
-from evoros.base.resources import bundled_folder
+from evoros.base.log import LOGGER, log_to_terminal
+from evoros.cli.signals import Signals
 
 if TYPE_CHECKING:
-    from omegaconf import DictConfig
-
     from evoros.cli.sweep import JobResult, Sweep
+    from evoros.config.configuration import Configuration
     from evoros.config.jobs import Jobs
-    from evoros.session.run import Work
+    from evoros.config.options import Options
+    from evoros.session.work import Work
 
 WORST_FIRST = (INTERRUPTED, INPUT, STOPPED, DONE)
-"""A sweep ends with the status of the worst of its jobs."""
+"""Exit statuses, the worst first: a sweep ends with the worst of its jobs."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """One console command: what it does with a configuration and a folder.
+    """One console command. Calling it runs the command and returns its exit status.
 
-    Its functions import what they need when they are called, so that the first word is quick.
+    Its functions import what they need when they are called, so that the first message is quick.
     """
 
     name: str
-    config: str  # the primary configuration, a file of conf/
-    new: "Callable[[DictConfig, Path], Work]"
-    resumed: "Callable[[Path, Sequence[str], str | None], Work]"
-    summary: Callable[[Path], str]  # what it says at the end of the work in a folder
+    primary: str  # its own file of conf/, into which everything else is composed
+    create: "Callable[[Configuration, Path], Work]"
+    open: "Callable[[Path, Sequence[str], str | None], Work]"
+    summarize: Callable[[Path], str]  # the result that is printed when a folder is finished
 
     def __call__(self, arguments: Sequence[str]) -> int:
-        """Run the command; returns its exit status."""
-        with logging_to_terminal(), _Signals() as signals:
+        """Run the command and return its exit status."""
+        with log_to_terminal(), Signals() as signals:
             try:
-                return _command(self, list(arguments), signals)
+                return _execute(self, list(arguments), signals)
             except KeyboardInterrupt:
-                return _say(self, *signals.what_happened())
+                return _report(self, *signals.explain())
             except EvorosError as error:
-                return _say(self, str(error), _status(error))
+                return _report(self, str(error), _status(error))
 
 
-def _command(command: Command, arguments: list[str], signals: "_Signals") -> int:
-    from evoros.config.jobs import options_of
+def _execute(command: Command, arguments: list[str], signals: Signals) -> int:
+    from evoros.config.options import parse_options
 
-    if "--version" in arguments:
+    options = parse_options(arguments)
+    if options.version:
         from importlib.metadata import version
 
         print(f"{command.name} {version('evoros')}")
         return DONE
-    options = options_of(arguments)
-    chosen = {name for name, value in vars(options).items() if value}
-    shown = chosen & {"help", "hydra_help", "cfg", "info", "shell_completion"}
-    unused = chosen & {"config_name", "config_path", "experimental_rerun"}
-    if unused:
-        option = unused.pop().replace("_", "-")
-        raise InputError(f"--{option}: is Hydra's and not evoros's; use experiment= for a study")
     if options.config_dir:
-        from evoros.config.compose import own_folder
+        from evoros.config.compose import add_config_dir
 
-        own_folder(options.config_dir)
+        add_config_dir(options.config_dir)
     if any(override.startswith("resume=") for override in options.overrides):
-        if shown or options.multirun:
+        if options.shows or options.multirun:
             raise InputError("resume=: goes with --config-dir only; leave the other options out")
         return _resume(command, options, signals)
-    return _show(command, arguments) if shown else _run(command, options, signals)
+    if options.shows:
+        from evoros.config.help import show
+
+        return show(command.name, command.primary, arguments)
+    return _start(command, options, signals)
 
 
-def _resume(command: Command, options: Namespace, signals: "_Signals") -> int:
-    """``resume=FOLDER`` and what may change then."""
-    target = next(each for each in options.overrides if each.startswith("resume="))
-    path = Path(target.partition("=")[2]).expanduser()
-    overrides = [each for each in options.overrides if each is not target]
-    own = options.config_dir
-    return _alone(command, partial(command.resumed, path, overrides, own), path, own, signals)
+def _resume(command: Command, options: "Options", signals: Signals) -> int:
+    """Go on with the work in the folder of ``resume=FOLDER``."""
+    target = next(text for text in options.overrides if text.startswith("resume="))
+    folder = Path(target.partition("=")[2]).expanduser()
+    overrides = [text for text in options.overrides if text is not target]
+    build = partial(command.open, folder, overrides, options.config_dir)
+    return _run_alone(command, build, folder, options.config_dir, signals)
 
 
-def _run(command: Command, options: Namespace, signals: "_Signals") -> int:
-    """One run, or the runs of a sweep."""
+def _start(command: Command, options: "Options", signals: Signals) -> int:
+    """Start one job, or the jobs of a sweep."""
     from evoros.config.jobs import Jobs
 
-    own = options.config_dir
-    jobs = Jobs(options.overrides, bool(options.multirun), own, command.config)
+    jobs = Jobs(options.overrides, options.multirun, options.config_dir, command.primary)
     if jobs.sweep is not None:
-        return _sweep(command, jobs, own, signals)
-    (job,) = (each for each in jobs if not isinstance(each, EvorosError))
-    return _alone(command, partial(command.new, job.config, job.folder), job.folder, own, signals)
+        return _run_sweep(command, jobs, options.config_dir, signals)
+    (job,) = (job for job in jobs if not isinstance(job, EvorosError))
+    build = partial(command.create, job.config, job.folder)
+    return _run_alone(command, build, job.folder, options.config_dir, signals)
 
 
-def _alone(
+def _run_alone(
     command: Command,
     build: "Callable[[], Work]",
-    path: Path,
+    folder: Path,
     config_dir: str | None,
-    signals: "_Signals",
+    signals: Signals,
 ) -> int:
-    """One run, its display and what is said at its end; returns an exit status."""
+    """Build and run the only job, report its result and return the exit status."""
     from evoros.cli.progress import Progress
     from evoros.cli.sweep import JobResult
 
-    ending = JobResult(DONE)
+    result = JobResult(DONE)
     try:
         with Progress(sys.stderr.isatty()) as display:
             build().run(display)
     except (KeyboardInterrupt, Exception) as error:
-        ending = _ending(config_dir, signals, path, error)
-    return _tell(command, False, path, ending)
+        result = _explain(config_dir, signals, folder, error)
+    return _report_result(command, False, folder, result)
 
 
-def _sweep(command: Command, jobs: "Jobs", config_dir: str | None, signals: "_Signals") -> int:
-    """All runs of a sweep; returns the worst exit status."""
-    from evoros.base.log import logging_all
+def _run_sweep(command: Command, jobs: "Jobs", config_dir: str | None, signals: Signals) -> int:
+    """Run all jobs of a sweep and return the worst exit status."""
+    from evoros.base.log import log_everything
     from evoros.cli.progress import SweepProgress
     from evoros.cli.sweep import Sweep
 
-    explain, tell = partial(_ending, config_dir, signals), partial(_tell, command, True)
-    with logging_all(), SweepProgress(sys.stderr.isatty(), len(jobs)) as display:
-        sweep = Sweep(command.new, explain, tell, display)
+    explain = partial(_explain, config_dir, signals)
+    report = partial(_report_result, command, True)
+    with log_everything(), SweepProgress(sys.stderr.isatty(), len(jobs)) as display:
+        sweep = Sweep(command.create, explain, report, display)
         begun = _begin_all(command, jobs, sweep, signals)
     if signals.last is not None:
-        sweep.statuses.append(signals.what_happened()[1])
+        sweep.statuses.append(signals.explain()[1])
         if begun < len(jobs):
             LOGGER.error(
-                "%s: for the jobs that have not begun, repeat the command with "
-                "hydra.sweep.dir=%s: those that have begun are refused, untouched",
+                "%s: to start the jobs that have not begun, repeat the command with "
+                "hydra.sweep.dir=%s; it refuses those that have begun and leaves them untouched",
                 command.name,
                 shlex.quote(str(jobs.sweep)),
             )
     return next(status for status in WORST_FIRST if status in (*sweep.statuses, DONE))
 
 
-def _begin_all(command: Command, jobs: "Jobs", sweep: "Sweep", signals: "_Signals") -> int:
-    """Begin the jobs until a signal comes, and wait for their ends; returns how many began."""
+def _begin_all(command: Command, jobs: "Jobs", sweep: "Sweep", signals: Signals) -> int:
+    """Begin jobs until a signal comes, wait for them to end, and return how many began."""
     begun = 0
     try:
         for job in jobs:
             if isinstance(job, EvorosError):
-                sweep.refuse(_say(command, str(job), _status(job)))
+                sweep.refuse(_report(command, str(job), _status(job)))
             else:
-                sweep.begin(job)  # waits, maybe for long, for another one to end
+                sweep.begin(job)  # blocks until another job has ended if enough are running
             begun += 1
             if signals.last is not None:
                 break
         sweep.finish()
-    except KeyboardInterrupt:  # each run that it stops says how to go on
+    except KeyboardInterrupt:  # each job that it stops reports how to resume it
         pass
     finally:
         sweep.close()
     return begun
 
 
-def _show(command: Command, arguments: list[str]) -> int:
-    """What Hydra shows without running anything: --help, --cfg, --info, completion."""
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises what it would print at length
-    import hydra
-
-    from evoros.config.messages import one_line
-
-    sys.argv = [command.name, *arguments]
-    conf = str(bundled_folder("conf"))
-    decorate = hydra.main(version_base="1.3", config_path=conf, config_name=command.config)
-    try:
-        decorate(lambda config: None)()
-    except SystemExit as stop:  # so it ends after --help
-        return int(stop.code or DONE)
-    except Exception as error:
-        raise InputError(one_line(error)) from error
-    return DONE
-
-
-def _ending(
-    config_dir: str | None, signals: "_Signals", path: Path, error: BaseException
+def _explain(
+    config_dir: str | None, signals: Signals, folder: Path, error: BaseException
 ) -> "JobResult":
-    """How a run ended that raised, and how to go on with it."""
+    """The result of a job that raised, with the command that resumes it."""
     from evoros.cli.sweep import JobResult
     from evoros.storage.mission_log import LOG
 
-    again = _again(path, config_dir)
+    hint = _resume_hint(folder, config_dir)
     if isinstance(error, KeyboardInterrupt):
-        message, status = signals.what_happened()
-        return JobResult(status, message + again)
+        message, status = signals.explain()
+        return JobResult(status, message + hint)
     if isinstance(error, EvorosError):
-        status = _status(error)
-        return JobResult(status, f"{error}{again if isinstance(error, RunStopped) else ''}")
-    # A part of the user's, a full disk, or a fault of ours.
-    said = " ".join(f"{type(error).__name__}: {error}".split())
-    log = path / LOG
-    where = f" (traceback in {log})" if log.exists() else ""
-    return JobResult(STOPPED, f"{said}{where}{again}")
+        return JobResult(_status(error), f"{error}{hint if isinstance(error, RunStopped) else ''}")
+    # An error in the user's own part, a full disk, or a bug of evoros.
+    message = " ".join(f"{type(error).__name__}: {error}".split())
+    log = folder / LOG
+    traceback = f" (traceback in {log})" if log.exists() else ""
+    return JobResult(STOPPED, f"{message}{traceback}{hint}")
 
 
-def _tell(command: Command, named: bool, path: Path, ending: "JobResult") -> int:
-    """What is said at the end of a run; ``named`` where it is one of several."""
-    if ending.said:
-        name = f"{path.name}: " if named else ""
-        return _say(command, f"{name}{ending.said}", ending.status)
-    print_result(command.summary(path))
-    return ending.status
-
-
-def _again(path: Path, config_dir: str | None) -> str:
-    """What to type to go on; nothing before there is a run."""
+def _resume_hint(folder: Path, config_dir: str | None) -> str:
+    """What to type to go on; empty if the folder has not been made."""
     from evoros.storage.mission_log import MISSIONS, resume_command
 
-    own = f" --config-dir {shlex.quote(config_dir)}" if config_dir else ""
-    begun = (path / MISSIONS).exists()
-    return f"; to continue type: {resume_command(path)}{own}" if begun else ""
+    if not (folder / MISSIONS).exists():
+        return ""
+    option = f" --config-dir {shlex.quote(config_dir)}" if config_dir else ""
+    return f"; to continue type: {resume_command(folder)}{option}"
 
 
-def _status(error: EvorosError) -> int:
-    return INPUT if isinstance(error, InputError) else STOPPED
+def _report_result(command: Command, in_sweep: bool, folder: Path, result: "JobResult") -> int:
+    """Print the summary of a finished job, or report why it ended; returns its exit status."""
+    if result.message:
+        name = f"{folder.name}: " if in_sweep else ""
+        return _report(command, f"{name}{result.message}", result.status)
+    print_result(command.summarize(folder))
+    return result.status
 
 
-def _say(command: Command, message: str, status: int) -> int:
+def _report(command: Command, message: str, status: int) -> int:
     LOGGER.error("%s: %s", command.name, " ".join(message.split()))
     return status
 
 
-class _Signals:
-    """While open, SIGTERM ends a run as cleanly as Ctrl-C does, but with another status."""
-
-    def __init__(self) -> None:
-        self.last: int | None = None
-
-    def __enter__(self) -> "_Signals":
-        self._before = {
-            number: signal.signal(number, self._interrupt)
-            for number in (signal.SIGINT, signal.SIGTERM)
-            if signal.getsignal(number) != signal.SIG_IGN  # as with nohup
-        }
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _interrupt(self, number: int, frame: FrameType | None) -> None:
-        self.last = number
-        # Not an Exception: nothing that catches those, as logging does, may swallow it.
-        raise KeyboardInterrupt
-
-    def what_happened(self) -> tuple[str, int]:
-        """A message and an exit status."""
-        if self.last == signal.SIGTERM:
-            return "terminated by a signal", STOPPED
-        return "interrupted", INTERRUPTED
+def _status(error: EvorosError) -> int:
+    return INPUT if isinstance(error, InputError) else STOPPED

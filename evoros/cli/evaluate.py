@@ -1,4 +1,4 @@
-"""The command ``evoros-evaluate``: scores given designs, or goes on with an evaluation."""
+"""The command ``evoros-evaluate``: scores given designs, or resumes an evaluation."""
 
 import sys
 from collections.abc import Sequence
@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 from evoros.cli.command import Command
 
 if TYPE_CHECKING:
-    from omegaconf import DictConfig
-
-    from evoros.session.run import Work
+    from evoros.config.configuration import Configuration
+    from evoros.session.work import Work
 
 
 def main() -> None:
@@ -18,22 +17,22 @@ def main() -> None:
     sys.exit(evaluate(sys.argv[1:]))
 
 
-def _new(config: "DictConfig", folder: Path) -> "Work":
+def _create(config: "Configuration", folder: Path) -> "Work":
     from evoros.session.evaluation import create_evaluation
 
     return create_evaluation(config, folder)
 
 
-def _resumed(folder: Path, overrides: Sequence[str], config_dir: str | None) -> "Work":
+def _open(folder: Path, overrides: Sequence[str], config_dir: str | None) -> "Work":
     from evoros.session.evaluation import open_evaluation
 
     return open_evaluation(folder, overrides, config_dir)
 
 
-def _summary(folder: Path) -> str:
-    from evoros.cli.summary import evaluation
+def _summarize(folder: Path) -> str:
+    from evoros.cli.summary import summarize_evaluation
 
-    return evaluation(folder)
+    return summarize_evaluation(folder)
 
 
-evaluate = Command("evoros-evaluate", "evaluate", _new, _resumed, _summary)
+evaluate = Command("evoros-evaluate", "evaluate", _create, _open, _summarize)

@@ -1,4 +1,4 @@
-"""The live line of a run, or of all runs of a sweep, on a terminal."""
+"""The live line on a terminal: the progress of a run, or of all runs of a sweep."""
 
 import logging
 import sys
@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from evoros.base.log import LOGGER, attached, detached, for_terminal
+from evoros.base.log import LOGGER, attach, detach, format_for_terminal
 from evoros.evolution.journal import Generation
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 
 class Progress:
-    """A display of a run and a context manager; shows nothing unless it is ``live``."""
+    """The display of one run, a context manager. It shows nothing unless it is ``live``."""
 
     def __init__(self, live: bool) -> None:
         self._since = time.monotonic()
-        self.missions, self.simulated, self.ended = 0, 0.0, False  # in this session
+        self.missions, self.simulated, self.ended = 0, 0.0, False  # of this session
         self._generations = self._generation = 0
-        self._wanted = self._known = self._flown = 0
-        self._finished: list[int] = []  # missions flown by the end of each generation that flew any
+        self._wanted = self._known = self._done = 0
+        self._totals: list[int] = []  # missions run by the end of each generation that ran any
         self._standing = ""
         self._live = _LiveLine(self.line) if live else None
 
@@ -43,57 +43,56 @@ class Progress:
             self._live.stop()
 
     def start(self, generations: int) -> None:
-        """The run starts."""
+        """The run starts now, with so many generations."""
         self._since, self._generations = time.monotonic(), generations
         if self._live:
             self._live.start()
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Missions are wanted."""
-        self._generation, self._wanted, self._known, self._flown = generation, missions, known, 0
+        """A generation needs missions, of which ``known`` are on disk already."""
+        self._generation, self._wanted, self._known, self._done = generation, missions, known, 0
 
     def mission(self, mission: Mission, outcome: Outcome) -> None:
-        """A mission was flown."""
-        self._flown += 1
+        """A mission was run."""
+        self._done += 1
         self.missions += 1
         self.simulated += outcome.time_s
 
     def generation(self, generation: Generation) -> None:
         """A generation is over."""
         self._standing = f"best {generation.best.fitness:.3f}, mean {generation.mean:.3f}"
-        if self.missions > sum(self._finished[-1:]):
-            self._finished.append(self.missions)
+        if self.missions > sum(self._totals[-1:]):
+            self._totals.append(self.missions)
 
     def line(self) -> str:
-        """Where the run is, in one line."""
+        """The progress of the run, in one line."""
         elapsed = time.monotonic() - self._since
-        pace = self.simulated / elapsed if elapsed > 0 else 0.0
-        done = self._known + self._flown
+        speed = self.simulated / elapsed if elapsed > 0 else 0.0
         parts = [
             f"generation {self._generation}/{last}" if (last := self._generations - 1) else "",
             self._standing,
-            f"missions {done}/{self._wanted}",
-            f"{pace:.0f} simulated s/s",
+            f"missions {self._known + self._done}/{self._wanted}",
+            f"{speed:.0f} simulated s/s",
             f"{_clock(self._left() * elapsed / self.missions)} left" if self.missions else "",
         ]
         return " | ".join(part for part in parts if part)
 
     @property
     def share(self) -> float:
-        """Of the missions of this session, as far as they can be foreseen, those that are flown."""
+        """The share of this session's missions that has been run, as far as can be foreseen."""
         if self.ended:
             return 1.0
         return self.missions / (self.missions + self._left()) if self.missions else 0.0
 
     def _left(self) -> float:
-        """Missions left, as if the generations to come needed as many as those of this session."""
-        now = self._wanted - self._known - self._flown
-        each = self._finished[-1] / len(self._finished) if self._finished else self._wanted
-        return now + each * (self._generations - 1 - self._generation)
+        """Missions left if later generations need as many as those of this session did."""
+        current = self._wanted - self._known - self._done
+        later = self._totals[-1] / len(self._totals) if self._totals else self._wanted
+        return current + later * (self._generations - 1 - self._generation)
 
 
 class SweepProgress:
-    """The same of a sweep of so many jobs: one line for those that run and those that ran."""
+    """The display of a sweep of ``jobs`` jobs: one line for all."""
 
     def __init__(self, live: bool, jobs: int) -> None:
         self._since = time.monotonic()
@@ -116,7 +115,7 @@ class SweepProgress:
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """The terminal is free for results."""
+        """Remove the line while results are printed."""
         if self._live:
             self._live.stop()
         try:
@@ -126,7 +125,7 @@ class SweepProgress:
                 self._live.start()
 
     def line(self) -> str:
-        """Where the sweep is, in one line."""
+        """The progress of the sweep, in one line."""
         elapsed, begun = time.monotonic() - self._since, self._begun
         ended, share = sum(job.ended for job in begun), sum(job.share for job in begun)
         simulated = sum(job.simulated for job in begun)
@@ -141,9 +140,9 @@ class SweepProgress:
 
 
 def _clock(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
+    minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}"
+    return f"{hours}:{minutes:02d}:{seconds:02d}"
 
 
 class _LiveLine:
@@ -155,21 +154,21 @@ class _LiveLine:
         from rich.text import Text
 
         console = Console(stderr=True)
-        # Four times a second the line is asked for, however many missions there are.
+        # Rich asks for the line four times a second, however many missions there are.
         self._live = Live(
             console=console,
             refresh_per_second=4,
             transient=True,
             get_renderable=lambda: Text(line()),
         )
-        self._handler = for_terminal(_ConsoleHandler(console))
+        self._handler = format_for_terminal(_ConsoleHandler(console))
         self._stack = ExitStack()
 
     def start(self) -> None:
         for handler in LOGGER.handlers:
             if isinstance(handler, logging.StreamHandler) and handler.stream is sys.stderr:
-                self._stack.enter_context(detached(handler))
-        self._stack.enter_context(attached(self._handler))
+                self._stack.enter_context(detach(handler))
+        self._stack.enter_context(attach(self._handler))
         self._live.start()
 
     def stop(self) -> None:

@@ -1,4 +1,4 @@
-"""The command ``evoros``: evolves, or goes on with a run."""
+"""The command ``evoros``: starts or resumes a run."""
 
 import sys
 from collections.abc import Sequence
@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 from evoros.cli.command import Command
 
 if TYPE_CHECKING:
-    from omegaconf import DictConfig
-
-    from evoros.session.run import Work
+    from evoros.config.configuration import Configuration
+    from evoros.session.work import Work
 
 
 def main() -> None:
@@ -18,22 +17,22 @@ def main() -> None:
     sys.exit(evoros(sys.argv[1:]))
 
 
-def _new(config: "DictConfig", folder: Path) -> "Work":
+def _create(config: "Configuration", folder: Path) -> "Work":
     from evoros.session.run import create_run
 
     return create_run(config, folder)
 
 
-def _resumed(folder: Path, overrides: Sequence[str], config_dir: str | None) -> "Work":
+def _open(folder: Path, overrides: Sequence[str], config_dir: str | None) -> "Work":
     from evoros.session.run import open_run
 
     return open_run(folder, overrides, config_dir)
 
 
-def _summary(folder: Path) -> str:
-    from evoros.cli.summary import summary
+def _summarize(folder: Path) -> str:
+    from evoros.cli.summary import summarize_run
 
-    return summary(folder)
+    return summarize_run(folder)
 
 
-evoros = Command("evoros", "config", _new, _resumed, _summary)
+evoros = Command("evoros", "config", _create, _open, _summarize)

@@ -1,4 +1,4 @@
-"""What runs and evaluations say at their end."""
+"""The results that the commands print when a run or an evaluation is finished."""
 
 import json
 from collections.abc import Mapping
@@ -9,51 +9,51 @@ from evoros.session.figures import FIGURES
 from evoros.storage.mission_log import STATUS
 
 
-def summary(folder: Path) -> str:
-    """A few lines from the run's own files: fitness, recorded and validated apart, and where."""
+def summarize_run(folder: Path) -> str:
+    """Describe a finished run in a few lines, from its own files."""
     status = json.loads((folder / STATUS).read_text())
     validated = status["best_validated_fitness"]
     lines = [
         f"best fitness      {status['best_fitness']:.3f} recorded"
         + ("" if validated is None else f", {validated:.3f} validated on fresh draws"),
         f"generations       {status['generations_done']}",
-        _missions(status),
+        _describe_missions(status),
         f"champion          {folder / 'champion'}",
         f"run folder        {folder}",
     ]
     if (folder / FIGURES).is_dir():
         lines.insert(-1, f"figures           {folder / FIGURES}")
     if status["mean_loss"] is not None:
-        lines.insert(1, _loss(status))
+        lines.insert(1, _describe_loss(status))
     return "\n".join(lines)
 
 
-def evaluation(folder: Path) -> str:
-    """The same of an evaluation."""
+def summarize_evaluation(folder: Path) -> str:
+    """Describe a finished evaluation in a few lines, from its own files."""
     status = json.loads((folder / STATUS).read_text())
     lines = [
         f"fitness           {status['best_fitness']:.3f} of the best, {status['mean_fitness']:.3f} "
         f"on average",
         f"designs           {status['designs']}",
-        _missions(status),
+        _describe_missions(status),
         f"scores            {folder / 'designs.csv'}",
         f"folder            {folder}",
     ]
     return "\n".join(lines)
 
 
-def _missions(status: Mapping[str, Any]) -> str:
-    """How many, and at what pace."""
+def _describe_missions(status: Mapping[str, Any]) -> str:
+    """The number of missions and the speed of simulation."""
     wall, simulated = status["session_wall_s"], status["session_simulated_s"]
-    pace = f", {simulated / wall:.0f} simulated s/s" if wall > 0 else ""
+    speed = f", {simulated / wall:.0f} simulated s/s" if wall > 0 else ""
     return (
         f"missions          {status['missions']}, of which {status['session_missions']} now "
-        f"({simulated:.0f} simulated s in {wall:.0f} s{pace})"
+        f"({simulated:.0f} simulated s in {wall:.0f} s{speed})"
     )
 
 
-def _loss(status: Mapping[str, Any]) -> str:
-    """What the confirming simulator took from the fitness in the run's own."""
+def _describe_loss(status: Mapping[str, Any]) -> str:
+    """The fitness in the run's own simulator less that in the confirming one."""
     best = "" if status["best_loss"] is None else f"{status['best_loss']:.3f} of the best, "
     mean = f"{status['mean_loss']:.3f} on average of {status['confirmed']} designs"
     return f"loss, confirmed   {best}{mean}"

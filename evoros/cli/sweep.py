@@ -1,8 +1,8 @@
-"""The jobs of a sweep: several at the same time, all in one pool.
+"""The jobs of a sweep: several run at the same time, all in one pool.
 
 At the end of each generation workers run out of missions while the main process ranks designs and
 waits for the disk; the missions of another job fill the gap. Jobs are built one after another in
-the main thread, because what ``${hydra:...}`` refers to is global; then each has a thread.
+the main thread, because ``${hydra:...}`` refers to global state; then each has a thread.
 """
 
 from collections.abc import Callable, Iterator
@@ -13,35 +13,34 @@ from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING
 
-from evoros.base.log import LOGGER, on_behalf_of
+from evoros.base.log import LOGGER, log_for_job
 
 if TYPE_CHECKING:
-    from omegaconf import DictConfig
-
     from evoros.cli.progress import SweepProgress
+    from evoros.config.configuration import Configuration
     from evoros.config.jobs import Job
     from evoros.executor.protocol import Executor, Pool
-    from evoros.session.run import Work
+    from evoros.session.work import Work
 
-MOST = 1000
-"""More jobs at the same time than any number of workers asks for."""
+MAX_THREADS = 1000
+"""More jobs at the same time than any number of workers needs."""
 
 
 @dataclass(frozen=True)
 class JobResult:
-    """How a job ended: its exit status, and what is to be said of it; nothing where it is done."""
+    """How a job ended: its exit status, and why it ended; the message is empty if it finished."""
 
     status: int
-    said: str = ""
+    message: str = ""
 
 
 def jobs_at_once(workers: int) -> int:
-    """As many as keep the workers busy; with one worker, jobs follow each other."""
+    """The number of jobs that keep the workers busy; one worker has one job at a time."""
     return 1 if workers == 1 else 2 + workers // 4
 
 
 class SharedPool:
-    """The pool of all jobs under way, started when the first of them opens it."""
+    """The pool of all running jobs, started when the first of them opens it."""
 
     def __init__(self, executor: "Executor | None" = None) -> None:
         self.executor = executor
@@ -52,15 +51,19 @@ class SharedPool:
 
     @contextmanager
     def open(self, executor: "Executor") -> "Iterator[Pool]":
-        """In place of the executor's own ``open``; a stop is Ctrl-C for all who have it open."""
+        """Stand in for the executor's own ``open``.
+
+        Raises:
+            KeyboardInterrupt: ``close`` was called, which interrupts all jobs that have it open.
+        """
         try:
-            yield self._started(executor)
+            yield self._start(executor)
         except Exception:
             if self._stopping:  # calls were cancelled, and new ones refused
                 raise KeyboardInterrupt from None
             raise
 
-    def _started(self, executor: "Executor") -> "Pool":
+    def _start(self, executor: "Executor") -> "Pool":
         with self._lock:
             if self._stopping:
                 raise KeyboardInterrupt
@@ -69,106 +72,106 @@ class SharedPool:
             return self._pool
 
     def close(self) -> None:
-        """End the workers; whoever still waits for them is stopped."""
+        """End the workers and interrupt the jobs that still wait for them."""
         self._stopping = True
         with self._lock:
             self._stack.close()
 
 
 class Sweep:
-    """Jobs under way. Used by the main thread, which alone says how they end.
+    """Starts jobs and waits for them. Only the main thread uses it and reports results.
 
-    ``prepare`` builds a job; ``explain`` makes an ending of the exception that ended it; ``tell``
-    says how it ended.
+    ``create`` builds a job; ``explain`` turns the exception that ended a job into its result;
+    ``report`` reports a result.
     """
 
     def __init__(
         self,
-        prepare: "Callable[[DictConfig, Path], Work]",
+        create: "Callable[[Configuration, Path], Work]",
         explain: Callable[[Path, BaseException], JobResult],
-        tell: Callable[[Path, JobResult], object],
+        report: Callable[[Path, JobResult], object],
         display: "SweepProgress",
     ) -> None:
-        self._prepare, self._explain, self._tell = prepare, explain, tell
+        self._create, self._explain, self._report = create, explain, report
         self._display = display
         self._pool = SharedPool()
-        self._threads = ThreadPoolExecutor(MOST)
+        self._threads = ThreadPoolExecutor(MAX_THREADS)
         self._running: dict[Future[JobResult], Path] = {}
-        self.statuses: list[int] = []
+        self.statuses: list[int] = []  # exit statuses of the jobs that have ended
 
     def begin(self, job: "Job") -> None:
-        """Build a job and start it, as soon as no more than enough are under way.
+        """Build a job and start it, once fewer than ``jobs_at_once`` are running.
 
         Raises:
-            KeyboardInterrupt: that was interrupted; the others go on until ``close``.
+            KeyboardInterrupt: it was interrupted; the others go on until ``close``.
         """
-        path = job.folder
-        self._let_end(jobs_at_once(self._workers) - 1)
+        folder = job.folder
+        self._wait(jobs_at_once(self._workers) - 1)
         try:
-            with on_behalf_of(str(path)):
-                work = self._prepare(job.config, path)
-            self._share(work.executor)
-            LOGGER.info("%s: begins", path)
+            with log_for_job(str(folder)):
+                work = self._create(job.config, folder)
+            self._use_executor(work.executor)
+            LOGGER.info("%s: begins", folder)
             if self._workers > 1:
-                self._running[self._threads.submit(self._run, path, work)] = path
+                self._running[self._threads.submit(self._run, folder, work)] = folder
                 return
-            ending = self._run(path, work)  # here, where a debugger has the terminal
+            result = self._run(folder, work)  # in this thread, where a debugger has the terminal
         except (KeyboardInterrupt, Exception) as error:
-            ending = self._explain(path, error)
-            self.refuse(ending.status)
-            self._tell(path, ending)
+            result = self._explain(folder, error)
+            self.refuse(result.status)
+            self._report(folder, result)
             if isinstance(error, KeyboardInterrupt):
                 raise
             return
-        self._conclude(path, ending)
+        self._conclude(folder, result)
 
     def refuse(self, status: int) -> None:
-        """A job that could not begin, of which it is said why."""
+        """Count a job that could not begin and whose error has been reported."""
         self.statuses.append(status)
-        with self._display.job():  # which is over at once
+        with self._display.job():  # ends at once
             pass
 
     def finish(self) -> None:
         """Wait for all jobs.
 
         Raises:
-            KeyboardInterrupt: interrupted; they go on until ``close``.
+            KeyboardInterrupt: interrupted; the jobs go on until ``close``.
         """
-        self._let_end(0)
+        self._wait(0)
 
     def close(self) -> None:
-        """Stop what still runs, and end the workers."""
+        """Stop the jobs that still run, and end the workers."""
         self._pool.close()
-        self._let_end(0)
+        self._wait(0)
         self._threads.shutdown()
 
     @property
     def _workers(self) -> int:
         return self._pool.executor.workers if self._pool.executor else 1
 
-    def _share(self, executor: "Executor") -> None:
-        """The one pool is that of this executor: with another, two would compete for the cores."""
+    def _use_executor(self, executor: "Executor") -> None:
+        """Replace the pool if the executor is another: two pools would compete for the cores."""
         if executor != self._pool.executor:
-            self._let_end(0)
+            self._wait(0)
             self._pool.close()
             self._pool = SharedPool(executor)
 
-    def _run(self, path: Path, work: "Work") -> JobResult:
-        with on_behalf_of(str(path)), self._display.job() as display:
+    def _run(self, folder: Path, work: "Work") -> JobResult:
+        with log_for_job(str(folder)), self._display.job() as display:
             try:
                 work.run(display, self._pool.open)
             except (KeyboardInterrupt, Exception) as error:
-                return self._explain(path, error)
+                return self._explain(folder, error)
         return JobResult(0)
 
-    def _let_end(self, left: int) -> None:
-        """Wait until no more than so many jobs are under way."""
-        while len(self._running) > left:
+    def _wait(self, count: int) -> None:
+        """Wait until at most ``count`` jobs are running."""
+        while len(self._running) > count:
             for future in wait(self._running, return_when=FIRST_COMPLETED).done:
                 self._conclude(self._running[future], future.result())
-                del self._running[future]  # now, so that no signal keeps an ending from being told
+                del self._running[future]  # last, so that a signal cannot suppress its report
 
-    def _conclude(self, path: Path, ending: JobResult) -> None:
-        self.statuses.append(ending.status)
+    def _conclude(self, folder: Path, result: JobResult) -> None:
+        self.statuses.append(result.status)
         with self._display.paused():
-            self._tell(path, ending)
+            self._report(folder, result)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from evoros.base.console import DONE, INPUT
 from evoros.base.errors import EvorosError, InputError
-from evoros.base.log import LOGGER, logging_to_terminal
+from evoros.base.log import LOGGER, log_to_terminal
 
 USAGE = """evoros-world writes a world as an SDF file, for Gazebo and for world=... of your own.
 
@@ -22,11 +22,11 @@ def main() -> None:
 
 
 def evoros_world(arguments: Sequence[str]) -> int:
-    """Run the command; returns its exit status: 0, or 2 for input that cannot be used."""
+    """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
     if not arguments or {"-h", "--help"} & set(arguments):
         print(USAGE)
         return DONE if arguments else INPUT
-    with logging_to_terminal():
+    with log_to_terminal():
         try:
             print(_write(arguments[0], arguments[1:]))
         except EvorosError as error:
@@ -36,15 +36,14 @@ def evoros_world(arguments: Sequence[str]) -> int:
 
 
 def _write(name: str, rest: Sequence[str]) -> str:
-    """Write the file; returns what is said of it."""
-    from evoros.config.compose import build, compose
-    from evoros.config.jobs import options_of
+    """Write the file and describe it in one line."""
+    from evoros.config.compose import compose
+    from evoros.config.options import parse_options
 
     if "=" in name or name.startswith("-"):
         raise InputError(f"{name}: must be the name of a new file; evoros-world FILE key=value ...")
-    options = options_of(list(rest))
-    chosen = ["world=generated", *options.overrides]
-    worlds = build(compose(chosen, options.config_dir)).world
+    options = parse_options(rest)
+    worlds = compose(["world=generated", *options.overrides], options.config_dir).build().world
     if len(worlds) > 1:
         raise InputError(
             f"world: must be one world, not {len(worlds)} ({', '.join(worlds)}); choose one of them"

@@ -1,47 +1,32 @@
-"""From what was typed to jobs: options, overrides, sweeps, and the folder of each run.
+"""Turns overrides into jobs: one, or those of a sweep, each with its folder.
 
 Hydra composes, but does not run: its own runner makes the folder before the input is checked,
 and one job of a sweep that cannot be composed would take the others with it.
 """
 
-import contextlib
-import io
-from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
-from hydra._internal.utils import get_args_parser
 from hydra.core.override_parser.types import Override
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from evoros.base.errors import EvorosError, InputError
-from evoros.config.compose import compose_whole, parse, typed
+from evoros.config.compose import compose_with_hydra, parse, text_of
+from evoros.config.configuration import Configuration, freeze
+
+EVALUATE = "evaluate"
+"""The primary configuration of evaluations; it alone has the key ``designs``."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """One run to be: its configuration and where it goes."""
+    """One run or evaluation to start: its configuration and its folder."""
 
-    config: DictConfig
+    config: Configuration
     folder: Path
-
-
-def options_of(arguments: Sequence[str]) -> Namespace:
-    """Hydra's options, and the rest as ``overrides``.
-
-    Raises:
-        InputError: there is no such option.
-    """
-    complaint = io.StringIO()
-    try:
-        with contextlib.redirect_stderr(complaint):
-            return get_args_parser().parse_args(list(arguments))
-    except SystemExit as stop:
-        reason = complaint.getvalue().strip().rpartition("error: ")[2]
-        raise InputError(f"{reason}; see evoros --help") from stop
 
 
 class Jobs:
@@ -51,77 +36,84 @@ class Jobs:
     single job.
 
     Raises:
-        InputError: what is common to all jobs cannot be composed.
+        InputError: what all jobs have in common cannot be composed.
     """
 
     def __init__(
         self,
         overrides: Sequence[str],
         multirun: bool,
-        config_dir: Path | None,
+        config_dir: str | Path | None,
         primary: str = "config",
     ) -> None:
         parsed = parse(overrides)
-        swept = [typed(each) for each in parsed if each.is_sweep_override()]
-        common = [typed(each) for each in parsed if not each.is_sweep_override()]
-        self._base = compose_whole(common, config_dir, primary=primary)
+        swept = [text_of(override) for override in parsed if override.is_sweep_override()]
+        common = [text_of(override) for override in parsed if not override.is_sweep_override()]
+        self._base = compose_with_hydra(common, config_dir, primary=primary)
         self._config_dir, self._primary = config_dir, primary
         self._overrides: list[tuple[str, ...]] = []
         self.sweep: Path | None = None
         if multirun or self._base.hydra.mode == RunMode.MULTIRUN:
-            params = (self._base.hydra.sweeper.get("params") or {}).items()
-            lists = {each.get_key_element(): _values(each) for each in parsed}
-            for each in parse([f"{key}={value}" for key, value in params]):
-                # What is typed takes the place of an experiment's own values of the same key.
-                lists.setdefault(each.get_key_element(), _values(each))
-            self._overrides = list(product(*lists.values()))
-            if not self._overrides:
-                empty = next(key for key, values in lists.items() if not values)
-                raise InputError(f"{empty}: must have values to sweep over, not none; give one")
-            self.sweep = _short(Path(self._base.hydra.sweep.dir))
+            self._overrides = self._expand(parsed)
+            self.sweep = _shorten(Path(self._base.hydra.sweep.dir))
         elif swept:
             raise InputError(f"{swept[0]}: several values make a sweep, which needs -m; add -m")
+
+    def _expand(self, parsed: Sequence[Override]) -> list[tuple[str, ...]]:
+        """The overrides of each job: typed ones replace an experiment's values of the same key."""
+        lists = {override.get_key_element(): _expand_values(override) for override in parsed}
+        params = (self._base.hydra.sweeper.get("params") or {}).items()
+        for override in parse([f"{key}={value}" for key, value in params]):
+            lists.setdefault(override.get_key_element(), _expand_values(override))
+        for key, values in lists.items():
+            if not values:
+                raise InputError(f"{key}: must have values to sweep over, not none; give one")
+        return list(product(*lists.values()))
 
     def __len__(self) -> int:
         return 1 if self.sweep is None else len(self._overrides)
 
     def __iter__(self) -> Iterator[Job | EvorosError]:
-        """Each job as it is composed, or what is wrong with it."""
+        """Each job as it is composed, or its error."""
         if self.sweep is None:
-            yield Job(self._base, _short(Path(self._base.hydra.run.dir)))
+            yield self._job(self._base, _shorten(Path(self._base.hydra.run.dir)))
             return
         used: set[str] = set()
         for number, overrides in enumerate(self._overrides):
             try:
-                config = compose_whole(overrides, self._config_dir, number, self._primary)
+                config = compose_with_hydra(overrides, self._config_dir, number, self._primary)
                 name = str(config.hydra.sweep.subdir)
+                if name.casefold() in used:  # different values can look alike as names
+                    name = f"{name}_{number}"
+                used.add(name.casefold())
+                job = self._job(config, self.sweep / name)
             except EvorosError as error:
                 yield error
-                continue
-            if name.casefold() in used:  # different values can look alike as names
-                name = f"{name}_{number}"
-            used.add(name.casefold())
-            yield Job(config, self.sweep / name)
+            else:
+                yield job
+
+    def _job(self, config: DictConfig, folder: Path) -> Job:
+        return Job(freeze(config, split_designs=self._primary == EVALUATE), folder)
 
 
-def _values(override: Override) -> list[str]:
+def _expand_values(override: Override) -> list[str]:
     """The override once for each value that it sweeps over.
 
     Raises:
         InputError: a range of real numbers, which only an optimizer could sweep over.
     """
-    key = override.get_key_element()
     if not override.is_sweep_override():
-        return [typed(override)]
+        return [text_of(override)]
     if not override.is_discrete_sweep():
         raise InputError(
-            f"{typed(override)}: must be a list of values or a range(); write the values"
+            f"{text_of(override)}: must be a list of values or a range(); write the values"
         )
+    key = override.get_key_element()
     return [f"{key}={value}" for value in override.sweep_string_iterator()]
 
 
-def _short(path: Path) -> Path:
-    """Relative to the current folder where the path lies below it: it is typed again."""
+def _shorten(path: Path) -> Path:
+    """Relative to the current folder if the path lies below it: users type it again."""
     try:
         return path.relative_to(Path.cwd())
     except ValueError:

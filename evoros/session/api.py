@@ -21,13 +21,13 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeAlias
 
 import pandas as pd
-from omegaconf import DictConfig
 
 from evoros.base.errors import InputError
-from evoros.config import compose as configuration
+from evoros.config.compose import compose
+from evoros.config.configuration import Configuration
 from evoros.design.design import Design
 from evoros.design.space import DesignSpace
 from evoros.evolution.dispatch import Dispatcher
@@ -41,18 +41,18 @@ from evoros.session.status import Display, NoDisplay
 from evoros.storage.reading import Run, load_run
 from evoros.storage.tables import MISSIONS_HEADER, mission_row
 
-Configuration = DictConfig | Sequence[str]
+ConfigurationLike: TypeAlias = Configuration | Sequence[str]
 """A composed configuration, or the overrides that one would type behind ``evoros``."""
 
 
-def run(config: Configuration, folder: str | Path, display: Display | None = None) -> Run:
+def run(config: ConfigurationLike, folder: str | Path, display: Display | None = None) -> Run:
     """Evolve as the command ``evoros`` does, into a new or empty folder.
 
     Raises:
         InputError: something cannot be used; nothing was changed.
         RunStopped: a mission was lost; ``resume(folder)`` goes on.
     """
-    session.create_run(_composed(config), Path(folder)).run(display or NoDisplay())
+    session.create_run(_compose(config), Path(folder)).run(display or NoDisplay())
     return load_run(folder)
 
 
@@ -74,7 +74,9 @@ def resume(
     return load_run(folder)
 
 
-def evaluate(designs: Sequence[Design], config: Configuration, generation: int = 0) -> pd.DataFrame:
+def evaluate(
+    designs: Sequence[Design], config: ConfigurationLike, generation: int = 0
+) -> pd.DataFrame:
     """Score designs under draws that no run is selected on: a row for each design.
 
     Columns: design (its position), fitness_mean, fitness_sd (over the trials, NaN for one),
@@ -92,8 +94,8 @@ class Evaluator:
     optimizer is not used.
     """
 
-    def __init__(self, config: Configuration) -> None:
-        self.experiment: Experiment = configuration.build(_composed(config))
+    def __init__(self, config: ConfigurationLike) -> None:
+        self.experiment: Experiment = _compose(config).build()
         session.check_experiment(self.experiment)
         self._stack = ExitStack()
         self._pool: Pool | None = None
@@ -161,8 +163,8 @@ class Evaluator:
         return missions, {mission.key: outcome for batch in batches for mission, outcome in batch}
 
 
-def _composed(config: Configuration) -> DictConfig:
-    return config if isinstance(config, DictConfig) else configuration.compose(list(config))
+def _compose(config: ConfigurationLike) -> Configuration:
+    return config if isinstance(config, Configuration) else compose(list(config))
 
 
 __all__ = ["Evaluator", "Run", "evaluate", "load_run", "resume", "run"]

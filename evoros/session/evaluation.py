@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 from logging import LogRecord
 from pathlib import Path
 from statistics import fmean
-
-from omegaconf import DictConfig, ListConfig, OmegaConf
+from typing import Any
 
 from evoros.base.checks import TEXT
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER, remembering
-from evoros.config import compose as configuration
+from evoros.base.log import LOGGER, collect_messages
+from evoros.config.configuration import Configuration
 from evoros.evolution.dispatch import Dispatcher, MissionResult
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Executor, Pool
@@ -29,8 +28,9 @@ from evoros.session.given_designs import (
     to_files,
 )
 from evoros.session.resume import rebuild
-from evoros.session.run import Opener, check_experiment, own_pool
+from evoros.session.run import check_experiment
 from evoros.session.status import RUNNING, Display, Tally, recording
+from evoros.session.work import PoolOpener, open_pool
 from evoros.storage.figure_context import SETTING, describe_experiment
 from evoros.storage.manifest import manifest
 from evoros.storage.mission_log import (
@@ -66,7 +66,7 @@ class Evaluation:
         """Where its missions are to be computed."""
         return self.experiment.executor
 
-    def run(self, display: Display, opener: Opener = own_pool) -> None:
+    def run(self, display: Display, opener: PoolOpener = open_pool) -> None:
         """To its end.
 
         Raises:
@@ -91,27 +91,25 @@ class Evaluation:
                     assessment.run(pool)
 
 
-def create_evaluation(config: DictConfig, folder: Path) -> Evaluation:
+def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
     """That of the designs that the configuration names, in a new folder.
 
     Raises:
         InputError: something cannot be used; the folder is then as it was.
     """
     require_unused(folder)
-    with remembering() as said:
-        sources = _sources(config)
-        rest = OmegaConf.masked_copy(config, [str(key) for key in config if key != "designs"])
-        experiment = configuration.build(rest)
+    with collect_messages() as said:
+        sources = _check_sources(config.designs)
+        experiment = config.build()
         check_experiment(experiment)
         given = read_given(sources, experiment.scenario)
-        content, files = configuration.to_text(rest), to_files(given)
-        values = configuration.to_values(rest)
-        described = manifest(experiment, content, values, COMMAND, files)
+        files = to_files(given)
+        described = manifest(experiment, config.text, config.values, config.choices, COMMAND, files)
     about = {
         MANIFEST: json.dumps(described, indent=2) + "\n",
         SETTING: describe_experiment(experiment).text,
     }
-    first = {CONFIG: content, **about, **files}
+    first = {CONFIG: config.text, **about, **files}
     create_folder(folder, {**first, MISSIONS: to_csv([HEADER])})
     return Evaluation(experiment, given, folder, said)
 
@@ -126,7 +124,7 @@ def open_evaluation(
     Raises:
         InputError: no evaluation there, another override, or what it is made of has changed.
     """
-    with remembering() as said:
+    with collect_messages() as said:
         files = (DESIGN_FILE, GENE_FILE)
         experiment, _ = rebuild(folder, overrides, config_dir, COMMAND, files)
         check_experiment(experiment)
@@ -134,18 +132,17 @@ def open_evaluation(
     return Evaluation(experiment, given, folder, said)
 
 
-def _sources(config: DictConfig) -> list[str]:
-    """What the key ``designs`` names.
+def _check_sources(designs: Any) -> list[str]:
+    """The sources that the key ``designs`` names.
 
     Raises:
-        InputError: it names nothing, or not by texts.
+        InputError: it names nothing, or something other than texts.
     """
-    value = config.get("designs")
-    sources = list(value) if isinstance(value, ListConfig) else [value]
-    if not sources or not all(TEXT.holds(each) for each in sources):
+    sources = designs if isinstance(designs, list) else [designs]
+    if not sources or not all(TEXT.holds(source) for source in sources):
         raise InputError(
             f"designs: must be a CSV file, the folder of a finished run or of a sweep, or a list "
-            f"of these, not {'null' if value is None else value}; add designs=FILE.csv"
+            f"of these, not {'null' if designs is None else designs}; add designs=FILE.csv"
         )
     return sources
 

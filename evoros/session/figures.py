@@ -12,7 +12,7 @@ from typing import Any
 from evoros.analysis.subcommands import SUBCOMMANDS
 from evoros.base.checks import Rule
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER, detached, remembering
+from evoros.base.log import LOGGER, collect_messages, detach
 from evoros.executor.protocol import Pool
 
 FIGURES = "figures"
@@ -88,7 +88,7 @@ def draw(run: Path, name: str) -> list[str]:
     draft = run / FIGURES / f".{name}.part"
     shutil.rmtree(draft, ignore_errors=True)
     with _kept_quiet() as stack:
-        said = stack.enter_context(remembering())
+        said = stack.enter_context(collect_messages())
         written = draw_files(parse([name, str(run.resolve()), "--output", str(draft)]))
     for file in reversed(written):  # the picture last: where it is, the rest is
         file.replace(draft.parent / file.name)
@@ -101,5 +101,5 @@ def _kept_quiet() -> ExitStack:
     stack = ExitStack()
     stack.enter_context(redirect_stdout(StringIO()))
     for handler in LOGGER.handlers:
-        stack.enter_context(detached(handler))
+        stack.enter_context(detach(handler))
     return stack

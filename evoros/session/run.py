@@ -1,55 +1,27 @@
 """Runs: a new one, one to be resumed, and what the commands and scripts call to do so."""
 
 import time
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from logging import LogRecord
 from pathlib import Path
-from typing import Protocol, TypeAlias
-
-from omegaconf import DictConfig
 
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER, remembering
-from evoros.config import compose as configuration
+from evoros.base.log import LOGGER, collect_messages
+from evoros.config.configuration import Configuration
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation
 from evoros.evolution.loop import evolve
 from evoros.evolution.preflight import preflight
-from evoros.executor.protocol import Executor, Pool
+from evoros.executor.protocol import Executor
 from evoros.session.figures import check_figures, discard_figures, draw_figures
 from evoros.session.resume import rebuild
 from evoros.session.status import FINISHED, Display, Recorder, Tally, recording
+from evoros.session.work import PoolOpener, open_pool
 from evoros.storage.figure_context import describe_experiment
 from evoros.storage.manifest import manifest
 from evoros.storage.mission_log import require_unused
 from evoros.storage.run_folder import RunFolder
-
-Opener: TypeAlias = Callable[[Executor], AbstractContextManager[Pool]]
-"""How work gets the pool of its executor."""
-
-
-def own_pool(executor: Executor) -> AbstractContextManager[Pool]:
-    """A pool for this work alone."""
-    return executor.open()
-
-
-class Work(Protocol):
-    """A run or an evaluation that can begin or go on: it is built, and its folder is there."""
-
-    @property
-    def executor(self) -> Executor:
-        """Where its missions are to be computed."""
-        ...
-
-    def run(self, display: Display, opener: Opener = own_pool) -> object:
-        """To its end.
-
-        Raises:
-            RunStopped: a mission was lost; the work can be resumed.
-        """
-        ...
 
 
 @dataclass(frozen=True)
@@ -66,7 +38,7 @@ class Session:
         """Where its missions are to be computed."""
         return self.experiment.executor
 
-    def run(self, display: Display, opener: Opener = own_pool) -> Generation:
+    def run(self, display: Display, opener: PoolOpener = open_pool) -> Generation:
         """To its end; returns the last generation.
 
         Raises:
@@ -103,19 +75,18 @@ def check_experiment(experiment: Experiment) -> None:
     preflight(experiment)
 
 
-def create_run(config: DictConfig, folder: Path) -> Session:
+def create_run(config: Configuration, folder: Path) -> Session:
     """The configured run, in a new folder.
 
     Raises:
         InputError: something cannot be used; the folder is then as it was.
     """
     require_unused(folder)  # before anything is built, which may take seconds
-    with remembering() as said:
-        experiment = configuration.build(config)
+    with collect_messages() as said:
+        experiment = config.build()
         check_experiment(experiment)
-        content = configuration.to_text(config)
-        described = manifest(experiment, content, configuration.to_values(config))
-    record = RunFolder.create(folder, content, described, describe_experiment(experiment))
+        described = manifest(experiment, config.text, config.values, config.choices)
+    record = RunFolder.create(folder, config.text, described, describe_experiment(experiment))
     return Session(experiment, record, experiment.optimizer.generations, said)
 
 
@@ -141,7 +112,7 @@ def open_run(
     Raises:
         InputError: no run there, another override, or what the run is made of has changed.
     """
-    with remembering() as said:
+    with collect_messages() as said:
         experiment, asked = rebuild(folder, overrides, config_dir)
         check_experiment(experiment)
     record = RunFolder(folder)

@@ -9,7 +9,7 @@ from logging import LogRecord
 from pathlib import Path
 from typing import Any, Protocol
 
-from evoros.base.log import LOGGER, logging_to_file
+from evoros.base.log import LOGGER, log_to_file
 from evoros.evolution.journal import Generation, Observer
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
@@ -130,7 +130,7 @@ def recording(
 
     ``said`` are messages from before there was a folder.
     """
-    with logging_to_file(folder / LOG, said):
+    with log_to_file(folder / LOG, said):
         write(RUNNING, "")
         try:
             yield

@@ -25,14 +25,16 @@ DECISIVE = ("evoros", "numpy", "numba", "pybullet")
 def manifest(
     experiment: Experiment,
     config: str,
-    values: str,
+    values: Mapping[str, Any],
+    choices: Mapping[str, str],
     command: str = "evoros",
     files: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """The content of ``manifest.json`` for a new folder whose ``config.yaml`` is ``config``.
 
-    ``values`` is the configuration with its references resolved; ``command`` makes the folder,
-    from the experiment and from further ``files``, by name.
+    ``values`` is the configuration with its references resolved; ``choices`` has the chosen file
+    of each of its groups. ``command`` makes the folder, from the experiment and from further
+    ``files``, by name.
     """
     return {
         "format_version": FORMAT_VERSION,
@@ -40,6 +42,7 @@ def manifest(
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "working_directory": str(Path.cwd()),
         "seed": experiment.seed,
+        "choices": dict(sorted(choices.items())),
         "commit": _commit(),
         "packages": {name: _version(name) for name in PACKAGES},
         "python": platform.python_version(),
@@ -50,14 +53,14 @@ def manifest(
 
 
 def hashes(
-    experiment: Experiment, config: str, values: str, files: Mapping[str, str]
+    experiment: Experiment, config: str, values: Mapping[str, Any], files: Mapping[str, str]
 ) -> dict[str, str]:
     """Of all that the experiment was built from."""
     worlds = {f"world.{name}": world.source_sha256 for name, world in experiment.world.items()}
-    own = {f"module {name}": _sha256_of(name) for name in sorted(_modules(json.loads(values)))}
+    own = {f"module {name}": _sha256_of(name) for name in sorted(_modules(values))}
     return {
         "configuration": _sha256(config),
-        "configuration (what its ${...} refer to)": _sha256(values),
+        "configuration (what its ${...} refer to)": _sha256(json.dumps(values, default=str)),
         "robot": _sha256(experiment.robot.urdf),
         **worlds,
         **own,
@@ -70,7 +73,7 @@ def check_unchanged(
     recorded: Mapping[str, Any],
     experiment: Experiment,
     config: str,
-    values: str,
+    values: Mapping[str, Any],
     files: Mapping[str, str],
 ) -> None:
     """Before resuming: the run must be made of what it was made of when it began.

@@ -19,12 +19,12 @@ from helpers import TINY, content, tiny
 from evoros.base.console import DONE, INPUT, STOPPED
 from evoros.base.log import (
     LOGGER,
-    attached,
-    for_terminal,
-    logging_all,
-    logging_to_file,
-    on_behalf_of,
-    remembering,
+    attach,
+    collect_messages,
+    format_for_terminal,
+    log_everything,
+    log_for_job,
+    log_to_file,
 )
 from evoros.cli.command import _begin_all
 from evoros.cli.progress import SweepProgress
@@ -33,8 +33,8 @@ from evoros.cli.sweep import JobResult, Sweep, jobs_at_once
 from evoros.config.jobs import Job
 from evoros.executor.processes import Processes
 from evoros.executor.protocol import Executor, Pool
-from evoros.session.run import Opener, own_pool
 from evoros.session.status import Display
+from evoros.session.work import PoolOpener, open_pool
 
 TWO = ("executor=processes", "executor.workers=2", "optimizer.generations=2")
 
@@ -69,7 +69,7 @@ class Fake:
     executor: Executor
     do: Callable[[Pool], object]
 
-    def run(self, display: Display, opener: Opener = own_pool) -> None:
+    def run(self, display: Display, opener: PoolOpener = open_pool) -> None:
         with opener(self.executor) as pool:
             self.do(pool)
 
@@ -82,9 +82,9 @@ def sweep_of(works: list[Fake], names: str) -> tuple[Sweep, list[Job], dict[str,
     def explain(path: Path, error: BaseException) -> JobResult:
         return JobResult(1, type(error).__name__)
 
-    def tell(path: Path, ending: JobResult) -> None:
+    def tell(path: Path, result: JobResult) -> None:
         assert threading.current_thread() is threading.main_thread()
-        said[path.name] = ending.said
+        said[path.name] = result.message
 
     sweep = Sweep(
         lambda config, path: by_name[path.name], explain, tell, SweepProgress(False, len(works))
@@ -272,14 +272,14 @@ def test_threads_speak_on_behalf_of_their_own_jobs(tmp_path: Path) -> None:
     together = threading.Barrier(3)
 
     def speak(name: str) -> None:
-        with on_behalf_of(name), logging_to_file(tmp_path / name):
+        with log_for_job(name), log_to_file(tmp_path / name):
             for number in range(50):
                 if number == 25:
                     together.wait(20)
                 LOGGER.info("%s %d", name, number)
 
     threads = [threading.Thread(target=speak, args=(name,)) for name in "abc"]
-    with logging_all(), remembering() as said:
+    with log_everything(), collect_messages() as said:
         for thread in threads:
             thread.start()
         for thread in threads:
@@ -300,7 +300,7 @@ def test_jobs_in_folders_of_the_same_name_keep_their_logs_apart(tmp_path: Path) 
     def work(path: Path) -> Fake:
         def speak(pool: Pool) -> None:
             path.mkdir(parents=True)
-            with logging_to_file(path / "log"):
+            with log_to_file(path / "log"):
                 together.wait(20)
                 LOGGER.warning("from %s", path.parent.name)
                 together.wait(20)
@@ -311,10 +311,10 @@ def test_jobs_in_folders_of_the_same_name_keep_their_logs_apart(tmp_path: Path) 
     sweep = Sweep(
         lambda config, path: work(path),
         lambda path, error: JobResult(1, repr(error)),
-        lambda path, ending: None,
+        lambda path, result: None,
         SweepProgress(False, 2),
     )
-    with attached(for_terminal(logging.StreamHandler(shown))):
+    with attach(format_for_terminal(logging.StreamHandler(shown))):
         for folder in folders:
             sweep.begin(Job(None, folder))  # type: ignore[arg-type]
         sweep.finish()
@@ -328,7 +328,7 @@ def test_jobs_in_folders_of_the_same_name_keep_their_logs_apart(tmp_path: Path) 
 
 
 def test_what_another_thread_says_goes_into_the_log_of_a_run_alone(tmp_path: Path) -> None:
-    with logging_to_file(tmp_path / "log"):
+    with log_to_file(tmp_path / "log"):
         thread = threading.Thread(target=LOGGER.info, args=("from a thread of a part",))
         thread.start()
         thread.join()
@@ -355,7 +355,7 @@ def test_the_line_of_a_sweep_counts_and_promises(monkeypatch: pytest.MonkeyPatch
 
 def test_levels_and_logging_to_nowhere_are_as_before() -> None:
     level = LOGGER.level
-    with logging_all():
+    with log_everything():
         assert LOGGER.isEnabledFor(logging.DEBUG)
     assert LOGGER.level == level
 

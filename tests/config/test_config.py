@@ -7,47 +7,78 @@ import pytest
 from helpers import USER_PARTS
 
 from evoros.base.errors import InputError
-from evoros.config.compose import build, compose, own_folder, read, to_text
+from evoros.config.compose import add_config_dir, compose
+from evoros.config.jobs import EVALUATE, Job, Jobs
+from evoros.config.recorded import override_recorded, read_recorded
 from evoros.evolution.dispatch import Dispatcher
 
 
 def test_what_a_run_keeps_composes_to_the_same_experiment(tmp_path: Path) -> None:
     config = compose(["experiment=as_run", "failure=spatial", "seed=4"])
-    (tmp_path / "config.yaml").write_text(to_text(config))
-    again = read(tmp_path / "config.yaml")
-    assert to_text(again) == to_text(config)
-    assert build(again).design == build(config).design
+    (tmp_path / "config.yaml").write_text(config.text)
+    again = read_recorded(tmp_path / "config.yaml")
+    assert (again.text, again.values) == (config.text, config.values)
+    overridden, generations = override_recorded(again, [], None, extendable=True)
+    assert (overridden.text, generations) == (config.text, None)
+    assert again.build().design == config.build().design
 
 
 def test_references_are_kept_and_not_their_values(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("EVOROS_SECRET", "0.297531")
     config = compose(["+robot.arguments.front_axle_x=${oc.env:EVOROS_SECRET}"])
-    assert "97531" not in to_text(config)
-    assert "0.297531" in build(config).robot.urdf
+    assert "97531" not in config.text
+    assert "97531" not in repr(config)
+    assert "0.297531" in config.build().robot.urdf
+
+
+def test_the_choices_of_groups_are_recorded_with_their_places() -> None:
+    overrides = ["failure=spatial", "filter@failure.effect=stuck", "controller/avoidance=blind"]
+    choices = compose(["experiment=quickstart", "world=maze", *overrides]).choices
+    expected = {
+        "experiment": "quickstart",
+        "failure": "spatial",
+        "filter@failure.effect": "stuck",
+        "controller": "rover",
+        "controller/avoidance": "blind",
+        "world": "maze",
+        "world/course@world.maze.course": "shared",
+    }
+    assert expected.items() <= choices.items()
+    assert not any(group.startswith("hydra/") for group in choices)
+    assert "experiment" not in compose().choices
+
+
+def test_the_designs_of_an_evaluation_are_no_part_of_its_experiment() -> None:
+    (job,) = Jobs(["designs=[a.csv,b]"], False, None, EVALUATE)
+    assert isinstance(job, Job)
+    assert job.config.designs == ["a.csv", "b"]
+    assert "designs" not in job.config.values
+    assert job.config.text == compose().text
 
 
 def test_composing_twice_is_composing_once() -> None:
-    assert to_text(compose(["seed=1"])) == to_text(compose(["seed=1"]))
-    assert compose().seed == 0
+    assert compose(["seed=1"]) == compose(["seed=1"])
+    assert compose().values["seed"] == 0
 
 
 def test_an_experiment_changes_any_key_and_the_command_line_has_the_last_word() -> None:
     config = compose(["experiment=tiny"], USER_PARTS)
-    assert config.figures == [] != compose().figures
-    assert compose(["experiment=tiny", "figures=[fitness]"], USER_PARTS).figures == ["fitness"]
-    assert compose(["experiment=dense"]).trials == 2
+    assert config.values["figures"] == [] != compose().values["figures"]
+    changed = compose(["experiment=tiny", "figures=[fitness]"], USER_PARTS)
+    assert changed.values["figures"] == ["fitness"]
+    assert compose(["experiment=dense"]).values["trials"] == 2
 
 
 def test_a_folder_of_the_users_adds_groups_and_modules() -> None:
-    assert build(compose(["experiment=tiny"], USER_PARTS)).simulator.time_step == 0.05
+    assert compose(["experiment=tiny"], USER_PARTS).build().simulator.time_step == 0.05
     with pytest.raises(InputError, match="there is none"):
-        own_folder(USER_PARTS / "nix")
+        add_config_dir(USER_PARTS / "nix")
     with pytest.raises(InputError, match="experiment: must be one of"):
         compose(["experiment=tiny"])
 
 
 def test_an_experiment_that_does_not_pickle_is_refused_before_anything_is_flown() -> None:
-    experiment = build(compose(["experiment=tiny", "executor=serial"], USER_PARTS))
+    experiment = compose(["experiment=tiny", "executor=serial"], USER_PARTS).build()
     failing = replace(experiment.failure)  # type: ignore[type-var]
     object.__setattr__(failing, "lock", threading.Lock())
     scenario = replace(experiment.scenario, failure=failing)

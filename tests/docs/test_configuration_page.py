@@ -14,8 +14,7 @@ from documents import commands, files, table, text, write
 from examples import composed
 from helpers import ROOT
 
-from evoros.config.compose import build
-from evoros.config.jobs import options_of
+from evoros.config.options import parse_options
 
 CONF = ROOT / "conf"
 DOCUMENTS = ("configuration", "run_folder", "worlds", "architecture", "extending", "python")
@@ -99,10 +98,10 @@ def test_the_commands_compose_and_build(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))  # the user's own folder is added to it
     if "resume=" in line:
-        overrides = options_of(shlex.split(line)[1:]).overrides
+        overrides = parse_options(shlex.split(line)[1:]).overrides
         allowed = ("resume", "executor", "executor.workers", "optimizer.generations")
         assert all(override.partition("=")[0] in allowed for override in overrides)
     else:
         configs = list(islice(composed(line), 3))
         for config in (configs[0], configs[-1])[: len(configs)]:
-            build(config)
+            config.build()

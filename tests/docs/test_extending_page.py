@@ -10,8 +10,8 @@ from documents import commands
 from examples import LIMIT, composed, short_run
 
 from evoros.base.arrays import Array
-from evoros.config.compose import build, compose
-from evoros.config.jobs import options_of
+from evoros.config.compose import compose
+from evoros.config.options import parse_options
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
@@ -26,7 +26,7 @@ def quick(overrides: list[str]) -> Experiment:
     named = {word.split("=")[0] for word in overrides}
     defaults = {"simulator": "kinematic", "world": "yard", "executor": "serial"}
     added = [f"{group}={choice}" for group, choice in defaults.items() if group not in named]
-    return build(compose([*added, *overrides, LIMIT], "mine"))
+    return compose([*added, *overrides, LIMIT], "mine").build()
 
 
 def run_once(experiment: Experiment) -> tuple[Outcome, Array]:
@@ -53,12 +53,12 @@ TYPED = [line for line in EXAMPLES if line not in IN_MISSION or "controller=" in
 @pytest.mark.parametrize("line", TYPED)
 def test_the_examples_of_parts_build(line: str, mine: Path) -> None:
     for config in composed(line):
-        build(config)
+        config.build()
 
 
 @pytest.mark.parametrize("line", IN_MISSION)
 def test_the_examples_of_parts_run_and_matter(line: str, mine: Path, baseline: Array) -> None:
-    overrides = options_of(shlex.split(line)[1:]).overrides
+    overrides = list(parse_options(shlex.split(line)[1:]).overrides)
     experiment = quick(overrides)
     outcome, trajectory = run_once(experiment)
     assert outcome.ended in ("completed", "collision", "time_limit")

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from documents import code, table, text
 from examples import SMALL
-from omegaconf import DictConfig
 
 import evoros
 import evoros.session.api
 from evoros.base.arrays import Array
 from evoros.config.compose import compose
+from evoros.config.configuration import Configuration
 
 
 def test_every_public_name_is_documented_and_no_other() -> None:
@@ -56,7 +56,7 @@ def test_the_examples_in_python_run(
     monkeypatch.setitem(sys.modules, "cma", cma)
     typed: list[str] = []
 
-    def quicker(overrides: Any) -> DictConfig:
+    def quicker(overrides: Any) -> Configuration:
         typed.extend(overrides)
         # The link and the worlds of the document stay: only what costs time is replaced.
         worlds = [f"world.{name}.course.time_limit_s=0.1" for name in ("boxes", "maze", "blocks")]
@@ -64,7 +64,7 @@ def test_the_examples_in_python_run(
         fast = ["simulator=kinematic", "executor=serial", "figures=[]", *worlds, *small]
         return compose([*overrides, *fast], "mine")
 
-    monkeypatch.setattr(evoros.session.api, "_composed", quicker)
+    monkeypatch.setattr(evoros.session.api, "_compose", quicker)
     for block in code("python"):
         shorter = block.replace("range(10)", "range(1)").replace("generations=5", "generations=3")
         exec(shorter, {"__name__": "__main__"})

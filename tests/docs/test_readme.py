@@ -11,7 +11,6 @@ from documents import write
 from examples import composed
 from helpers import ROOT
 
-from evoros.config.compose import build
 from evoros.filter.protocol import Channels
 
 README = (ROOT / "README.md").read_text()
@@ -47,13 +46,13 @@ def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("line", COMMANDS)
 def test_the_commands_compose_and_build(line: str) -> None:
     words = [word for word in shlex.split(line, comments=True) if not word.startswith("designs=")]
-    build(next(composed(shlex.join(words))))
+    next(composed(shlex.join(words))).build()
 
 
 @pytest.mark.usefixtures("mine")
 def test_the_example_silences_the_first_half() -> None:
     (line,) = (line for line in COMMANDS if "mine" in line)
-    failure = build(next(composed(line))).failure
+    failure = next(composed(line)).build().failure
     channels = Channels(np.zeros(6), np.full(6, 4.5), np.zeros((6, 3)), 0.1)
     (fault,) = failure.draw(channels, np.random.default_rng(0))
     np.testing.assert_array_equal(fault.onset, [30.0, 30.0, 30.0, np.inf, np.inf, np.inf])

@@ -7,7 +7,7 @@ import numpy as np
 from documents import code, documented, table, text
 
 import evoros
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.mission.outcome import TRAJECTORY
 from evoros.storage.tables import (
     CANDIDATE_COLUMNS,
@@ -28,7 +28,7 @@ def test_the_columns_of_generations_are_documented_in_order() -> None:
     assert tuple(fixed) == head
     design = ["+sensor@design.sensors.other=sonar", "design.number=[1,2]"]
     ranges = ["+design.regions.front.z_m=[0.1,0.2]", "+design.regions.front.pitch_deg=[0,10]"]
-    space = build(compose([*design, *ranges])).space
+    space = compose([*design, *ranges]).build().space
     known = list(space.values(np.zeros(space.size)))
     assert [name.replace("N", "1") for name in decoded] == [
         name for name in known if name.startswith("sensor1_")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from evoros import load_run, replay
 from evoros.base.console import DONE, INPUT, STOPPED
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.evolution.confirmation import Confirmation
 from evoros.evolution.experiment import Experiment
@@ -95,7 +95,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def strict(*more: str) -> Experiment:
-    return build(compose(["experiment=tiny", "executor=serial", *STRICT, *more], USER_PARTS))
+    return compose(["experiment=tiny", "executor=serial", *STRICT, *more], USER_PARTS).build()
 
 
 def test_each_generations_best_few_have_the_fitness_of_the_confirming_simulator(
@@ -306,11 +306,11 @@ def test_what_cannot_confirm_is_refused_before_the_run(
 def test_any_simulator_confirms(tmp_path: Path) -> None:
     """A bundled one by its choice, in place of the one that is chosen first."""
     config = compose(["confirmation=pybullet", "confirmation.best=5"])
-    assert isinstance(build(config).confirming.simulator, PyBullet)
+    assert isinstance(config.build().confirming.simulator, PyBullet)
     config = compose(
         ["confirmation=pybullet", "simulator@confirmation.simulator=bicycle", "experiment=tiny"],
         USER_PARTS,
     )
-    experiment = build(config)
+    experiment = config.build()
     assert experiment.confirmation
     assert experiment.confirmation.simulator == experiment.simulator

@@ -16,7 +16,7 @@ from helpers import USER_PARTS
 from numpy.random import Generator
 
 from evoros.base.errors import InputError, RunStopped, SimulationError, WorkerLost
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.evolution import calls, dispatch
 from evoros.evolution.dispatch import CALLS_PER_WORKER, Dispatcher, MissionResult
@@ -36,7 +36,7 @@ DESIGN = Design(())
 
 @cache
 def experiment() -> Experiment:
-    return build(compose(["experiment=tiny", "executor=serial"], USER_PARTS))
+    return compose(["experiment=tiny", "executor=serial"], USER_PARTS).build()
 
 
 @cache

@@ -9,7 +9,7 @@ from helpers import USER_PARTS, content, resume, tiny
 from evoros.base.console import DONE
 from evoros.base.errors import InputError
 from evoros.cli.run import evoros
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.design.genes import FEW, Gene, corners
 from evoros.fitness.scoring import fitness_of
 from evoros.mission.outcome import TRAJECTORY, Outcome
@@ -55,7 +55,7 @@ def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
     """Fitness follows from the missions, designs from the search, the champion from both."""
     run = tmp_path / "run"
     assert tiny(run, "trials=2") == DONE
-    experiment = build(compose(["experiment=tiny", "executor=serial", "trials=2"], USER_PARTS))
+    experiment = compose(["experiment=tiny", "executor=serial", "trials=2"], USER_PARTS).build()
     from evoros.storage.run_folder import RunFolder
 
     with RunFolder(run) as folder:
@@ -119,7 +119,7 @@ def test_wall_clock_figures_stay_out_of_the_tables(tmp_path: Path) -> None:
 
 def outcomes(*overrides: str) -> list[Outcome]:
     """Of the middle design's missions of two seconds, one in each world."""
-    experiment = build(compose([*overrides, "executor=serial"]))
+    experiment = compose([*overrides, "executor=serial"]).build()
     short = {
         name: replace(world, course=replace(world.course, time_limit_s=2.0))
         for name, world in experiment.world.items()
@@ -205,14 +205,14 @@ def test_evolved_values_that_a_part_refuses_only_when_it_starts(tmp_path: Path) 
     values = table.drop_duplicates("id").set_index("id")
     refused = missions["ended"] == "refused"
     assert set(refused) == {True, False}
-    looks = build(compose(["experiment=tiny"], USER_PARTS)).controller.avoidance.range_m  # type: ignore[attr-defined]
+    looks = compose(["experiment=tiny"], USER_PARTS).build().controller.avoidance.range_m  # type: ignore[attr-defined]
     assert (refused == (values.loc[missions["design"], "far"].to_numpy() < looks)).all()
 
 
 @pytest.mark.parametrize("name", ["a/b", "", "a b", "ü", "..", "a;b", "a,b", 'a"b', 7, None])
 def test_names_that_make_no_file_or_column_are_refused(name: Any) -> None:
     """Else a run of days would end in an error when the champion's trajectories are written."""
-    experiment = build(compose(["experiment=tiny", "executor=serial"], USER_PARTS))
+    experiment = compose(["experiment=tiny", "executor=serial"], USER_PARTS).build()
     far = experiment.world["far"]
     with pytest.raises(InputError, match=r"^world: the key of each world must be a name"):
         replace(experiment, world={"near-2_B": far, name: far})

@@ -11,7 +11,7 @@ from evoros import Evaluator
 from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
 from evoros.cli.evaluate import evaluate
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.controller.rover import Rover
 from evoros.evolution.preflight import preflight
 from evoros.failure.random import RandomFailure
@@ -54,7 +54,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 
 def test_building_an_experiment_starts_none_of_its_parts(calls: Counter[str]) -> None:
-    experiment = build(compose(["simulator=planar", "failure=random", "executor=serial"]))
+    experiment = compose(["simulator=planar", "failure=random", "executor=serial"]).build()
     assert not calls
     preflight(experiment)
     once = {"open", "draw", "start", "with_sensors"}
@@ -142,7 +142,7 @@ def test_the_rules_of_both_simulators_are_compiled_once_before_the_run(
     monkeypatch.setattr("evoros.evolution.preflight.prepare", met.append)
     monkeypatch.setattr("evoros.evolution.preflight.explain_interpreted", lambda parts: [])
     chosen = [f"simulator={run}", f"simulator@confirmation.simulator={confirming}"]
-    preflight(build(compose(["confirmation=pybullet", *chosen])))
+    preflight(compose(["confirmation=pybullet", *chosen]).build())
     longest = max((len(parts.filters) for parts in met), default=0)
     whole = [tuple(parts[:3]) for parts in met if len(parts.filters) == longest]
     assert whole == [tuple(Planar().rules)] * compiled

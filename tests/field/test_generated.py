@@ -20,7 +20,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.resources import bundled_folder
 from evoros.cli.world import evoros_world
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.field.generated import FIXED, Field, generated_world
 from evoros.field.kinds import Box, Cylinder, Kind
@@ -196,13 +196,14 @@ def test_movable_obstacles_have_the_inertia_of_their_shape() -> None:
 
 def test_the_same_seed_gives_the_same_bytes_in_another_process() -> None:
     code = (
-        "from evoros.config.compose import build, compose\n"
-        "print(build(compose(['world=generated','executor=serial'])).world['generated'].sdf,end='')"
+        "from evoros.config.compose import compose\n"
+        "experiment = compose(['world=generated', 'executor=serial']).build()\n"
+        "print(experiment.world['generated'].sdf, end='')"
     )
     other = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env={}
     )
-    here = build(compose(["world=generated", "executor=serial"])).world["generated"]
+    here = compose(["world=generated", "executor=serial"]).build().world["generated"]
     assert other.stdout == here.sdf
 
 
@@ -257,7 +258,7 @@ def test_the_dense_fields_are_what_their_comments_say(name: str) -> None:
     content = (bundled_folder("worlds") / f"{name}.sdf").read_text()
     made, draws = noted(content)
     assert made.world(draws).sdf == content
-    experiment = build(compose(["world=dense"]))
+    experiment = compose(["world=dense"]).build()
     assert tuple(experiment.world) == DENSE
     assert experiment.world[name].bodies == made.world(draws).bodies
 
@@ -397,7 +398,7 @@ def test_a_world_that_is_not_renewed_is_the_same_in_every_mission() -> None:
 def test_the_command_writes_what_the_configuration_describes(tmp_path: Path) -> None:
     path = tmp_path / "field.sdf"
     assert evoros_world([str(path), "world.generated.seed=3"]) == 0
-    experiment = build(compose(["world=generated", "world.generated.seed=3"]))
+    experiment = compose(["world=generated", "world.generated.seed=3"]).build()
     assert path.read_text() == experiment.world["generated"].sdf
     bodies = load_world(str(path), course()).bodies
     assert bodies == experiment.world["generated"].bodies

@@ -21,7 +21,7 @@ from evoros.base.arrays import Array
 from evoros.base.compilation import FILTER, LAYER, CompiledRule, NotCompilable
 from evoros.base.errors import InputError
 from evoros.cli.run import evoros
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.filter.protocol import Channels, FilterRule
 from evoros.mission.compiled_loop import prepare, prepare_interpreted
@@ -52,7 +52,7 @@ COMBINATIONS = [
 
 @cache
 def experiment_of(*overrides: str) -> Experiment:
-    return build(compose([*SHORT, *overrides]))
+    return compose([*SHORT, *overrides]).build()
 
 
 def missions(experiment: Experiment, count: int) -> list[Mission]:
@@ -273,15 +273,15 @@ def test_a_rule_that_raises_is_interpreted_so_that_its_error_is_not_lost(rule: A
 WARM = """
 import sys, numpy as np
 from numba.core import event
-from evoros.config import build, compose
-from evoros.mission import run_mission
+from evoros.config.compose import compose
+from evoros.mission.rollout import run_mission
 class Compiles(event.Listener):
     count = 0
     def on_start(self, e): self.count += 1
     def on_end(self, e): pass
 listener = Compiles()
 event.register("numba:compile", listener)
-experiment = build(compose(["simulator=planar", "course.time_limit_s=5", "failure=random"]))
+experiment = compose(["simulator=planar", "course.time_limit_s=5", "failure=random"]).build()
 rng = np.random.default_rng(0)
 design = experiment.space.decode(rng.random(experiment.space.size))
 for mission in experiment.plan.evaluation(0, 0, design):

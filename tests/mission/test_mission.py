@@ -14,7 +14,7 @@ from numpy.random import Generator
 
 from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, TO_X, TO_Y, YAW, Array, X, Y
 from evoros.base.errors import InputError
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.controller.blind import Blind
 from evoros.controller.protocol import LayerRule, StartedLayer
 from evoros.controller.rover import Rover
@@ -137,7 +137,7 @@ class Plane:
 
 @pytest.fixture(scope="module")
 def experiment() -> Experiment:
-    return build(compose([]))
+    return compose([]).build()
 
 
 def scenario(
@@ -376,7 +376,7 @@ def test_late_positions_make_ardupilots_law_weave(experiment: Experiment) -> Non
     swings = []
     for localization in ("autopilot_gps", "exact"):
         name = f"controller/localization={localization}"
-        controller = build(compose(["controller=rover_l1", name])).controller
+        controller = compose(["controller=rover_l1", name]).build().controller
         assert isinstance(controller, Rover)
         course: dict[str, Any] = {
             "waypoints": [[30.0, 0.0]],

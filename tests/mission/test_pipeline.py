@@ -8,7 +8,7 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.rng import generator
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.failure.combined import CombinedFailure
 from evoros.failure.protocol import Failure, Fault
@@ -35,7 +35,7 @@ class Several:
 
 @pytest.fixture(scope="module")
 def experiment() -> Experiment:
-    return build(compose([]))
+    return compose([]).build()
 
 
 def heard(experiment: Experiment, failure: Failure, seconds: float = 3.0) -> Array:

@@ -12,13 +12,13 @@ import pandas as pd
 import pytest
 from helpers import ROOT, TINY, USER_PARTS, everything, start, tiny, wait_for_missions
 from helpers import resume as resume_run
-from omegaconf import OmegaConf
 
 import evoros
 from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED
 from evoros.cli.evaluate import evaluate
-from evoros.config.compose import build, compose
-from evoros.config.jobs import Job, Jobs, options_of
+from evoros.config.compose import compose
+from evoros.config.jobs import Job, Jobs
+from evoros.config.options import parse_options
 from evoros.design.design import Design
 from evoros.evolution import dispatch
 from evoros.mission.mission import Mission
@@ -84,7 +84,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_table_is_that_of_python_and_follows_from_the_missions(whole: Path, file: Path) -> None:
     config = compose(["experiment=tiny", "executor=serial", "trials=3"], USER_PARTS)
-    given = read_given([str(file)], build(config).scenario)
+    given = read_given([str(file)], config.build().scenario)
     expected = evoros.evaluate([one.design for one in given], config)
     rows = table(whole)
     assert list(rows["design"]) == ["b", "7"]
@@ -117,12 +117,12 @@ def test_designs_meet_the_same_draws(whole: Path) -> None:
 
 
 def test_what_is_left_out_is_the_robots_mount_and_the_only_type(tmp_path: Path) -> None:
-    robot = build(compose(["experiment=tiny"], USER_PARTS)).robot
+    robot = compose(["experiment=tiny"], USER_PARTS).build().robot
     (tmp_path / "short.csv").write_text(f"{HEADER},z_m\n0,0,0.2,0.1,30,\n")
     mount = f"sonar,{robot.mount_link},0.2,0.1,{robot.mount_z_m},30,{robot.mount_pitch_deg}"
     names = "design,sensor,type,link,x_m,y_m,z_m,yaw_deg,pitch_deg"
     (tmp_path / "long.csv").write_text(f"{names}\n0,0,{mount}\n")
-    scenario = build(compose(["experiment=tiny"], USER_PARTS)).scenario
+    scenario = compose(["experiment=tiny"], USER_PARTS).build().scenario
     short, long = (read_given([str(tmp_path / f"{n}.csv")], scenario) for n in ("short", "long"))
     assert short[0].design == long[0].design
 
@@ -464,7 +464,7 @@ def test_what_was_scored_must_not_be_changed(
 
 def test_a_table_of_designs_can_be_given_as_it_is_written(tmp_path: Path) -> None:
     """That of a champion, with several designs in one file."""
-    experiment = build(compose(["experiment=tiny"], USER_PARTS))
+    experiment = compose(["experiment=tiny"], USER_PARTS).build()
     rng = np.random.default_rng(0)
     size = experiment.space.size
     designs: dict[int, Design] = {i: experiment.space.decode(rng.random(size)) for i in range(20)}
@@ -506,9 +506,8 @@ def commands() -> list[str]:
 @pytest.mark.parametrize("line", [each for each in commands() if "resume=" not in each])
 def test_the_commands_of_the_document_build(line: str) -> None:
     name, *arguments = line.split()
-    options = options_of(arguments)
+    options = parse_options(arguments)
     primary = {"evoros": "config", "evoros-evaluate": "evaluate"}[name]
-    for job in Jobs(options.overrides, bool(options.multirun), None, primary):
+    for job in Jobs(options.overrides, options.multirun, None, primary):
         assert isinstance(job, Job), job
-        keys = [str(key) for key in job.config if key != "designs"]
-        build(OmegaConf.masked_copy(job.config, keys))
+        job.config.build()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, YAW_RATE, Array, X, Y
 from evoros.base.compilation import ADVANCE, compile_rule
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.clearance import compute_clearances, summarize_track
 from evoros.geometry.footprint import Footprint, project_bodies
@@ -57,7 +57,7 @@ solids = st.builds(
 
 @cache
 def experiment() -> Experiment:
-    return build(compose(["simulator=planar"]))
+    return compose(["simulator=planar"]).build()
 
 
 def world_of(*placed: tuple[Shape, Pose]) -> World:

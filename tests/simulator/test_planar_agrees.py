@@ -10,7 +10,7 @@ import pytest
 
 from evoros.base.arrays import CONTACT, STATE_SIZE, YAW, Array, X, Y
 from evoros.base.errors import InputError
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import project_bodies
@@ -27,7 +27,7 @@ PERIOD = 0.1  # [s]
 
 @pytest.fixture(scope="module")
 def experiment() -> Experiment:
-    return build(compose([]))
+    return compose([]).build()
 
 
 @pytest.fixture(autouse=True)

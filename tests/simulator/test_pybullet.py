@@ -13,7 +13,7 @@ import pytest
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, Array, X, Y
 from evoros.base.errors import InputError
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.mission.mission import Mission
@@ -35,7 +35,7 @@ print(flights(experiment_of()))
 
 
 def experiment_of() -> Experiment:
-    return build(compose(["failure=random", *LIMITS]))
+    return compose(["failure=random", *LIMITS]).build()
 
 
 @pytest.fixture(scope="module")

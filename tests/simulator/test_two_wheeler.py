@@ -11,7 +11,7 @@ import pytest
 from lxml import etree
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, YAW_RATE, Array, X, Y
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Body, Pose, Shape
@@ -32,7 +32,7 @@ SIMULATORS: dict[str, tuple[Any, float]] = {
 
 @cache
 def experiment(*overrides: str) -> Experiment:
-    return build(compose(["robot=two_wheeler", *overrides]))
+    return compose(["robot=two_wheeler", *overrides]).build()
 
 
 def robot() -> Robot:

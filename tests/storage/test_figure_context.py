@@ -14,25 +14,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
-from evoros.config.compose import build, compose
+from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.sensor.protocol import Mount
 from evoros.storage.figure_context import FigureContext, Ring, describe_experiment
 from evoros.storage.tables import design_table
 
-EVOLVING = build(
-    compose(
-        [
-            "simulator=planar",
-            "executor=serial",
-            "+sensor@design.sensors.second=sonar",
-            "design.number=[1,3]",
-            "+design.regions.front.z_m=[0.1,0.2]",
-            "+design.regions.left.pitch_deg=5.0",
-        ]
-    )
-)
+EVOLVING = compose(
+    [
+        "simulator=planar",
+        "executor=serial",
+        "+sensor@design.sensors.second=sonar",
+        "design.number=[1,3]",
+        "+design.regions.front.z_m=[0.1,0.2]",
+        "+design.regions.left.pitch_deg=5.0",
+    ]
+).build()
 SETTING = describe_experiment(EVOLVING)
 VALUES = {
     "robot.mount.link": "base_link",
@@ -44,7 +42,7 @@ VALUES = {
 
 @pytest.fixture(scope="module")
 def experiment() -> Experiment:
-    return build(compose(["simulator=planar", "failure=combined", "executor=serial"]))
+    return compose(["simulator=planar", "failure=combined", "executor=serial"]).build()
 
 
 @pytest.fixture(scope="module")

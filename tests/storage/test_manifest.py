@@ -6,6 +6,7 @@ import pytest
 from helpers import USER_PARTS, everything
 
 from evoros.base.console import DONE, INPUT
+from evoros.cli.evaluate import evaluate
 from evoros.cli.run import evoros
 from evoros.storage.manifest import DECISIVE, PACKAGES
 
@@ -74,3 +75,16 @@ def test_other_versions_are_said_on_the_terminal_and_in_the_log(
         assert "lxml" not in said
         assert "made with evoros" not in said
     assert log.count("made with numpy") == 1
+
+
+def test_the_choices_of_groups_are_recorded_of_runs_and_evaluations(tmp_path: Path) -> None:
+    choices = ["failure=spatial", "filter@failure.effect=stuck"]
+    run, scores = tmp_path / "run", tmp_path / "scores"
+    common = ["--config-dir", str(USER_PARTS), *ONE, *choices]
+    assert evoros([*common, f"hydra.run.dir={run}"]) == DONE
+    assert evaluate([*common, f"hydra.run.dir={scores}", f"designs={run}"]) == DONE
+    for folder in (run, scores):
+        recorded = json.loads((folder / "manifest.json").read_text())["choices"]
+        assert {"failure": "spatial", "filter@failure.effect": "stuck"}.items() <= recorded.items()
+        assert recorded["experiment"] == "tiny"
+        assert not any(group.startswith("hydra") for group in recorded)

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
 from evoros.base.resources import bundled_folder
-from evoros.config.compose import build
 from evoros.config.compose import compose as compose_evoros
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import bottom_height, project_bodies
@@ -147,7 +146,7 @@ def test_the_course_is_changed_in_all_worlds_at_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize("world", ["boxes", "maze", "blocks", "case_study", "[blocks,maze]"])
 def test_an_experiment_takes_any_of_the_worlds(world: str) -> None:
     for name in ("as_run", "case_study", "quickstart", "free_placement"):
-        experiment = build(compose_evoros([f"experiment={name}", f"world={world}"]))
+        experiment = compose_evoros([f"experiment={name}", f"world={world}"]).build()
         directions = {each.course.direction for each in experiment.world.values()}
         assert directions == {"parity" if name == "as_run" else "random"}
 

@@ -1,0 +1,36 @@
+"""SIGINT and SIGTERM of a command: both end its runs cleanly, with different exit statuses."""
+
+import signal
+from types import FrameType
+
+from evoros.base.console import INTERRUPTED, STOPPED
+
+
+class Signals:
+    """A context manager that turns SIGINT and SIGTERM into KeyboardInterrupt."""
+
+    def __init__(self) -> None:
+        self.last: int | None = None  # the signal that came last
+
+    def __enter__(self) -> "Signals":
+        self._handlers = {
+            number: signal.signal(number, self._interrupt)
+            for number in (signal.SIGINT, signal.SIGTERM)
+            if signal.getsignal(number) != signal.SIG_IGN  # as under nohup
+        }
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+
+    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+        self.last = number
+        # Not an Exception: code that catches those, such as logging, must not swallow it.
+        raise KeyboardInterrupt
+
+    def explain(self) -> tuple[str, int]:
+        """A message about the last signal, and the exit status that it means."""
+        if self.last == signal.SIGTERM:
+            return "terminated by a signal", STOPPED
+        return "interrupted", INTERRUPTED

@@ -1,0 +1,90 @@
+"""A composed configuration, and the experiment that is built from it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from hydra.errors import InstantiationException
+from hydra.utils import instantiate
+from omegaconf import DictConfig, OmegaConf
+
+from evoros.base.errors import EvorosError, InputError
+from evoros.config.messages import about_instantiation, one_line, unresolved
+from evoros.evolution.experiment import Experiment
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A composed configuration of a run or an evaluation, without Hydra's own part.
+
+    ``choices`` has the chosen file of each group, such as ``failure: spatial``; a group that is
+    placed elsewhere has the place in its name, as in ``filter@failure.effect: stuck``.
+    """
+
+    text: str  # content of config.yaml: YAML, references ``${...}`` unresolved
+    values: Mapping[str, Any] = field(repr=False)  # references resolved; may hold secrets
+    choices: Mapping[str, str] = field(default_factory=dict)
+    designs: Any = None  # the key ``designs`` of an evaluation; not in ``text`` and ``values``
+
+    def build(self) -> Experiment:
+        """Build the experiment. This imports and calls any class that the configuration names.
+
+        Raises:
+            InputError: a value, a file or a class cannot be used.
+        """
+        try:
+            experiment = instantiate(dict(self.values), _convert_="all")
+        except EvorosError:
+            raise
+        except InstantiationException as error:
+            raise InputError(about_instantiation(error)) from error
+        except Exception as error:
+            raise InputError(one_line(error)) from error
+        if not isinstance(experiment, Experiment):
+            raise InputError(
+                f"_target_: must be evoros.evolution.experiment.Experiment, not "
+                f"{self.values.get('_target_')!r}; keep the one of conf/config.yaml"
+            )
+        return experiment
+
+
+def freeze(config: DictConfig, split_designs: bool = False) -> Configuration:
+    """Resolve the references of a configuration and drop Hydra's own part of it.
+
+    With ``split_designs`` the key ``designs`` becomes the field of that name. The text keeps the
+    references, so that no secret of the environment reaches the disk.
+
+    Raises:
+        InputError: a reference ``${...}`` leads nowhere.
+    """
+    hidden = ("hydra", "designs") if split_designs else ("hydra",)
+    shown = OmegaConf.masked_copy(config, [str(key) for key in config if key not in hidden])
+    designs = config.get("designs") if split_designs else None
+    if OmegaConf.is_config(designs):
+        designs = OmegaConf.to_container(designs, resolve=True)
+    return Configuration(
+        OmegaConf.to_yaml(shown, resolve=False), _resolve(shown), _choices(config), designs
+    )
+
+
+def _resolve(config: DictConfig) -> dict[str, Any]:
+    try:
+        values = OmegaConf.to_container(config, resolve=True)
+    except Exception as error:  # resolvers raise anything
+        key = unresolved(config)
+        raise InputError(f"{key}: {one_line(error)}" if key else one_line(error)) from error
+    assert isinstance(values, dict)
+    return {str(key): value for key, value in values.items()}
+
+
+def _choices(config: DictConfig) -> dict[str, str]:
+    """The chosen file of each group that is not Hydra's own; none if ``config`` was not composed.
+
+    A group without a choice (null) is left out.
+    """
+    choices = OmegaConf.select(config, "hydra.runtime.choices") or {}
+    return {
+        str(group): str(choice)
+        for group, choice in choices.items()
+        if choice is not None and not str(group).startswith("hydra/")
+    }

@@ -1,0 +1,33 @@
+"""What Hydra shows instead of running: --help, --hydra-help, --cfg, --info, shell completion."""
+
+import os
+import sys
+from collections.abc import Sequence
+
+import hydra
+
+from evoros.base.errors import InputError
+from evoros.base.resources import bundled_folder
+from evoros.config.compose import HYDRA_VERSION
+from evoros.config.messages import one_line
+
+
+def show(command: str, primary: str, arguments: Sequence[str]) -> int:
+    """Let Hydra answer the arguments of a command, and return the exit status.
+
+    ``primary`` is the command's own file of conf/.
+
+    Raises:
+        InputError: the configuration cannot be composed.
+    """
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises errors instead of printing them
+    sys.argv = [command, *arguments]
+    conf = str(bundled_folder("conf"))
+    decorate = hydra.main(version_base=HYDRA_VERSION, config_path=conf, config_name=primary)
+    try:
+        decorate(lambda config: None)()
+    except SystemExit as stop:  # Hydra exits after --help
+        return int(stop.code or 0)
+    except Exception as error:
+        raise InputError(one_line(error)) from error
+    return 0

@@ -1,0 +1,80 @@
+"""Reads the configuration that a folder has recorded, and applies what resuming may change."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from hydra.core.override_parser.types import Override, OverrideType
+from omegaconf import DictConfig, OmegaConf
+
+from evoros.base.checks import is_whole
+from evoros.base.errors import InputError
+from evoros.config.compose import compose_with_hydra, parse, text_of
+from evoros.config.configuration import Configuration, freeze
+from evoros.config.messages import one_line
+
+GENERATIONS = "optimizer.generations"
+
+
+def read_recorded(path: Path) -> Configuration:
+    """Read a recorded ``config.yaml``. Its ``text`` is that of the file; it has no ``choices``.
+
+    Raises:
+        InputError: there is no such file, or it is damaged.
+    """
+    try:
+        config, text = OmegaConf.load(path), path.read_text()
+    except Exception as error:
+        raise InputError(f"{path}: {one_line(error)}") from error
+    if not isinstance(config, DictConfig):
+        raise InputError(f"{path}: must be a mapping of keys to values; restore the file")
+    return Configuration(text, freeze(config).values)
+
+
+def override_recorded(
+    recorded: Configuration,
+    overrides: Sequence[str],
+    config_dir: str | Path | None,
+    extendable: bool,
+) -> tuple[Configuration, int | None]:
+    """Apply overrides to a recorded configuration, and return the new number of generations, too.
+
+    Only the executor may change and, if the work is ``extendable``, ``optimizer.generations`` may
+    grow; the number is None if it was not overridden.
+
+    Raises:
+        InputError: any other override.
+    """
+    config = OmegaConf.create(recorded.text)
+    assert isinstance(config, DictConfig)
+    generations = None
+    for override in parse(overrides):
+        key, value = override.key_or_group, override.value()
+        changes = override.type is OverrideType.CHANGE and not override.is_sweep_override()
+        if changes and key == "executor":
+            config.executor = compose_with_hydra([text_of(override)], config_dir).executor
+        elif changes and key.startswith("executor."):
+            OmegaConf.update(config, key, value, force_add=True)
+        elif changes and extendable and key == GENERATIONS:
+            generations = _check_generations(value, OmegaConf.select(config, key))
+            config.optimizer.generations = generations
+        else:
+            raise _refused(override, extendable)
+    return freeze(config), generations
+
+
+def _check_generations(value: object, recorded: int) -> int:
+    if not isinstance(value, int) or not is_whole(value) or value < recorded:
+        raise InputError(
+            f"{GENERATIONS}: must be a whole number of at least {recorded}, which the run already "
+            f"has, not {value!r}; a run can only be extended"
+        )
+    return value
+
+
+def _refused(override: Override, extendable: bool) -> InputError:
+    allowed = "executor, executor.*"
+    allowed += f" and a larger {GENERATIONS}" if extendable else ""
+    return InputError(
+        f"{text_of(override)}: only {allowed} go with resume=; the rest is the run's own; start a "
+        f"new run to change it"
+    )
