@@ -18,6 +18,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import openloop
+from lxml import etree
 from openloop import commands
 
 from evoros.base.arrays import SPEED, Array, X, Y
@@ -173,7 +174,7 @@ def running(choice: str, robots: dict[str, Robot], world: World) -> tuple[Any, A
     robot = robots["cylinder" if choice == "cylinder" else "sphere"]
     merge = vars(pybullet_robot)["merge_fixed_links"]
     if choice == "links":
-        vars(pybullet_robot)["merge_fixed_links"] = lambda urdf, kept: urdf
+        vars(pybullet_robot)["merge_fixed_links"] = lambda root, kept: etree.tostring(root).decode()
     try:
         model = engine.prepare(robot, world, settings)
     finally:

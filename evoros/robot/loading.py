@@ -1,22 +1,22 @@
 """Reads a robot from a URDF or xacro file."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from lxml import etree
 
 from evoros.base.arrays import Array
 from evoros.base.checks import NUMBER, TEXT, checked
 from evoros.base.errors import InputError
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.formats.urdf import expansion
+from evoros.formats.urdf.document import UrdfDocument
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.footprint import convex_hull, project_shape, top_height
 from evoros.geometry.shapes import Pose, Shape
-from evoros.robot.model import Robot
+from evoros.robot.model import Robot, VisibleShape
 
 _CIRCLE = 64  # corners of the polygon that stands for a circle
 
@@ -53,7 +53,7 @@ def load_robot(
     touching = _touching(urdf, fitted)
     robot = Robot(
         name=urdf.name,
-        base_urdf=etree.tostring(root, encoding="unicode", pretty_print=True),
+        base_urdf=UrdfDocument.from_elements(root),
         drive=fitted,
         outline=_outline(touching),
         height_m=max(top_height(shape, pose) for shape, pose in touching),
@@ -61,6 +61,7 @@ def load_robot(
         mount_z_m=float(mount.z_m),
         mount_pitch_deg=float(mount.pitch_deg),
         sensor_links=_places(urdf),
+        visuals=tuple(_visible_shapes(urdf, fitted)),
         taken=frozenset(urdf.poses) | frozenset(urdf.joints),
     )
     if mount.link not in robot.sensor_links:
@@ -82,13 +83,24 @@ def _check_kinds(
             raise InputError(f"robot.{name}: must be {what}, not {given!r}; give one")
 
 
+def _rolling_links(urdf: Urdf, drive: Drive) -> set[str]:
+    return {urdf.joints[name].child for name in drive.wheel_joints} | set(drive.caster_links)
+
+
+def _visible_shapes(urdf: Urdf, drive: Drive) -> Iterator[VisibleShape]:
+    rolling = _rolling_links(urdf, drive)
+    for link, shapes in urdf.visuals.items():
+        for shape in shapes:
+            yield VisibleShape(link, shape, urdf.poses[link] @ shape.pose, link in rolling)
+
+
 def _touching(urdf: Urdf, drive: Drive) -> list[tuple[Shape, Pose]]:
     """The shapes that can touch obstacles, all but those on the ground, in the robot's frame."""
-    wheels = {urdf.joints[name].child for name in drive.wheel_joints} | set(drive.caster_links)
+    rolling = _rolling_links(urdf, drive)
     touching = [
         (shape, urdf.poses[link] @ shape.pose)
         for link, shapes in urdf.shapes.items()
-        if link not in wheels
+        if link not in rolling
         for shape in shapes
     ]
     if not touching:

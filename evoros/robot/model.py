@@ -2,19 +2,33 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from lxml import etree
+from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
 from evoros.base.checks import is_number
 from evoros.base.errors import InputError
 from evoros.drive.protocol import Drive
+from evoros.formats.urdf.document import UrdfDocument
+from evoros.geometry.shapes import Pose, Shape
+from evoros.robot.sensor_elements import sensor_elements
 from evoros.sensor.protocol import Mount, Sensor
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+
+@dataclass(frozen=True)
+class VisibleShape:
+    """A shape that a link shows; ``pose`` is in the robot's frame."""
+
+    link: str
+    shape: Shape
+    pose: Pose
+    rolls: bool  # on the ground, as wheels and casters do
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +38,7 @@ class Robot:
     """
 
     name: str
-    base_urdf: str  # without sensors
+    base_urdf: UrdfDocument  # without sensors
     drive: Drive
     outline: Array  # (k, 2) [m] convex, counter-clockwise: footprint of what can touch obstacles
     height_m: float  # top of what can touch obstacles, above the ground
@@ -33,19 +47,34 @@ class Robot:
     mount_pitch_deg: float
     sensor_links: Mapping[str, tuple[float, float, float, float]]
     """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot's frame."""
+    visuals: tuple[VisibleShape, ...] = ()  # without sensors
     taken: frozenset[str] = frozenset()  # names of links and joints
     mounts: tuple[Mount, ...] = ()  # those of one sensor type are contiguous
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
 
     @property
     def urdf(self) -> str:
-        """The whole description: with a link, a joint and a Gazebo sensor for every mount."""
-        head, _, _ = self.base_urdf.rpartition("</robot>")
-        parts = [
-            _sensor_xml(f"{mount.sensor}_{i}", mount, self.sensors[mount.sensor])
-            for i, mount in enumerate(self.mounts)
-        ]
-        return "".join((head, *parts, "</robot>\n"))
+        """The text of the whole description, with a link, joint and Gazebo sensor a mount."""
+        head, _, _ = self.base_urdf.text.rpartition("</robot>")
+        parts = [head]
+        for name, mount in self._sensor_names():
+            sensor = self.sensors[mount.sensor]
+            elements = sensor_elements(name, mount, sensor)
+            parts += [f"  {etree.tostring(each, encoding='unicode')}\n" for each in elements]
+            parts.append(f'  <gazebo reference="{name}">{sensor.gazebo(name)}</gazebo>\n')
+        return "".join((*parts, "</robot>\n"))
+
+    def urdf_elements(self) -> Element:
+        """Create the elements of ``urdf`` without those for Gazebo."""
+        root = self.base_urdf.copy_elements()
+        for name, mount in self._sensor_names():
+            root.extend(sensor_elements(name, mount, self.sensors[mount.sensor]))
+        return root
+
+    def _sensor_names(self) -> Iterator[tuple[str, Mount]]:
+        """Yield the name of each sensor's link, with its mount."""
+        for number, mount in enumerate(self.mounts):
+            yield f"{mount.sensor}_{number}", mount
 
     def with_sensors(self, mounts: Sequence[Mount], sensors: Mapping[str, Sensor]) -> "Robot":
         """This robot with these sensors instead of its own, ordered by the types in ``sensors``.
@@ -118,29 +147,3 @@ class Robot:
             f"robot {self.name}: mount link must be fixed to the root link and upright, "
             f"not {link!r}; name one of {', '.join(self.sensor_links)}"
         )
-
-
-def _sensor_xml(name: str, mount: Mount, sensor: Sensor) -> str:
-    # A positive rotation about y lowers the nose.
-    xyz = f"{float(mount.x_m)!r} {float(mount.y_m)!r} {float(mount.z_m)!r}"
-    rpy = f"0 {-math.radians(mount.pitch_deg)!r} {math.radians(mount.yaw_deg)!r}"
-    return (
-        f'  <link name="{name}">{_sensor_body(sensor)}</link>\n'
-        f'  <joint name="{name}_joint" type="fixed">'
-        f"<parent link={quoteattr(mount.link)}/>"
-        f'<child link="{name}"/><origin xyz="{xyz}" rpy="{rpy}"/></joint>\n'
-        f'  <gazebo reference="{name}">{sensor.gazebo(name)}</gazebo>\n'
-    )
-
-
-def _sensor_body(sensor: Sensor) -> str:
-    """A homogeneous box to see and to weigh, without a collision shape."""
-    mass, (x, y, z) = float(sensor.mass_kg), map(float, sensor.size_m)
-    moments = (y * y + z * z, x * x + z * z, x * x + y * y)
-    xx, yy, zz = (mass * moment / 12.0 for moment in moments)
-    return (
-        f'<inertial><mass value="{mass}"/><origin xyz="0 0 0" rpy="0 0 0"/>'
-        f'<inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/></inertial>'
-        f'<visual><origin xyz="0 0 0" rpy="0 0 0"/><geometry><box size="{x} {y} {z}"/></geometry>'
-        f'<material name="sensor"><color rgba="0.1 0.3 0.8 1"/></material></visual>'
-    )

@@ -11,16 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from lxml import etree
 
 from evoros.base.errors import EvorosError, InputError
 from evoros.base.intervals import bounds
 from evoros.base.rng import generator
 from evoros.design.region import Region
 from evoros.failure.protocol import Failure
-from evoros.formats.strict_xml import read_name
-from evoros.formats.urdf.parts import read_visuals
-from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Sensor
@@ -159,17 +155,11 @@ def describe_experiment(experiment: "Experiment") -> FigureContext:
 
 
 def _parts(robot: Robot) -> Iterator[Part]:
-    root = etree.fromstring(robot.base_urdf)
-    urdf = read_tree(root, robot.name)
-    wheels = {urdf.joints[name].child for name in robot.drive.wheel_joints}
-    wheels |= set(robot.drive.caster_links)
-    for element in root.findall("link"):
-        link = read_name(element)
-        for shape in read_visuals(element):
-            pose = urdf.poses[link] @ shape.pose
-            area, top = project_shape(shape, pose), top_height(shape, pose)
-            corners = tuple(map(_point, area.vertices.tolist()))
-            yield Part(link, corners, float(area.radius), float(top), link in wheels)
+    for visible in robot.visuals:
+        area = project_shape(visible.shape, visible.pose)
+        top = top_height(visible.shape, visible.pose)
+        corners = tuple(map(_point, area.vertices.tolist()))
+        yield Part(visible.link, corners, float(area.radius), float(top), visible.rolls)
 
 
 def _beam(sensor: Sensor) -> Beam:

@@ -19,6 +19,7 @@ from evoros.base.resources import bundled_folder
 from evoros.design.genes import Gene, check_genes, replace_values
 from evoros.design.region import Region
 from evoros.design.space import DesignSpace, SensorDesign
+from evoros.formats.urdf.document import UrdfDocument
 from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
@@ -34,7 +35,7 @@ class Cart:
 
 ROBOT = Robot(
     name="cart",
-    base_urdf="<robot name='cart'><link name='base'/></robot>",
+    base_urdf=UrdfDocument("<robot name='cart'><link name='base'/></robot>"),
     drive=Cart(),  # type: ignore[arg-type]
     outline=np.array([[-0.2, -0.15], [0.25, -0.15], [0.25, 0.15], [-0.2, 0.15]]),
     height_m=0.2,

@@ -357,7 +357,7 @@ FAULTS: dict[str, tuple[Edit, str]] = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_faulty_robot_is_one_clear_line(tmp_path: Path, fault: str) -> None:
     edit, says = FAULTS[fault]
-    root = etree.fromstring(rover().base_urdf.encode())
+    root = etree.fromstring(rover().base_urdf.text.encode())
     edit(root)
     if fault == "nothing to touch with":
         edit(root)  # contact box and cage
@@ -373,7 +373,7 @@ def test_a_faulty_robot_is_one_clear_line(tmp_path: Path, fault: str) -> None:
 
 
 def test_a_sound_copy_of_the_urdf_is_the_same_robot(tmp_path: Path) -> None:
-    (tmp_path / "copy.urdf").write_text(rover().base_urdf)
+    (tmp_path / "copy.urdf").write_text(rover().base_urdf.text)
     copy = load(description=str(tmp_path / "copy.urdf"), arguments={})
     assert copy.urdf == rover().urdf
     assert copy.drive == rover().drive
@@ -429,7 +429,7 @@ def test_a_sensor_has_the_body_of_its_type() -> None:
 
 
 def test_sensors_on_a_turned_link_keep_their_place(tmp_path: Path) -> None:
-    root = etree.fromstring(rover().base_urdf.encode())
+    root = etree.fromstring(rover().base_urdf.text.encode())
     inertial = etree.tostring(find(root, f"{WHEEL}/inertial"), encoding="unicode")
     append(f'<link name="mast">{inertial}</link>')(root)
     append(

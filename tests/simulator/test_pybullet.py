@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lxml import etree
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, Array, X, Y
 from evoros.base.errors import InputError
@@ -391,7 +392,9 @@ def test_merged_links_move_as_the_separate_ones(
         module.close_engines()
         if separate:
             merging = "evoros.simulator.engines.pybullet_robot.merge_fixed_links"
-            monkeypatch.setattr(merging, lambda urdf, kept: urdf)
+            monkeypatch.setattr(
+                merging, lambda root, kept: etree.tostring(root, encoding="unicode")
+            )
         state, rows = np.zeros(STATE_SIZE), []
         with PyBullet().open(robot, level(experiment)) as simulation:
             joints = simulation._bullet.getNumJoints(

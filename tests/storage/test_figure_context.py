@@ -78,12 +78,15 @@ def test_the_parts_cover_what_the_robot_covers(
         np.testing.assert_allclose(np.ptp(wheel, axis=0), (0.127, 0.056), atol=1e-12)
 
 
-def test_a_robot_that_shows_a_mesh_is_drawn_by_what_can_touch(experiment: Experiment) -> None:
-    urdf = experiment.robot.base_urdf
+def test_a_robot_that_shows_a_mesh_is_drawn_by_what_can_touch(
+    experiment: Experiment, tmp_path: Path
+) -> None:
+    urdf = experiment.robot.base_urdf.text
     link = urdf.index("<visual>")
     mesh = '<visual><geometry><mesh filename="a.dae"/></geometry></visual>'
-    robot = replace(experiment.robot, base_urdf=f"{urdf[:link]}{mesh}{urdf[link:]}")
-    parts = describe_experiment(replace(experiment, robot=robot)).parts
+    (tmp_path / "mesh.urdf").write_text(f"{urdf[:link]}{mesh}{urdf[link:]}")
+    shown = [f"robot.description={tmp_path / 'mesh.urdf'}", "robot.arguments={}"]
+    parts = describe_experiment(build(compose(["executor=serial", *shown]))).parts
     corners = [part.vertices[2] for part in parts if part.link == "base_link"]
     np.testing.assert_allclose(corners, [(0.25, 0.1625), (-0.01, 0.1)])  # box and roll cage
 

@@ -14,14 +14,13 @@ from evoros.geometry.inertia import point_tensor
 from evoros.geometry.shapes import Pose
 
 
-def merge_fixed_links(urdf: str, kept: Collection[str] = ()) -> str:
-    """Return the description with every outermost link on a fixed joint merged into its parent.
+def merge_fixed_links(root: Element, kept: Collection[str] = ()) -> str:
+    """Merge every outermost link on a fixed joint into its parent; return the text.
 
     The merged link has the mass, centre of mass, inertia and collision shapes of both. Links in
     ``kept`` stay separate, for example because their friction differs. Visual elements and those
-    for other simulators are removed.
+    for other simulators are removed. ``root``, a ``<robot>``, is changed in place.
     """
-    root = etree.fromstring(urdf.encode())
     etree.strip_elements(root, "visual", "gazebo", "material", "transmission")
     links = {str(link.get("name")): link for link in root.findall("link")}
     while (joint := _find_outermost(root, kept)) is not None:

@@ -8,7 +8,7 @@ from lxml.etree import _Element as Element
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.formats.strict_xml import element_error, local_tag, read_name
-from evoros.formats.urdf.parts import Joint, check_inertia, read_joint, read_shapes
+from evoros.formats.urdf.parts import Joint, check_inertia, read_joint, read_shapes, read_visuals
 from evoros.geometry.shapes import Pose, Shape
 
 
@@ -21,7 +21,8 @@ class Urdf:
     root: str
     joints: Mapping[str, Joint]  # by name
     poses: Mapping[str, Pose]  # of each link, in the root's frame
-    shapes: Mapping[str, tuple[Shape, ...]]  # of each link, in its own frame
+    shapes: Mapping[str, tuple[Shape, ...]]  # collision shapes of each link, in its own frame
+    visuals: Mapping[str, tuple[Shape, ...]]  # visible shapes of each link, in its own frame
 
     def error(self, problem: str, fix: str) -> InputError:
         """Create the error for a part of this description, which the caller raises."""
@@ -78,6 +79,7 @@ def read_tree(robot: Element, source: str) -> Urdf:
         joints=joints,
         poses=_compute_poses(robot, root, links, joints),
         shapes={name: read_shapes(link) for name, link in links.items()},
+        visuals={name: read_visuals(link) for name, link in links.items()},
     )
 
 

@@ -61,7 +61,7 @@ def load_robot(
     facing = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
     # Not URDF_MERGE_FIXED_LINKS, which would lose the origin of the chassis' inertia.
     flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_IGNORE_VISUAL_SHAPES
-    urdf = merge_fixed_links(robot.urdf, drive.caster_links)
+    urdf = merge_fixed_links(robot.urdf_elements(), drive.caster_links)
     body = load_urdf(bullet, client, urdf, (position, facing), flags)
     joints = _read_joints(bullet, client, body)
     friction = _rolling_friction(joints, drive, wheel_friction)
