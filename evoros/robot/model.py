@@ -65,7 +65,7 @@ class Robot:
         return "".join((*parts, "</robot>\n"))
 
     def urdf_elements(self) -> Element:
-        """Create the elements of ``urdf`` without those for Gazebo."""
+        """Create the elements of ``urdf``, without the Gazebo elements of its sensors."""
         root = self.base_urdf.copy_elements()
         for name, mount in self._sensor_names():
             root.extend(sensor_elements(name, mount, self.sensors[mount.sensor]))

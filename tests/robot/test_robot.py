@@ -224,6 +224,22 @@ def test_a_robot_travels_to_workers() -> None:
     np.testing.assert_array_equal(copy.sensor_poses(), robot.sensor_poses())
 
 
+def test_the_elements_are_those_of_the_text_here_and_in_a_worker() -> None:
+    """But for Gazebo's; whoever gets them may change them."""
+    robot = rover().with_sensors(some_mounts(), SENSORS)
+    expected = canonical(etree.fromstring(robot.urdf.encode()))
+    for here in (robot, pickle.loads(pickle.dumps(robot))):
+        for _ in range(2):
+            elements = here.urdf_elements()
+            assert canonical(elements) == expected
+            elements.clear()
+
+
+def canonical(root: etree._Element) -> str:
+    etree.strip_elements(root, "gazebo")
+    return etree.canonicalize(etree.tostring(root).decode(), strip_text=True)
+
+
 READERS = {
     "pybullet": """
 import pybullet, sys

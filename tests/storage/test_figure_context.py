@@ -84,9 +84,10 @@ def test_a_robot_that_shows_a_mesh_is_drawn_by_what_can_touch(
     urdf = experiment.robot.base_urdf.text
     link = urdf.index("<visual>")
     mesh = '<visual><geometry><mesh filename="a.dae"/></geometry></visual>'
+    (tmp_path / "a.dae").touch()
     (tmp_path / "mesh.urdf").write_text(f"{urdf[:link]}{mesh}{urdf[link:]}")
     shown = [f"robot.description={tmp_path / 'mesh.urdf'}", "robot.arguments={}"]
-    parts = describe_experiment(build(compose(["executor=serial", *shown]))).parts
+    parts = describe_experiment(compose(["executor=serial", *shown]).build()).parts
     corners = [part.vertices[2] for part in parts if part.link == "base_link"]
     np.testing.assert_allclose(corners, [(0.25, 0.1625), (-0.01, 0.1)])  # box and roll cage
 
