@@ -18,7 +18,7 @@ BEGIN, END = "<!-- measured: {} -->", "<!-- end: {} -->"
 TREATMENTS, WORLDS = ("none", "random", "spatial"), ("boxes", "maze", "blocks")
 NAMES = {
     "l1": "`l1`",
-    "again": "and flown again after 340 s",
+    "again": "and run again after 340 s",
     "late": "and readings 1 s late",
 }
 POPULATION = 30

@@ -129,7 +129,7 @@ def report(
         f"{processor()}, {available_cores()} cores; Python {platform.python_version()}, "
         f"{packages}; {platform.system()}.",
         "",
-        "| simulator | workers | missions | simulated s | wall s, flying | wall s, command "
+        "| simulator | workers | missions | simulated s | wall s, missions | wall s, command "
         "| simulated s/s |",
         "|---|---|---|---|---|---|---|",
     ]
@@ -143,8 +143,8 @@ def report(
         f"A whole replicate (`evoros simulator=planar figures=[]`, {whole[2]} missions): "
         f"{whole[0]:.1f} s, {whole[1]:.2f} s a generation.",
         "",
-        f"The shortest run there is: {starts[0]:.1f} s with nothing compiled yet, "
-        f"{starts[1]:.1f} s after that.",
+        f"The shortest run possible: {starts[0]:.1f} s without cached machine code, "
+        f"{starts[1]:.1f} s with it.",
         "",
         tick_cost.table(curves),  # type: ignore[arg-type]
     ]

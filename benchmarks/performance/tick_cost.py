@@ -107,7 +107,7 @@ def curves() -> dict[str, list[Point]]:
 
 def table(curves: dict[str, Sequence[Point]]) -> str:
     """As Markdown."""
-    lines = ["| against | number | us a tick | ratio to the first |", "|---|---|---|---|"]
+    lines = ["| varied | number | us a tick | ratio to the first |", "|---|---|---|---|"]
     for name, points in curves.items():
         for number, value in points:
             ratio = value / points[0][1]
