@@ -40,6 +40,7 @@ class Shadowed:
 
     log: Log
     engine: PyBullet = field(default_factory=PyBullet)
+    packages = ("pybullet", "numba")
 
     @property
     def time_step(self) -> float:

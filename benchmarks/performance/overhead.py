@@ -32,6 +32,8 @@ Command = tuple[Array, float]
 class Recorder:
     """A simulator that notes the commands that its simulation is given."""
 
+    packages = ("pybullet",)
+
     def __init__(self, simulator: PyBullet) -> None:
         self.simulator, self.time_step = simulator, simulator.time_step
         self.commands: list[Command] = []

@@ -36,6 +36,7 @@ class Planar:
     time_step: Annotated[float, positive_up_to(MAX_STEP_S)] = 0.02  # [s]
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     drive_lag_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time constant of the speed
+    packages = ("numba",)
 
     @property
     def rules(self) -> SimulationRules:

@@ -1,6 +1,6 @@
 """The protocols of simulators: each opens simulations of one robot in one world."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias, runtime_checkable
@@ -38,6 +38,14 @@ class Simulator(Protocol):
         """Physics step [s]; the periods of all sensors and controllers are multiples of it."""
         ...
 
+    @property
+    def packages(self) -> Sequence[str]:
+        """The installed packages whose versions can change missions, for example its engine's.
+
+        They are the names that pip uses. The manifest of a run records their versions.
+        """
+        ...
+
     def open(self, robot: "Robot", world: "World") -> AbstractContextManager[Simulation]:
         """Place the robot at the world's home and the bodies where the world puts them.
 
@@ -47,7 +55,7 @@ class Simulator(Protocol):
         ...
 
 
-A_SIMULATOR = instance_of(Simulator, "a simulator (time_step and open)")
+A_SIMULATOR = instance_of(Simulator, "a simulator (time_step, packages and open)")
 
 
 ObserveRule: TypeAlias = Callable[[Array, Array, Array], None]

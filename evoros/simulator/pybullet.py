@@ -45,6 +45,7 @@ class PyBullet:
     solver_iterations: Annotated[int, COUNT] = 20
     wheel_friction: Annotated[float, POSITIVE] = 1.0  # the engine multiplies it by the ground's
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
+    packages = ("pybullet",)
 
     def __post_init__(self) -> None:
         if find_spec("pybullet") is None:

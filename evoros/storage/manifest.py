@@ -5,7 +5,7 @@ import json
 import platform
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -17,9 +17,10 @@ from evoros.base.resources import PACKAGE
 from evoros.evolution.experiment import Experiment
 from evoros.storage.mission_log import FORMAT_VERSION
 
-PACKAGES = ("evoros", "numpy", "numba", "pybullet", "hydra-core", "omegaconf", "xacro", "lxml")
-DECISIVE = ("evoros", "numpy", "numba", "pybullet")
-"""Of these packages another version may fly a mission differently."""
+COMPUTING = ("evoros", "numpy", "numba")
+"""Packages whose versions can change missions in every simulator."""
+READING = ("hydra-core", "omegaconf", "xacro", "lxml")
+"""Packages that read what a run is made from."""
 
 
 def manifest(
@@ -44,7 +45,7 @@ def manifest(
         "seed": experiment.seed,
         "choices": dict(sorted(choices.items())),
         "commit": _commit(),
-        "packages": {name: _version(name) for name in PACKAGES},
+        "packages": {name: _version(name) for name in (*mission_packages(experiment), *READING)},
         "python": platform.python_version(),
         "platform": platform.platform(),
         "processor": processor(),
@@ -89,7 +90,7 @@ def check_unchanged(
             f"{folder / 'manifest.json'}: format_version must be {FORMAT_VERSION}, not "
             f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
         )
-    _warn_of_versions(folder, recorded.get("packages", {}))
+    _warn_of_versions(folder, recorded.get("packages", {}), mission_packages(experiment))
     now = hashes(experiment, config, values, files)
     for name, value in recorded.get("sha256", {}).items():
         if now.get(name) != value:
@@ -99,8 +100,15 @@ def check_unchanged(
             )
 
 
-def _warn_of_versions(folder: Path, recorded: Mapping[str, Any]) -> None:
-    for name in DECISIVE:
+def mission_packages(experiment: Experiment) -> list[str]:
+    """List the packages whose versions can change missions of the experiment."""
+    simulators = (experiment.simulator, experiment.confirming.simulator)
+    named = (name for simulator in simulators for name in simulator.packages)
+    return list(dict.fromkeys((*COMPUTING, *named)))
+
+
+def _warn_of_versions(folder: Path, recorded: Mapping[str, Any], packages: Sequence[str]) -> None:
+    for name in packages:
         before, now = recorded.get(name), _version(name)
         if before != now:
             LOGGER.warning(

@@ -128,6 +128,7 @@ class Plane:
     wall: tuple[float, float] = (math.inf, math.inf)
     sick_after: int = 1_000_000
     opened: list[Point] = field(default_factory=list)
+    packages = ()
 
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator[Simulation]:

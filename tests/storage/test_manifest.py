@@ -1,14 +1,20 @@
 import json
 import shutil
+from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 from helpers import USER_PARTS, everything
 
 from evoros.base.console import DONE, INPUT
+from evoros.base.errors import InputError
 from evoros.cli.evaluate import evaluate
 from evoros.cli.run import evoros
-from evoros.storage.manifest import DECISIVE, PACKAGES
+from evoros.config.compose import compose
+from evoros.robot.model import Robot
+from evoros.storage.manifest import COMPUTING, READING, manifest, mission_packages
+from evoros.world.model import World
 
 ONE = ["experiment=tiny", "executor=serial", "optimizer.generations=1"]
 
@@ -56,22 +62,53 @@ def test_the_executors_module_may_change_for_no_result_depends_on_it(
     assert evoros(["--config-dir", str(own), f"resume={run}", "executor=serial"]) == DONE
 
 
+@pytest.mark.parametrize(
+    ("chosen", "named"),
+    [
+        (["simulator=planar"], set()),
+        (["simulator=pybullet"], {"pybullet"}),
+        (["simulator=planar", "confirmation=pybullet"], {"pybullet"}),
+    ],
+)
+def test_the_versions_of_engines_come_from_the_simulators(
+    chosen: list[str], named: set[str]
+) -> None:
+    config = compose([*chosen, "executor=serial"])
+    experiment = config.build()
+    assert set(mission_packages(experiment)) == {*COMPUTING, *named}
+    versions = manifest(experiment, config.text, config.values, config.choices)["packages"]
+    assert set(versions) == {*COMPUTING, *READING, *named}
+    assert all(versions[name] == version(name) for name in versions)
+
+
+def test_a_simulator_that_names_no_packages_is_refused_in_one_line() -> None:
+    class Silent:
+        time_step = 0.05
+
+        def open(self, robot: Robot, world: World) -> None:
+            """Open nothing."""
+
+    experiment = compose(["executor=serial"]).build()
+    with pytest.raises(InputError, match=r"^Scenario\.simulator: .*time_step, packages and"):
+        replace(experiment, simulator=Silent())  # type: ignore[arg-type]
+
+
 def test_other_versions_are_said_on_the_terminal_and_in_the_log(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = tmp_path / "run"
     assert evoros(["--config-dir", str(USER_PARTS), *ONE, f"hydra.run.dir={run}"]) == DONE
-    manifest = json.loads((run / "manifest.json").read_text())
-    assert set(DECISIVE) < set(manifest["packages"]) == set(PACKAGES)
-    manifest["packages"] |= {"numpy": "0.1", "pybullet": None, "lxml": "0.2"}
-    (run / "manifest.json").write_text(json.dumps(manifest))
+    recorded = json.loads((run / "manifest.json").read_text())
+    assert set(recorded["packages"]) == {*COMPUTING, *READING}
+    recorded["packages"] |= {"numpy": "0.1", "numba": None, "lxml": "0.2"}
+    (run / "manifest.json").write_text(json.dumps(recorded))
     assert "0.1" not in (run / "evoros.log").read_text()
     capsys.readouterr()
     assert evoros(["--config-dir", str(USER_PARTS), f"resume={run}"]) == DONE
     log = (run / "evoros.log").read_text()
     for said in (capsys.readouterr().err, log):
         assert "made with numpy 0.1, and this is " in said
-        assert "made with pybullet (not installed), and this is " in said
+        assert "made with numba (not installed), and this is " in said
         assert "lxml" not in said
         assert "made with evoros" not in said
     assert log.count("made with numpy") == 1

@@ -34,6 +34,7 @@ class Planar:
     fault: Annotated[str, TEXT] = "none"
     fault_limit_s: float = 30.0  # time limit of the world in which it happens
     mark: str = ""
+    packages = ()
 
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator["Plane"]:
