@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED, print_result
-from evoros.base.errors import EvorosError, InputError, RunStopped
+from evoros.base.errors import EvorosError, InputError, RunStopped, single_line
 from evoros.base.log import LOGGER, log_to_terminal
 from evoros.cli.signals import Signals
 
@@ -173,7 +173,7 @@ def _explain(
     if isinstance(error, EvorosError):
         return JobResult(_status(error), f"{error}{hint if isinstance(error, RunStopped) else ''}")
     # An error in the user's own part, a full disk, or a bug of evoros.
-    message = " ".join(f"{type(error).__name__}: {error}".split())
+    message = single_line(f"{type(error).__name__}: {error}")
     log = folder / LOG
     traceback = f" (traceback in {log})" if log.exists() else ""
     return JobResult(STOPPED, f"{message}{traceback}{hint}")
@@ -199,7 +199,7 @@ def _report_result(command: Command, in_sweep: bool, folder: Path, result: "JobR
 
 
 def _report(command: Command, message: str, status: int) -> int:
-    LOGGER.error("%s: %s", command.name, " ".join(message.split()))
+    LOGGER.error("%s: %s", command.name, single_line(message))
     return status
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from evoros.base.console import DONE, INPUT
-from evoros.base.errors import EvorosError, InputError
+from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.log import LOGGER, log_to_terminal
 
 USAGE = """evoros-world writes a world as an SDF file, for Gazebo and for world=... of your own.
@@ -30,7 +30,7 @@ def evoros_world(arguments: Sequence[str]) -> int:
         try:
             print(_write(arguments[0], arguments[1:]))
         except EvorosError as error:
-            LOGGER.error("evoros-world: %s", " ".join(str(error).split()))
+            LOGGER.error("evoros-world: %s", single_line(error))
             return INPUT
     return DONE
 

@@ -19,7 +19,7 @@ from evoros.base.errors import InputError
 from evoros.base.resources import bundled_folder
 from evoros.config.configuration import Configuration, freeze
 from evoros.config.folder_names import job_name
-from evoros.config.messages import one_line
+from evoros.config.messages import describe_error
 
 HYDRA_VERSION = "1.3"
 """Version of Hydra whose defaults evoros relies on."""
@@ -75,7 +75,7 @@ def compose_with_hydra(
             config.hydra.job.num = number
         HydraConfig.instance().set_config(config)
     except Exception as error:  # Hydra also raises ValueError, TypeError, AssertionError ...
-        raise InputError(one_line(error)) from error
+        raise InputError(describe_error(error)) from error
     return config
 
 
@@ -88,7 +88,7 @@ def parse(overrides: Sequence[str]) -> list[Override]:
     try:
         parsed = OverridesParser.create().parse_overrides(list(overrides))
     except Exception as error:
-        raise InputError(one_line(error)) from error
+        raise InputError(describe_error(error)) from error
     for override in parsed:
         value = override.value()
         names = value if isinstance(value, list) else [value]

@@ -9,7 +9,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
 from evoros.base.errors import EvorosError, InputError
-from evoros.config.messages import about_instantiation, one_line, unresolved
+from evoros.config.messages import describe_build_error, describe_error, find_unresolved
 from evoros.evolution.experiment import Experiment
 
 
@@ -37,9 +37,9 @@ class Configuration:
         except EvorosError:
             raise
         except InstantiationException as error:
-            raise InputError(about_instantiation(error)) from error
+            raise InputError(describe_build_error(error)) from error
         except Exception as error:
-            raise InputError(one_line(error)) from error
+            raise InputError(describe_error(error)) from error
         if not isinstance(experiment, Experiment):
             raise InputError(
                 f"_target_: must be evoros.evolution.experiment.Experiment, not "
@@ -71,8 +71,10 @@ def _resolve(config: DictConfig) -> dict[str, Any]:
     try:
         values = OmegaConf.to_container(config, resolve=True)
     except Exception as error:  # resolvers raise anything
-        key = unresolved(config)
-        raise InputError(f"{key}: {one_line(error)}" if key else one_line(error)) from error
+        key = find_unresolved(config)
+        raise InputError(
+            f"{key}: {describe_error(error)}" if key else describe_error(error)
+        ) from error
     assert isinstance(values, dict)
     return {str(key): value for key, value in values.items()}
 

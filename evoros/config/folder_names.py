@@ -1,22 +1,23 @@
-"""Names of run folders, from the overrides of a job."""
+"""Names of run folders, made from the overrides of a job."""
 
 import hashlib
 import re
 from collections.abc import Sequence
 
-LONGEST = 100  # characters; file systems allow 255 bytes
+MAX_LENGTH = 100  # characters; file systems allow 255 bytes
 
 
 def job_name(overrides: Sequence[str]) -> str:
-    """A readable name, safe as a folder: ``failure=random seed=0`` -> failure-random_seed-0.
+    """Make a readable name for a folder: ``failure=random seed=0`` -> failure-random_seed-0.
 
-    Of a key, its last part. Letters, digits, ``-``, ``_`` and ``.`` only; ``baseline`` where
-    nothing is overridden. Longer names are cut and end in a hash of the whole.
+    A key is represented by its last part. The name has letters, digits, ``-``, ``_`` and ``.``
+    only; it is ``baseline`` without overrides. A longer name is cut and ends in a hash of the
+    whole.
     """
     parts = [_part(override) for override in overrides]
     name = "_".join(part for part in parts if part)
-    if len(name) > LONGEST:
-        name = f"{name[:LONGEST]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+    if len(name) > MAX_LENGTH:
+        name = f"{name[:MAX_LENGTH]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
     return name or "baseline"
 
 

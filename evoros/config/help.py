@@ -9,7 +9,7 @@ import hydra
 from evoros.base.errors import InputError
 from evoros.base.resources import bundled_folder
 from evoros.config.compose import HYDRA_VERSION
-from evoros.config.messages import one_line
+from evoros.config.messages import describe_error
 
 
 def show(command: str, primary: str, arguments: Sequence[str]) -> int:
@@ -29,5 +29,5 @@ def show(command: str, primary: str, arguments: Sequence[str]) -> int:
     except SystemExit as stop:  # Hydra exits after --help
         return int(stop.code or 0)
     except Exception as error:
-        raise InputError(one_line(error)) from error
+        raise InputError(describe_error(error)) from error
     return 0

@@ -1,4 +1,4 @@
-"""What Hydra, OmegaConf, YAML and Python say, in one line: where, the rule, the value, the cure."""
+"""Turns errors of Hydra, OmegaConf, YAML and Python into one line: place, rule, value and fix."""
 
 import re
 from difflib import get_close_matches
@@ -8,13 +8,13 @@ from hydra.errors import InstantiationException, MissingConfigException, Overrid
 from omegaconf import DictConfig, ListConfig
 from omegaconf.errors import OmegaConfBaseException
 
-from evoros.base.errors import EvorosError
+from evoros.base.errors import EvorosError, single_line
 
 HELP = "see evoros --help for groups and keys"
 
 
-def one_line(error: BaseException) -> str:
-    """The message for an error while the configuration is read or composed."""
+def describe_error(error: BaseException) -> str:
+    """Describe an error in reading or composing a configuration."""
     cause = error.__cause__
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark:
         mark = error.problem_mark
@@ -34,37 +34,37 @@ def one_line(error: BaseException) -> str:
     if isinstance(error, OmegaConfBaseException) and error.full_key:
         return f"{error.full_key}: {_flat(error)}; correct the value or the reference"
     if isinstance(cause, yaml.MarkedYAMLError):
-        return one_line(cause)
+        return describe_error(cause)
     return f"{_flat(error) or type(error).__name__}; {HELP}"
 
 
-def about_instantiation(error: InstantiationException) -> str:
-    """The cause of a failed instantiation, behind the key where it happened."""
-    found = re.search(r"full_key: (\S+)", str(error))
-    key = found[1] if found else ""
+def describe_build_error(error: InstantiationException) -> str:
+    """Describe why an object could not be built, after the key that it was built from."""
+    match = re.search(r"full_key: (\S+)", str(error))
+    key = match[1] if match else ""
     cause = _cause(error)
     if isinstance(cause, EvorosError):
         return _keyed(key, str(cause))
     where = f"{key}: " if key else ""
     if isinstance(cause, TypeError):
         return f"{where}{_signature(str(cause))}"
-    absent = re.fullmatch(r"No module named '(.*)\.(\w+)'; '\1' is not a package", str(cause))
-    if absent:
-        return f"{where}the module {absent[1]} has no {absent[2]}; correct _target_"
+    missing = re.fullmatch(r"No module named '(.*)\.(\w+)'; '\1' is not a package", str(cause))
+    if missing:
+        return f"{where}the module {missing[1]} has no {missing[2]}; correct _target_"
     if isinstance(cause, ImportError | AttributeError):
         return (
             f"{where}{_flat(cause)}; correct _target_, or put the module into the folder given "
             f"with --config-dir"
         )
     if isinstance(cause, OmegaConfBaseException | OSError | yaml.YAMLError):
-        return where + one_line(cause)
+        return where + describe_error(cause)
     if isinstance(cause, InstantiationException):  # Hydra itself refuses the class
         return f"{where}{_flat(cause)}; correct _target_"
     return f"{where}{type(cause).__name__}: {_flat(cause)}; correct the values"
 
 
-def unresolved(config: DictConfig | ListConfig, above: str = "") -> str:
-    """The first key whose reference ``${...}`` leads nowhere; empty where all lead somewhere."""
+def find_unresolved(config: DictConfig | ListConfig, above: str = "") -> str:
+    """Find the first key whose reference ``${...}`` leads nowhere; empty if there is none."""
     keys = range(len(config)) if isinstance(config, ListConfig) else list(config)
     for key in keys:
         path = f"{above}.{key}" if above else str(key)
@@ -72,15 +72,15 @@ def unresolved(config: DictConfig | ListConfig, above: str = "") -> str:
             continue
         try:
             child = config[key]
-        except Exception:  # resolvers raise what they like
+        except Exception:  # resolvers raise anything
             return path
-        if isinstance(child, DictConfig | ListConfig) and (inner := unresolved(child, path)):
+        if isinstance(child, DictConfig | ListConfig) and (inner := find_unresolved(child, path)):
             return inner
     return ""
 
 
 def _keyed(key: str, message: str) -> str:
-    """``Class.field: ...`` as the configuration's key, where the class is built from ``key``."""
+    """Turn ``Class.field: ...`` into the key of the configuration; ``key`` is that of the class."""
     field = re.match(r"[A-Z]\w*\.(\w+): ", message)
     if field:
         rest = message[field.end() :]
@@ -89,19 +89,19 @@ def _keyed(key: str, message: str) -> str:
 
 
 def _no_such_key(key: str, cause: BaseException | None) -> str:
-    """An override of a key that is not there, and what is there."""
+    """Describe the override of a key that does not exist, with similar or neighbouring keys."""
     last = key.rpartition(".")[2]
     parent = getattr(cause, "parent_node", None)
-    there = [str(each) for each in parent] if isinstance(parent, DictConfig) else []
-    there = [each for each in there if each not in ("_target_", "hydra")]
-    if last in there:  # it is the key above that does not take values
-        there = []
-    close = get_close_matches(last, there, 1)
-    below = [f"{each}.{last}" for each in there if _has(parent, each, last)]
-    cure = HELP if not there else f"there is {', '.join(there)}"
+    siblings = [str(name) for name in parent] if isinstance(parent, DictConfig) else []
+    siblings = [name for name in siblings if name not in ("_target_", "hydra")]
+    if last in siblings:  # the key exists, and the one above it does not take values
+        siblings = []
+    close = get_close_matches(last, siblings, 1)
+    below = [f"{name}.{last}" for name in siblings if _has(parent, name, last)]
+    fix = HELP if not siblings else f"there is {', '.join(siblings)}"
     if close or below:
-        cure = f"did you mean {(close or below)[0]}"
-    return f"{key}: must be an existing key; {cure}"
+        fix = f"did you mean {(close or below)[0]}"
+    return f"{key}: must be an existing key; {fix}"
 
 
 def _has(config: DictConfig | None, group: str, key: str) -> bool:
@@ -110,26 +110,25 @@ def _has(config: DictConfig | None, group: str, key: str) -> bool:
 
 
 def _no_such_choice(error: MissingConfigException) -> str:
-    """A group without the chosen file; the message names the group and what it offers."""
+    """Describe a choice that its group does not have, with the choices that it has."""
     group, _, name = (error.missing_cfg_file or "").rpartition("/")
     choices = ", ".join(error.options or ())
     if not choices:
-        found = re.match(r"In '(.*?)'", str(error))
-        where = f" for the defaults of {found[1]}" if found else ""
+        match = re.match(r"In '(.*?)'", str(error))
+        where = f" for the defaults of {match[1]}" if match else ""
         return f"{error.missing_cfg_file}: must be an existing file{where}; {HELP}"
     return f"{group}: must be one of {choices}, not {name!r}; choose one of these"
 
 
 def _flat(error: BaseException | None) -> str:
-    """In one line, without the lines that repeat or decorate."""
+    """The message of an error in one line, without Hydra's lines of context."""
     noise = ("Config search path", "provider=", "Set the environment", "full_key:", "object_type=")
     lines = [line.strip() for line in str(error).splitlines()]
-    kept = " ".join(line for line in lines if not line.startswith(noise))
-    return re.sub(r"\s+", " ", kept).strip().rstrip(".")
+    return single_line(" ".join(line for line in lines if not line.startswith(noise))).rstrip(".")
 
 
 def _cause(error: BaseException) -> BaseException:
-    """The innermost cause; one of ours ends the search."""
+    """The innermost cause, or the outermost one that is an error of evoros."""
     cause = error
     while not isinstance(cause, EvorosError) and cause.__cause__ is not None:
         cause = cause.__cause__
@@ -137,11 +136,11 @@ def _cause(error: BaseException) -> BaseException:
 
 
 def _signature(message: str) -> str:
-    """A readable line from Python's complaint about arguments."""
+    """Describe wrong arguments in terms of keys."""
     unknown = re.search(r"unexpected keyword argument '(\w+)'", message)
     if unknown:
         return f"unknown key {unknown[1]!r}; remove it or correct its spelling"
     missing = re.search(r"missing \d+ required .*?argument[s]?: (.*)", message)
     if missing:
         return f"missing key {missing[1]}; add it"
-    return f"{' '.join(message.split())}; correct the values"
+    return f"{single_line(message)}; correct the values"

@@ -10,7 +10,7 @@ from evoros.base.checks import is_whole
 from evoros.base.errors import InputError
 from evoros.config.compose import compose_with_hydra, parse, text_of
 from evoros.config.configuration import Configuration, freeze
-from evoros.config.messages import one_line
+from evoros.config.messages import describe_error
 
 GENERATIONS = "optimizer.generations"
 
@@ -24,7 +24,7 @@ def read_recorded(path: Path) -> Configuration:
     try:
         config, text = OmegaConf.load(path), path.read_text()
     except Exception as error:
-        raise InputError(f"{path}: {one_line(error)}") from error
+        raise InputError(f"{path}: {describe_error(error)}") from error
     if not isinstance(config, DictConfig):
         raise InputError(f"{path}: must be a mapping of keys to values; restore the file")
     return Configuration(text, freeze(config).values)

@@ -1,6 +1,6 @@
-"""evoros in scripts and notebooks: what the commands do, as functions.
+"""evoros in scripts and notebooks: the commands as functions.
 
-Example: an optimizer that is not ours drives the evaluation (any ask-tell library; here ``cma``).
+Example: another optimizer drives the evaluation (any ask-tell library; here ``cma``).
 
     import cma
     import evoros
@@ -19,6 +19,7 @@ Example: an optimizer that is not ours drives the evaluation (any ask-tell libra
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from itertools import chain
 from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeAlias
@@ -36,7 +37,7 @@ from evoros.executor.protocol import Pool
 from evoros.fitness.scoring import fitness_of, scores
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
-from evoros.session import run as session
+from evoros.session.run import check_experiment, create_run, open_run
 from evoros.session.status import Display, NoDisplay
 from evoros.storage.reading import Run, load_run
 from evoros.storage.tables import MISSIONS_HEADER, mission_row
@@ -50,9 +51,9 @@ def run(config: ConfigurationLike, folder: str | Path, display: Display | None =
 
     Raises:
         InputError: something cannot be used; nothing was changed.
-        RunStopped: a mission was lost; ``resume(folder)`` goes on.
+        RunStopped: a mission was lost; ``resume(folder)`` resumes the run.
     """
-    session.create_run(_compose(config), Path(folder)).run(display or NoDisplay())
+    create_run(_compose(config), Path(folder)).run(display or NoDisplay())
     return load_run(folder)
 
 
@@ -62,41 +63,48 @@ def resume(
     display: Display | None = None,
     config_dir: str | Path | None = None,
 ) -> Run:
-    """Go on with a run, as ``evoros resume=FOLDER`` does.
+    """Resume a run, as ``evoros resume=FOLDER`` does.
 
     ``config_dir`` is the folder of your own parts, as with ``compose`` when the run was started.
 
     Raises:
-        InputError: no run there, or an override that resuming does not accept.
+        InputError: the folder has no run, or resuming does not accept an override.
         RunStopped: a mission was lost.
     """
-    session.open_run(Path(folder), overrides, config_dir).run(display or NoDisplay())
+    open_run(Path(folder), overrides, config_dir).run(display or NoDisplay())
     return load_run(folder)
 
 
 def evaluate(
     designs: Sequence[Design], config: ConfigurationLike, generation: int = 0
 ) -> pd.DataFrame:
-    """Score designs under draws that no run is selected on: a row for each design.
+    """Score designs on draws that no run selects on, and return a table with a row for each.
 
-    Columns: design (its position), fitness_mean, fitness_sd (over the trials, NaN for one),
-    trials, and for each world the share completed and the mean progress. For many calls keep an
-    ``Evaluator`` open instead: it keeps its workers.
+    Columns: design (its position), fitness_mean and fitness_sd over the trials (NaN for one),
+    trials, and for each world WORLD_completed (share of the trials) and WORLD_progress (mean).
+    For many calls keep an ``Evaluator`` open instead, which keeps its workers.
+
+    Raises:
+        InputError: the configuration or a design cannot be used.
+        RunStopped: a mission was lost.
     """
     with Evaluator(config) as evaluator:
         return evaluator.evaluate(designs, generation)
 
 
 class Evaluator:
-    """Scores designs with workers that stay; a context manager.
+    """A context manager that scores designs in workers which it keeps until it is closed.
 
-    ``config.trials``, the worlds, the failure and so on are those of the configuration; its
-    optimizer is not used.
+    The trials, worlds, failures and so on are those of the configuration, whose optimizer is not
+    used.
+
+    Raises:
+        InputError: the configuration cannot be used.
     """
 
     def __init__(self, config: ConfigurationLike) -> None:
         self.experiment: Experiment = _compose(config).build()
-        session.check_experiment(self.experiment)
+        check_experiment(self.experiment)
         self._stack = ExitStack()
         self._pool: Pool | None = None
 
@@ -119,52 +127,51 @@ class Evaluator:
         self._stack.__exit__(kind, error, trace)
 
     def score(self, designs: Sequence[Design], generation: int = 0) -> list[float]:
-        """The fitness of each design. Another ``generation`` means fresh random draws.
+        """Score designs: the fitness of each. Another ``generation`` means fresh random draws.
 
         Raises:
             InputError: a design cannot be built, or the evaluator is not open.
             RunStopped: a mission was lost.
         """
-        missions, outcomes = self._fly(designs, generation)
+        missions, outcomes = self._run(designs, generation)
         fitness = self.experiment.fitness
-        return [fitness_of(fitness, each, outcomes) for each in missions]
+        return [fitness_of(fitness, of_design, outcomes) for of_design in missions]
 
     def evaluate(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
-        """The table that the function ``evaluate`` returns."""
-        missions, outcomes = self._fly(designs, generation)
+        """Score designs: the table that the function ``evaluate`` returns."""
+        missions, outcomes = self._run(designs, generation)
         rows = [
-            {"design": i} | scores(self.experiment.fitness, each, outcomes)
-            for i, each in enumerate(missions)
+            {"design": i} | scores(self.experiment.fitness, of_design, outcomes)
+            for i, of_design in enumerate(missions)
         ]
         return pd.DataFrame(rows)
 
     def missions(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
-        """A row for each mission, with the columns of a run's ``missions.csv``."""
-        missions, outcomes = self._fly(designs, generation)
-        rows = [mission_row(m, outcomes[m.key]) for each in missions for m in each]
+        """Run the missions of designs: a table with the columns of a run's ``missions.csv``."""
+        missions, outcomes = self._run(designs, generation)
+        rows = [mission_row(m, outcomes[m.key]) for of_design in missions for m in of_design]
         return pd.DataFrame(rows, columns=list(MISSIONS_HEADER))
 
-    def _fly(
+    def _run(
         self, designs: Sequence[Design], generation: int
     ) -> tuple[list[list[Mission]], dict[MissionKey, Outcome]]:
+        """The missions of each design, and the outcomes of all."""
         if self._pool is None:
             raise InputError(
                 "Evaluator: must be open; use it as `with Evaluator(...) as evaluator:`"
             )
         experiment = self.experiment
-        for design in designs:  # made by hand, maybe: what is wrong is said and not scored
+        for design in designs:  # an error in a design made by hand is raised, and not scored
             experiment.scenario.with_design(design)
         missions = [
             experiment.plan.evaluation(generation, i, design) for i, design in enumerate(designs)
         ]
-        wanted = [mission for each in missions for mission in each]
         workers, lost = experiment.executor.workers, experiment.lost_missions
-        batches = Dispatcher(self._pool, workers, lost).run(experiment.scenario, wanted)
+        batches = Dispatcher(self._pool, workers, lost).run(
+            experiment.scenario, list(chain.from_iterable(missions))
+        )
         return missions, {mission.key: outcome for batch in batches for mission, outcome in batch}
 
 
 def _compose(config: ConfigurationLike) -> Configuration:
     return config if isinstance(config, Configuration) else compose(list(config))
-
-
-__all__ = ["Evaluator", "Run", "evaluate", "load_run", "resume", "run"]

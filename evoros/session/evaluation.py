@@ -1,135 +1,118 @@
-"""The evaluation of given designs: started, resumed, its folder. ``evoros-evaluate`` is this."""
+"""Evaluations of given designs: creates a new one, opens a recorded one, and runs either."""
 
 import json
-import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from logging import LogRecord
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 
 from evoros.base.checks import TEXT
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER, collect_messages
+from evoros.base.log import collect_messages
 from evoros.config.configuration import Configuration
-from evoros.evolution.dispatch import Dispatcher, MissionResult
+from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.experiment import Experiment
-from evoros.executor.protocol import Executor, Pool
-from evoros.fitness.scoring import score_columns, scores
-from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import Outcome
-from evoros.session.given_designs import (
+from evoros.executor.protocol import Executor
+from evoros.session.design_tables import (
     DESIGN_FILE,
     GENE_FILE,
     NamedDesign,
-    read_given,
-    read_kept,
-    to_files,
+    read_recorded_designs,
+    write_designs,
 )
+from evoros.session.evaluation_record import HEADER, EvaluationRecord
+from evoros.session.given_designs import read_given
 from evoros.session.resume import rebuild
 from evoros.session.run import check_experiment
-from evoros.session.status import RUNNING, Display, Tally, recording
+from evoros.session.status import Display, Status, log_start
 from evoros.session.work import PoolOpener, open_pool
 from evoros.storage.figure_context import SETTING, describe_experiment
 from evoros.storage.manifest import manifest
-from evoros.storage.mission_log import (
-    CONFIG,
-    MANIFEST,
-    MISSIONS,
-    MissionLog,
-    create_folder,
-    require_unused,
-)
-from evoros.storage.tables import OUTCOME_COLUMNS, outcome_cells, read_outcome, to_csv
+from evoros.storage.mission_log import CONFIG, MANIFEST, MISSIONS, create_folder, require_unused
+from evoros.storage.tables import to_csv
 
 COMMAND = "evoros-evaluate"
-DESIGNS = "designs.csv"
-HEADER = ("source", "design", "world", "trial", "draws", *OUTCOME_COLUMNS)
-GENERATION = 0
-"""All designs meet the draws of one generation of evaluations; another seed gives others."""
-STATUS_S = 5.0
-"""Wall clock between two updates of ``status.json``."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """An evaluation that can begin or go on: it is built, and its folder is there."""
+    """An evaluation that is built and recorded."""
 
     experiment: Experiment
-    given: Sequence[NamedDesign]
+    designs: Sequence[NamedDesign]
     path: Path
-    said: Sequence[LogRecord]  # while it was built
+    messages: Sequence[LogRecord]  # logged while it was built
 
     @property
     def executor(self) -> Executor:
-        """Where its missions are to be computed."""
+        """Computes the missions."""
         return self.experiment.executor
 
     def run(self, display: Display, opener: PoolOpener = open_pool) -> None:
-        """To its end.
+        """Run the missions that are missing and write the table of scores.
 
         Raises:
-            InputError: the missions on disk are not its own.
+            InputError: the missions on disk do not belong to this evaluation.
             RunStopped: a mission was lost; the evaluation can be resumed.
         """
-        experiment, given = self.experiment, self.given
-        with MissionLog(self.path, HEADER) as folder:
-            assessment = _Evaluator(experiment, given, folder, display)
-            assessment.read()
-            with recording(self.path, self.said, assessment.write_status):
-                LOGGER.info(
-                    "%s: %d designs, %d trials, seed %d, worlds %s, %d workers",
-                    self.path,
-                    len(given),
-                    experiment.trials,
-                    experiment.seed,
-                    ", ".join(experiment.world),
-                    self.executor.workers,
-                )
+        experiment = self.experiment
+        with EvaluationRecord(self.path, experiment, self.designs) as record:
+            status = Status(record, display, record.describe)
+            with status.track(self.messages):
+                amount = f"{len(self.designs)} designs, {experiment.trials} trials"
+                log_start(self.path, amount, experiment)
+                display.start(1)
+                display.begin(0, record.wanted, record.known)
                 with opener(self.executor) as pool:
-                    assessment.run(pool)
+                    dispatcher = Dispatcher(pool, self.executor.workers, experiment.lost_missions)
+                    dispatcher.run_missing(
+                        experiment.scenario, record.list_missions(), record, status.mission
+                    )
+                record.write_scores()
 
 
 def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
-    """That of the designs that the configuration names, in a new folder.
+    """Build an evaluation of the designs that the configuration names; record it in a new folder.
 
     Raises:
-        InputError: something cannot be used; the folder is then as it was.
+        InputError: something cannot be used; the folder is unchanged.
     """
     require_unused(folder)
-    with collect_messages() as said:
+    with collect_messages() as messages:
         sources = _check_sources(config.designs)
         experiment = config.build()
         check_experiment(experiment)
-        given = read_given(sources, experiment.scenario)
-        files = to_files(given)
-        described = manifest(experiment, config.text, config.values, config.choices, COMMAND, files)
-    about = {
-        MANIFEST: json.dumps(described, indent=2) + "\n",
+        designs = read_given(sources, experiment.scenario)
+        files = write_designs(designs)
+        content = manifest(experiment, config.text, config.values, config.choices, COMMAND, files)
+    others = {
+        MANIFEST: json.dumps(content, indent=2) + "\n",
         SETTING: describe_experiment(experiment).text,
+        **files,
+        MISSIONS: to_csv([HEADER]),
     }
-    first = {CONFIG: config.text, **about, **files}
-    create_folder(folder, {**first, MISSIONS: to_csv([HEADER])})
-    return Evaluation(experiment, given, folder, said)
+    create_folder(folder, {CONFIG: config.text, **others})
+    return Evaluation(experiment, designs, folder, messages)
 
 
 def open_evaluation(
     folder: Path, overrides: Sequence[str], config_dir: str | Path | None
 ) -> Evaluation:
-    """The evaluation in the folder, to go on; a finished one is verified.
+    """Open the evaluation in a folder to resume it; running a finished one verifies it.
 
     ``overrides`` may change the executor; ``config_dir`` has the modules of the user's own parts.
 
     Raises:
-        InputError: no evaluation there, another override, or what it is made of has changed.
+        InputError: the folder has no evaluation, another override, or something that the
+            evaluation is made of has changed.
     """
-    with collect_messages() as said:
+    with collect_messages() as messages:
         files = (DESIGN_FILE, GENE_FILE)
         experiment, _ = rebuild(folder, overrides, config_dir, COMMAND, files)
         check_experiment(experiment)
-        given = read_kept(folder, experiment.scenario)
-    return Evaluation(experiment, given, folder, said)
+        designs = read_recorded_designs(folder, experiment.scenario)
+    return Evaluation(experiment, designs, folder, messages)
 
 
 def _check_sources(designs: Any) -> list[str]:
@@ -145,132 +128,3 @@ def _check_sources(designs: Any) -> list[str]:
             f"of these, not {'null' if designs is None else designs}; add designs=FILE.csv"
         )
     return sources
-
-
-@dataclass
-class _UnfinishedDesign:
-    """A design of which some missions were flown."""
-
-    missions: dict[MissionKey, Mission]
-    outcomes: dict[MissionKey, Outcome] = field(default_factory=dict)
-
-
-@dataclass
-class _Evaluator:
-    """An evaluation in progress. Designs are numbered as given."""
-
-    experiment: Experiment
-    given: Sequence[NamedDesign]
-    folder: MissionLog
-    display: Display
-    tally: Tally = field(default_factory=lambda: Tally(time.monotonic()))
-    partial: dict[int, _UnfinishedDesign] = field(default_factory=dict)
-    rows: dict[int, dict[str, float]] = field(default_factory=dict)  # of designs that are done
-    written: float = 0.0  # when the status was written, of time.monotonic
-
-    def read(self) -> None:
-        """Take what is on disk."""
-        numbers = {(one.source, one.name): number for number, one in enumerate(self.given)}
-
-        def parse(row: Mapping[str, str]) -> tuple[int, str, int, str, Outcome]:
-            number = numbers[row["source"], row["design"]]
-            return number, row["world"], int(row["trial"]), row["draws"], read_outcome(row)
-
-        for number, world, trial, draws, outcome in self.folder.read(parse):
-            if number in self.rows:
-                continue
-            mission = self._begun(number).missions.get((GENERATION, number, world, trial))
-            if mission is None or mission.draws != draws:
-                raise InputError(
-                    f"{self.folder.path / MISSIONS}: trial {trial} of design "
-                    f"{self.given[number].name!r} in {world} must be one of the evaluation's under "
-                    f"its draws, not {draws}: the file was made by another version or has been "
-                    f"edited; start a new evaluation"
-                )
-            self._take(mission, outcome)
-
-    def run(self, pool: Pool) -> None:
-        """Fly what is missing, and write the table of the designs."""
-        experiment = self.experiment
-        self.display.start(1)
-        self.display.begin(0, self.wanted, self.known)
-        dispatcher = Dispatcher(pool, experiment.executor.workers, experiment.lost_missions)
-        dispatcher.run_missing(experiment.scenario, self._missions(), self, self._notify)
-        self.folder.sync()
-        columns = score_columns(list(experiment.world))
-        table: list[Sequence[object]] = [("source", "design", *columns)]
-        for number, one in enumerate(self.given):
-            table.append([one.source, one.name, *self.rows[number].values()])
-        self.folder.write_once(DESIGNS, to_csv(table))
-
-    @property
-    def wanted(self) -> int:
-        """All missions of the evaluation."""
-        return len(self.given) * len(self.experiment.world) * self.experiment.trials
-
-    @property
-    def known(self) -> int:
-        """The missions that are on disk."""
-        each = len(self.experiment.world) * self.experiment.trials
-        return len(self.rows) * each + sum(len(some.outcomes) for some in self.partial.values())
-
-    def write_status(self, state: str, reason: str = "") -> None:
-        """How far the evaluation is."""
-        self.written = time.monotonic()
-        means = [row["fitness_mean"] for row in self.rows.values()]
-        status = {
-            "state": state,
-            "reason": reason,
-            "designs": len(self.given),
-            "designs_done": len(self.rows),
-            "best_fitness": max(means, default=None),
-            "mean_fitness": fmean(means) if means else None,
-            "missions_wanted": self.wanted,
-            "missions": self.known,
-        }
-        self.folder.write_status(status | self.tally.figures)
-
-    def _begun(self, number: int) -> _UnfinishedDesign:
-        if number not in self.partial:
-            plan, design = self.experiment.plan, self.given[number].design
-            missions = plan.evaluation(GENERATION, number, design)
-            self.partial[number] = _UnfinishedDesign({mission.key: mission for mission in missions})
-        return self.partial[number]
-
-    def has(self, mission: Mission) -> bool:
-        """Whether the mission is on disk."""
-        number = mission.design_id
-        return number in self.rows or mission.key in self._begun(number).outcomes
-
-    def record(self, results: Sequence[MissionResult]) -> None:
-        """Put finished missions on disk."""
-        self.folder.append([self._row(mission, outcome) for mission, outcome in results])
-        for mission, outcome in results:
-            self._take(mission, outcome)
-
-    def _missions(self) -> Iterator[Mission]:
-        """All missions of the designs that are not done."""
-        for number in range(len(self.given)):
-            if number not in self.rows:
-                yield from self._begun(number).missions.values()
-
-    def _row(self, mission: Mission, outcome: Outcome) -> list[object]:
-        one = self.given[mission.design_id]
-        place = (one.source, one.name, mission.world, mission.trial, mission.draws)
-        return [*place, *outcome_cells(outcome)]
-
-    def _notify(self, mission: Mission, outcome: Outcome) -> None:
-        """Report a mission that is on disk."""
-        self.tally.count(mission, outcome)
-        self.display.mission(mission, outcome)
-        if time.monotonic() - self.written > STATUS_S:
-            self.write_status(RUNNING)
-
-    def _take(self, mission: Mission, outcome: Outcome) -> None:
-        """Of a design whose missions are all flown, nothing is kept but its row."""
-        some = self._begun(mission.design_id)
-        some.outcomes[mission.key] = outcome
-        if len(some.outcomes) == len(some.missions):
-            missions = list(some.missions.values())
-            self.rows[mission.design_id] = scores(self.experiment.fitness, missions, some.outcomes)
-            del self.partial[mission.design_id]

@@ -1,4 +1,4 @@
-"""A run's own figures: drawn when it is finished, by the workers, which alone load what draws."""
+"""Draws the figures of a finished run. Workers draw, so that only they load what drawing needs."""
 
 import shutil
 from collections.abc import Sequence
@@ -11,21 +11,21 @@ from typing import Any
 
 from evoros.analysis.subcommands import SUBCOMMANDS
 from evoros.base.checks import Rule
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, single_line
 from evoros.base.log import LOGGER, collect_messages, detach
 from evoros.executor.protocol import Pool
 
 FIGURES = "figures"
-"""Their folder, in that of the run."""
+"""The folder of the figures, in that of the run."""
 
 
-def _drawable(value: Any) -> bool:
+def _is_drawable(value: Any) -> bool:
     listed = isinstance(value, list | tuple) and all(name in SUBCOMMANDS for name in value)
     return listed and len(set(value)) == len(value)
 
 
 DRAWABLE = Rule(
-    f"a list of subcommands of evoros-analyze, each once ({', '.join(SUBCOMMANDS)})", _drawable
+    f"a list of subcommands of evoros-analyze, each once ({', '.join(SUBCOMMANDS)})", _is_drawable
 )
 
 
@@ -40,64 +40,63 @@ def check_figures(names: Sequence[str]) -> None:
 
 
 def draw_figures(run: Path, names: Sequence[str], pool: Pool) -> None:
-    """Draw those that are missing into the folder of a finished run, and say where.
+    """Draw the figures that are missing into the folder of a finished run, and log where.
 
-    What cannot be drawn is said in one line and changes nothing else.
+    An error in drawing becomes a warning of one line and changes nothing else.
     """
-    calls = {name: pool.submit(draw, run, name) for name in names if not drawn(run, name)}
+    calls = {name: pool.submit(draw, run, name) for name in names if not has_figure(run, name)}
     for name, call in calls.items():
         try:
             warnings = call.result()
-        except CancelledError:  # the pool is closed: the run is interrupted
+        except CancelledError:  # the pool was closed: the run is interrupted
             raise
         except Exception as error:
-            said = " ".join(str(error).split())
-            warnings = [f"it cannot be drawn ({type(error).__name__}: {said})"]
+            warnings = [f"it cannot be drawn ({type(error).__name__}: {single_line(error)})"]
         for warning in warnings:
             LOGGER.warning("%s: %s: %s", run / FIGURES, name, warning)
-    there = [name for name in names if drawn(run, name)]
-    if there:
-        LOGGER.info("figures in %s: %s", run / FIGURES, ", ".join(there))
+    present = [name for name in names if has_figure(run, name)]
+    if present:
+        LOGGER.info("figures in %s: %s", run / FIGURES, ", ".join(present))
 
 
 def discard_figures(run: Path, names: Sequence[str]) -> None:
-    """Before a run goes on: they will no longer show what it has."""
+    """Delete figures that will be out of date once the run goes on."""
     for name in names:
-        for file in files(run, name):
+        for file in list_files(run, name):
             file.unlink()
 
 
-def files(run: Path, name: str) -> list[Path]:
-    """What a subcommand has left in the run's folder."""
+def list_files(run: Path, name: str) -> list[Path]:
+    """The files of a subcommand in the run's folder."""
     return sorted((run / FIGURES).glob(f"{name}[._]*"))
 
 
-def drawn(run: Path, name: str) -> bool:
-    """Whether all of them are there: the picture is moved to its place last."""
-    return any(file.stem == name and file.suffix != ".csv" for file in files(run, name))
+def has_figure(run: Path, name: str) -> bool:
+    """Whether all files of a subcommand are there; the picture is the last to be moved there."""
+    return any(file.stem == name and file.suffix != ".csv" for file in list_files(run, name))
 
 
 def draw(run: Path, name: str) -> list[str]:
-    """In a worker: write the files of one subcommand; returns what else was to be said.
+    """Write the files of one subcommand and return its warnings. Runs in a worker.
 
-    They are moved to their places when all are whole.
+    The files are written into a draft folder and moved to their places when all are complete.
     """
     from evoros.analysis.command import draw as draw_files
     from evoros.analysis.subcommands import parse
 
     draft = run / FIGURES / f".{name}.part"
     shutil.rmtree(draft, ignore_errors=True)
-    with _kept_quiet() as stack:
-        said = stack.enter_context(collect_messages())
+    with _silence() as stack:
+        messages = stack.enter_context(collect_messages())
         written = draw_files(parse([name, str(run.resolve()), "--output", str(draft)]))
-    for file in reversed(written):  # the picture last: where it is, the rest is
+    for file in reversed(written):  # the picture last: has_figure looks for it
         file.replace(draft.parent / file.name)
     draft.rmdir()
-    return [record.getMessage() for record in said if record.levelno >= WARNING]
+    return [record.getMessage() for record in messages if record.levelno >= WARNING]
 
 
-def _kept_quiet() -> ExitStack:
-    """Nothing reaches the terminal from a worker; the main process says what there is to say."""
+def _silence() -> ExitStack:
+    """Keep a worker off the terminal; the main process reports its warnings."""
     stack = ExitStack()
     stack.enter_context(redirect_stdout(StringIO()))
     for handler in LOGGER.handlers:

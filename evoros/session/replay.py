@@ -1,16 +1,17 @@
-"""What a recorded run did, computed again from its folder: designs and single missions."""
+"""Computes parts of a recorded run again from its folder: designs and single missions."""
 
 from pathlib import Path
 
 import pandas as pd
 
 from evoros.base.errors import InputError
+from evoros.base.rng import generator
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
 from evoros.mission.rollout import run_mission
-from evoros.session import run as session
+from evoros.session.run import rebuild_experiment
 from evoros.storage.reading import Run, load_run
 from evoros.storage.tables import trajectory_columns
 
@@ -23,44 +24,45 @@ def replay(
     trial: int,
     config_dir: str | Path | None = None,
 ) -> tuple[Outcome, pd.DataFrame]:
-    """Fly one recorded mission of a run again, in this process; its result is the same.
+    """Run one recorded mission of a run again in this process. Its result is the same.
 
-    The four numbers and names are those of its row in ``missions.csv``. Returns its outcome and
-    its trajectory, with the columns of ``champion/trajectory_WORLD.csv``. This builds the run's
-    experiment, so it runs the code that its configuration names; ``config_dir`` is the folder of
-    your own parts, as with ``compose`` when the run was started.
+    ``generation``, ``design``, ``world`` and ``trial`` are those of its row in ``missions.csv``.
+    Returns its outcome and its trajectory, with the columns of ``champion/trajectory_WORLD.csv``.
+    This builds the run's experiment, so it runs the code that its configuration names;
+    ``config_dir`` is the folder of your own parts, as with ``compose`` when the run was started.
 
     Raises:
         InputError: no such run or mission, or the run was made by another version.
     """
     run = load_run(folder)
     rows = run.missions.set_index(["generation", "design", "world", "trial"])
-    place = (generation, design, world, trial)
-    if place not in rows.index:
+    key = (generation, design, world, trial)
+    if key not in rows.index:
         raise InputError(
             f"{folder}: must have a mission of design {design} in {world}, generation "
             f"{generation}, trial {trial}, and has none; take the values from missions.csv"
         )
-    experiment = session.rebuild_experiment(run.path, config_dir)
-    row = rows.loc[[place]].iloc[0]
-    flown = replay_designs(run, experiment)[design]
+    experiment = rebuild_experiment(run.path, config_dir)
+    row = rows.loc[[key]].iloc[0]
     purpose, draws = str(row["purpose"]), str(row["draws"])
-    mission = Mission(generation, design, flown, world, trial, purpose, draws)
-    outcome, track = run_mission(experiment.scenario_for(purpose), mission)
-    return outcome, pd.DataFrame(track, columns=trajectory_columns(track))
+    decoded = replay_designs(run, experiment)[design]
+    mission = Mission(generation, design, decoded, world, trial, purpose, draws)
+    outcome, trajectory = run_mission(experiment.scenario_for(purpose), mission)
+    return outcome, pd.DataFrame(trajectory, columns=trajectory_columns(trajectory))
 
 
 def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
     """Every design that the run has proposed so far, by its id.
 
-    The optimizer proposes them again, told the fitness that the tables have.
+    The optimizer proposes them again, because it is told the recorded fitness.
     """
-    search = experiment.start_search()
-    found = {one.id: experiment.space.decode(one.genome) for one in search.ask()}
+    space = experiment.space
+    search = experiment.optimizer.start(space, generator(f"{experiment.seed}", "optimizer"))
+    designs = {individual.id: space.decode(individual.genome) for individual in search.ask()}
     if run.generations.empty:
-        return found
+        return designs
     for _, table in run.generations.groupby("generation"):
         fitness = table.drop_duplicates("id").set_index("id").fitness
-        search.tell([float(fitness[one.id]) for one in search.ask()])
-        found |= {one.id: experiment.space.decode(one.genome) for one in search.ask()}
-    return found
+        search.tell([float(fitness[individual.id]) for individual in search.ask()])
+        designs |= {individual.id: space.decode(individual.genome) for individual in search.ask()}
+    return designs

@@ -1,10 +1,10 @@
-"""Runs: a new one, one to be resumed, and what the commands and scripts call to do so."""
+"""Runs: creates a new one, opens a recorded one, and runs either to its end."""
 
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from logging import LogRecord
 from pathlib import Path
+from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER, collect_messages
@@ -14,9 +14,11 @@ from evoros.evolution.journal import Generation
 from evoros.evolution.loop import evolve
 from evoros.evolution.preflight import preflight
 from evoros.executor.protocol import Executor
+from evoros.mission.mission import Mission
+from evoros.mission.outcome import Outcome
 from evoros.session.figures import check_figures, discard_figures, draw_figures
 from evoros.session.resume import rebuild
-from evoros.session.status import FINISHED, Display, Recorder, Tally, recording
+from evoros.session.status import FINISHED, RUNNING, Display, Status, log_start
 from evoros.session.work import PoolOpener, open_pool
 from evoros.storage.figure_context import describe_experiment
 from evoros.storage.manifest import manifest
@@ -26,20 +28,20 @@ from evoros.storage.run_folder import RunFolder
 
 @dataclass(frozen=True)
 class Session:
-    """A run that can begin or go on; ``record`` is open until it has run."""
+    """A run that is built and recorded; ``record`` stays open until ``run`` has ended."""
 
     experiment: Experiment
     record: RunFolder
     generations: int
-    said: Sequence[LogRecord]  # while it was built
+    messages: Sequence[LogRecord]  # logged while it was built
 
     @property
     def executor(self) -> Executor:
-        """Where its missions are to be computed."""
+        """Computes the missions."""
         return self.experiment.executor
 
     def run(self, display: Display, opener: PoolOpener = open_pool) -> Generation:
-        """To its end; returns the last generation.
+        """Run to the end and return the last generation.
 
         Raises:
             RunStopped: a mission was lost; the run can be resumed.
@@ -47,22 +49,60 @@ class Session:
         record, generations, figures = self.record, self.generations, self.experiment.figures
         if record.read_status().get("generations_done") != generations:
             discard_figures(record.path, figures)
-        recorder = Recorder(record, display, generations, Tally(time.monotonic()))
-        with record, recording(record.path, self.said, recorder.write):
-            LOGGER.info(
-                "%s: %d generations, seed %d, worlds %s, %d workers",
-                record.path,
-                generations,
-                self.experiment.seed,
-                ", ".join(self.experiment.world),
-                self.executor.workers,
-            )
+        observer = _RunObserver(record, display, generations)
+        with record, observer.status.track(self.messages):
+            log_start(record.path, f"{generations} generations", self.experiment)
             display.start(generations)
             with opener(self.executor) as pool:
-                last = evolve(self.experiment, record, recorder, generations, pool)
-                recorder.write(FINISHED)  # now, for figures are drawn of finished runs
+                last = evolve(self.experiment, record, observer, generations, pool)
+                observer.status.write(FINISHED)  # first: figures are drawn of finished runs
                 draw_figures(record.path, figures, pool)
         return last
+
+
+@dataclass
+class _RunObserver:
+    """Passes on what happens in a run to its status, its log and its display."""
+
+    record: RunFolder
+    display: Display
+    generations: int
+    last: Generation | None = None
+    status: Status = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.status = Status(self.record, self.display, self._describe)
+
+    def begin(self, generation: int, missions: int, known: int) -> None:
+        """Show the missions that are needed."""
+        self.display.begin(generation, missions, known)
+
+    def mission(self, mission: Mission, outcome: Outcome) -> None:
+        """Count and show a mission."""
+        self.status.mission(mission, outcome)
+
+    def generation(self, generation: Generation) -> None:
+        """Write, log and show a generation."""
+        self.last = generation
+        self.status.write(RUNNING)
+        LOGGER.info(
+            "generation %d/%d: %s", generation.number, self.generations - 1, generation.summary
+        )
+        self.display.generation(generation)
+
+    def _describe(self) -> dict[str, Any]:
+        """The fields of ``status.json`` that only a run has."""
+        last = self.last
+        return {
+            "generations": self.generations,
+            "generations_done": 0 if last is None else last.number + 1,
+            "best_fitness": None if last is None else last.best.fitness,
+            "best_validated_fitness": None if last is None else last.validated,
+            "best_loss": None if last is None else last.loss,
+            "mean_loss": None if last is None else last.mean_loss,
+            "confirmed": 0 if last is None else len(last.losses),
+            "missions": len(self.record.outcomes),
+        }
 
 
 def check_experiment(experiment: Experiment) -> None:
@@ -76,27 +116,27 @@ def check_experiment(experiment: Experiment) -> None:
 
 
 def create_run(config: Configuration, folder: Path) -> Session:
-    """The configured run, in a new folder.
+    """Build and record a run in a new folder.
 
     Raises:
-        InputError: something cannot be used; the folder is then as it was.
+        InputError: something cannot be used; the folder is unchanged.
     """
-    require_unused(folder)  # before anything is built, which may take seconds
-    with collect_messages() as said:
+    require_unused(folder)  # before the experiment is built, which may take seconds
+    with collect_messages() as messages:
         experiment = config.build()
         check_experiment(experiment)
-        described = manifest(experiment, config.text, config.values, config.choices)
-    record = RunFolder.create(folder, config.text, described, describe_experiment(experiment))
-    return Session(experiment, record, experiment.optimizer.generations, said)
+        content = manifest(experiment, config.text, config.values, config.choices)
+    record = RunFolder.create(folder, config.text, content, describe_experiment(experiment))
+    return Session(experiment, record, experiment.optimizer.generations, messages)
 
 
 def rebuild_experiment(folder: Path, config_dir: str | Path | None = None) -> Experiment:
-    """The experiment of a recorded run. This runs the code that its configuration names.
+    """Build the experiment of a recorded run. This runs the code that its configuration names.
 
     ``config_dir`` has the modules of the user's own parts, as when the run was started.
 
     Raises:
-        InputError: no run there, or what it is made of has changed.
+        InputError: the folder has no run, or something that the run is made of has changed.
     """
     return rebuild(folder, (), config_dir)[0]
 
@@ -104,24 +144,25 @@ def rebuild_experiment(folder: Path, config_dir: str | Path | None = None) -> Ex
 def open_run(
     folder: Path, overrides: Sequence[str] = (), config_dir: str | Path | None = None
 ) -> Session:
-    """The run in the folder, to go on; a finished one is verified, and extended if asked to.
+    """Open the run in a folder to resume it; running a finished one verifies it.
 
     ``overrides`` may change the executor and raise ``optimizer.generations``; ``config_dir`` has
     the modules of the user's own parts.
 
     Raises:
-        InputError: no run there, another override, or what the run is made of has changed.
+        InputError: the folder has no run, another override, or something that the run is made of
+            has changed.
     """
-    with collect_messages() as said:
-        experiment, asked = rebuild(folder, overrides, config_dir)
+    with collect_messages() as messages:
+        experiment, wanted = rebuild(folder, overrides, config_dir)
         check_experiment(experiment)
     record = RunFolder(folder)
-    reached = record.read_status().get("generations")
-    known = reached if isinstance(reached, int) else experiment.optimizer.generations
-    if asked is not None and asked < known:
+    recorded = record.read_status().get("generations")
+    known = recorded if isinstance(recorded, int) else experiment.optimizer.generations
+    if wanted is not None and wanted < known:
         record.close()
         raise InputError(
             f"optimizer.generations: must be at least {known}, which the run already has, "
-            f"not {asked}; a run can only be extended"
+            f"not {wanted}; a run can only be extended"
         )
-    return Session(experiment, record, asked or known, said)
+    return Session(experiment, record, wanted or known, messages)

@@ -1,30 +1,32 @@
-"""The status of a run or an evaluation, in status.json and in the log."""
+"""The status of a run or an evaluation: ``status.json``, the log and the display on a terminal."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from logging import LogRecord
 from pathlib import Path
 from typing import Any, Protocol
 
 from evoros.base.log import LOGGER, log_to_file
+from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation, Observer
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
 from evoros.mission.plan import describe
-from evoros.storage.mission_log import LOG
-from evoros.storage.run_folder import RunFolder
+from evoros.storage.mission_log import LOG, MissionLog
 
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
+UPDATE_S = 5.0
+"""Wall clock between two updates of ``status.json`` while missions finish."""
 
 
 class Display(Observer, Protocol):
-    """An observer that is told when the run starts."""
+    """An observer that is told when the work starts."""
 
     def start(self, generations: int) -> None:
-        """The run is built and recorded; it starts now, with so many generations."""
+        """Note that the work, built and recorded, starts now with so many generations."""
         ...
 
 
@@ -32,111 +34,83 @@ class NoDisplay:
     """Shows nothing."""
 
     def start(self, generations: int) -> None:
-        """The run starts."""
+        """Ignore the start."""
 
     def begin(self, generation: int, missions: int, known: int) -> None:
-        """Missions are wanted."""
+        """Ignore the missions that are needed."""
 
     def mission(self, mission: Mission, outcome: Outcome) -> None:
-        """A mission was flown."""
+        """Ignore a mission."""
 
     def generation(self, generation: Generation) -> None:
-        """A generation is over."""
+        """Ignore a generation."""
 
 
 @dataclass
-class Tally:
-    """What was flown since the command was typed."""
+class Status:
+    """Keeps ``status.json`` of one folder and counts the missions of this session.
 
-    started: float  # of time.monotonic
+    The session began when the command was typed; earlier missions in the folder do not count.
+    """
+
+    folder: MissionLog
+    display: Display
+    describe: Callable[[], Mapping[str, Any]]  # the fields that only this kind of work has
     missions: int = 0
-    simulated: float = 0.0
+    simulated_s: float = 0.0
+    started: float = field(default_factory=time.monotonic)
+    written: float = 0.0  # of time.monotonic
+    finished: bool = False  # final: an error while figures are drawn does not change it
 
-    def count(self, mission: Mission, outcome: Outcome) -> None:
-        """A mission was flown and is on disk; says why it failed, if it did."""
+    def mission(self, mission: Mission, outcome: Outcome) -> None:
+        """Count and show a mission that is on disk; log why it failed, if it did."""
         self.missions += 1
-        self.simulated += outcome.time_s
+        self.simulated_s += outcome.time_s
         if outcome.reason:
             LOGGER.warning("%s: %s: %s", describe(mission), outcome.ended, outcome.reason)
-
-    @property
-    def figures(self) -> dict[str, Any]:
-        """The end of every ``status.json``."""
-        return {
-            "session_missions": self.missions,
-            "session_simulated_s": round(self.simulated, 1),
-            "session_wall_s": round(time.monotonic() - self.started, 1),
-            "updated": datetime.now(UTC).isoformat(timespec="seconds"),
-        }
-
-
-@dataclass
-class Recorder:
-    """Keeps ``status.json`` and the log true and passes everything on to a display."""
-
-    folder: RunFolder
-    display: Display
-    generations: int
-    tally: Tally
-    last: Generation | None = None
-    over: bool = False  # finished: nothing that follows, such as a figure, changes that
-
-    def begin(self, generation: int, missions: int, known: int) -> None:
-        """Missions are wanted."""
-        self.display.begin(generation, missions, known)
-
-    def mission(self, mission: Mission, outcome: Outcome) -> None:
-        """A mission was flown and is on disk."""
-        self.tally.count(mission, outcome)
         self.display.mission(mission, outcome)
-
-    def generation(self, generation: Generation) -> None:
-        """A generation is over and on disk."""
-        self.last = generation
-        self.write(RUNNING)
-        LOGGER.info(
-            "generation %d/%d: %s", generation.number, self.generations - 1, generation.summary
-        )
-        self.display.generation(generation)
+        if time.monotonic() - self.written > UPDATE_S:
+            self.write(RUNNING)
 
     def write(self, state: str, reason: str = "") -> None:
-        """The status of the run; wall-clock figures are of this session alone."""
-        last = self.last
-        if self.over:
+        """Replace ``status.json``. Nothing follows ``FINISHED``."""
+        if self.finished:
             return
-        self.over = state == FINISHED
-        self.folder.write_status(
-            {
-                "state": state,
-                "reason": reason,
-                "generations": self.generations,
-                "generations_done": 0 if last is None else last.number + 1,
-                "best_fitness": None if last is None else last.best.fitness,
-                "best_validated_fitness": None if last is None else last.validated,
-                "best_loss": None if last is None else last.loss,
-                "mean_loss": None if last is None else last.mean_loss,
-                "confirmed": 0 if last is None else len(last.losses),
-                "missions": len(self.folder.outcomes),
-            }
-            | self.tally.figures
-        )
+        self.finished = state == FINISHED
+        self.written = time.monotonic()
+        session = {
+            "session_missions": self.missions,
+            "session_simulated_s": round(self.simulated_s, 1),
+            "session_wall_s": round(self.written - self.started, 1),
+            "updated": datetime.now(UTC).isoformat(timespec="seconds"),
+        }
+        self.folder.write_status({"state": state, "reason": reason, **self.describe(), **session})
+
+    @contextmanager
+    def track(self, earlier: Sequence[LogRecord]) -> Iterator[None]:
+        """Log into the folder, and write the status at the start and at the end of the work.
+
+        ``earlier`` are messages from before the folder existed.
+        """
+        with log_to_file(self.folder.path / LOG, earlier):
+            self.write(RUNNING)
+            try:
+                yield
+            except BaseException as error:
+                LOGGER.debug("stopped", exc_info=True)  # the traceback goes into the file alone
+                interrupted = isinstance(error, KeyboardInterrupt)
+                self.write(STOPPED, "interrupted" if interrupted else str(error))
+                raise
+            self.write(FINISHED)
 
 
-@contextmanager
-def recording(
-    folder: Path, said: Sequence[LogRecord], write: Callable[[str, str], None]
-) -> Iterator[None]:
-    """Work in a folder: its log, and its status, which ``write`` is told with a reason.
-
-    ``said`` are messages from before there was a folder.
-    """
-    with log_to_file(folder / LOG, said):
-        write(RUNNING, "")
-        try:
-            yield
-        except BaseException as error:
-            LOGGER.debug("stopped", exc_info=True)  # the traceback goes into the file alone
-            interrupted = isinstance(error, KeyboardInterrupt)
-            write(STOPPED, "interrupted" if interrupted else str(error))
-            raise
-        write(FINISHED, "")
+def log_start(folder: Path, amount: str, experiment: Experiment) -> None:
+    """Log the first line of a run or an evaluation; ``amount`` says how much there is to do."""
+    LOGGER.info(
+        "%s: %s, seed %d, worlds %s, %d workers",
+        folder,
+        amount,
+        experiment.seed,
+        ", ".join(experiment.world),
+        experiment.executor.workers,
+    )

@@ -3,7 +3,7 @@ import re
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evoros.config.folder_names import LONGEST, job_name
+from evoros.config.folder_names import MAX_LENGTH, job_name
 
 
 @given(st.lists(st.text(max_size=60), max_size=8))
@@ -11,7 +11,7 @@ def test_any_override_gives_a_name_that_is_one_safe_component(overrides: list[st
     name = job_name(overrides)
     assert re.fullmatch(r"[A-Za-z0-9._+-]+", name)
     assert name not in (".", "..")
-    assert len(name) <= LONGEST + 9
+    assert len(name) <= MAX_LENGTH + 9
 
 
 def test_names_are_readable() -> None:

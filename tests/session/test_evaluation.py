@@ -23,7 +23,7 @@ from evoros.design.design import Design
 from evoros.evolution import dispatch
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
-from evoros.session import evaluation as assessment
+from evoros.session import evaluation
 from evoros.session.given_designs import read_given
 from evoros.storage.mission_log import create_folder
 from evoros.storage.tables import DESIGN_COLUMNS, design_table
@@ -340,7 +340,7 @@ def test_memory_does_not_grow_with_the_missions(
         tracemalloc.start()  # of what is allocated from now on
 
     monkeypatch.setattr(dispatch.Dispatcher, "run", instant)
-    monkeypatch.setattr(assessment, "create_folder", create)
+    monkeypatch.setattr(evaluation, "create_folder", create)
     monkeypatch.setattr(dispatch, "BLOCK", 500)
     rows = "\n".join(f"{i},0,0.1,0,{i}" for i in range(40))
     (tmp_path / "forty.csv").write_text(f"{HEADER}\n{rows}\n")

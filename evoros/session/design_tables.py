@@ -1,0 +1,196 @@
+"""Reads and writes CSV tables of designs, whose columns ``docs/evaluation.md`` documents."""
+
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from math import isfinite
+from pathlib import Path
+
+from evoros.base.errors import InputError
+from evoros.base.intervals import bounds
+from evoros.design.design import Design
+from evoros.design.region import Region
+from evoros.formats.strict_csv import read_rows
+from evoros.mission.scenario import Scenario
+from evoros.sensor.protocol import Mount
+from evoros.storage.tables import DESIGN_COLUMNS, to_csv
+
+DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
+"""The designs of an evaluation in its folder, complete and independent of their sources."""
+DESIGN_FILE_COLUMNS = ("source", *DESIGN_COLUMNS)
+GENE_FILE_COLUMNS = ("source", "design", "key", "value")
+NEEDED = ("design", "sensor", "x_m", "y_m", "yaw_deg")
+
+DesignName = tuple[str, str]  # source, name of the design in it
+
+
+@dataclass(frozen=True)
+class NamedDesign:
+    """A design, the source that it was read from, and its name there."""
+
+    source: str
+    name: str
+    design: Design
+
+
+@dataclass
+class DesignDraft:
+    """A design as far as it has been read."""
+
+    at: str  # file and line of its first row
+    mounts: dict[int, Mount] = field(default_factory=dict)  # by number; empty: no sensors
+    values: dict[str, float] = field(default_factory=dict)  # other evolved values, by key
+
+
+Drafts = dict[DesignName, DesignDraft]
+
+
+def read_recorded_designs(folder: Path, scenario: Scenario) -> list[NamedDesign]:
+    """Read the designs in the folder of an evaluation.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    drafts = read_drafts(folder / DESIGN_FILE, None, scenario)
+    add_genes(drafts, folder / GENE_FILE, None)
+    return fit_designs(drafts, scenario)
+
+
+def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
+    """The content of the files that ``read_recorded_designs`` reads, by name.
+
+    Every value is written out in full. Sensors are numbered in the robot's order, to which
+    ``failed_sensors`` refers.
+    """
+    sensors: list[Sequence[object]] = [DESIGN_FILE_COLUMNS]
+    genes: list[Sequence[object]] = [GENE_FILE_COLUMNS]
+    for named in designs:
+        name = (named.source, named.name)
+        for i, m in enumerate(named.design.mounts):
+            pose = (m.x_m, m.y_m, m.z_m, m.yaw_deg, m.pitch_deg)
+            sensors.append([*name, i, m.sensor, m.link, *pose])
+        if not named.design.mounts:
+            sensors.append([*name, *(None for _ in DESIGN_COLUMNS[1:])])
+        genes += [[*name, key, value] for key, value in named.design.values.items()]
+    return {DESIGN_FILE: to_csv(sensors), GENE_FILE: to_csv(genes)}
+
+
+def fit_designs(drafts: Mapping[DesignName, DesignDraft], scenario: Scenario) -> list[NamedDesign]:
+    """Complete the drafts; sensors are put into the robot's order.
+
+    Raises:
+        InputError: the robot or another part refuses a design.
+    """
+    return [_fit(name, draft, scenario) for name, draft in drafts.items()]
+
+
+def _fit(name: DesignName, draft: DesignDraft, scenario: Scenario) -> NamedDesign:
+    mounts = [mount for _, mount in sorted(draft.mounts.items())]
+    try:
+        robot = scenario.with_design(Design(tuple(mounts), draft.values)).robot
+    except InputError as error:
+        raise InputError(f"{draft.at}: design {name[1]!r}: {error}") from None
+    return NamedDesign(*name, Design(robot.mounts, draft.values))
+
+
+def read_drafts(path: Path, source: str | None, scenario: Scenario, minimum: int = 1) -> Drafts:
+    """Read a table of designs without their other genes.
+
+    If ``source`` is None, the table has a column of that name.
+
+    Raises:
+        InputError: the table is damaged, or has fewer than ``minimum`` designs.
+    """
+    needed = NEEDED if source is not None else ("source", *NEEDED)
+    optional = tuple(name for name in DESIGN_COLUMNS if name not in needed)
+    drafts: Drafts = {}
+    for line, cells in read_rows(path, needed, optional):
+        _add_row(drafts, f"{path}: line {line}", source, cells, scenario)
+    if len(drafts) < minimum:
+        raise InputError(f"{path}: must have at least one design, not none; add a row")
+    return drafts
+
+
+def _add_row(
+    drafts: Drafts, at: str, source: str | None, cells: Mapping[str, str], scenario: Scenario
+) -> None:
+    """Add one sensor to its draft, or a draft without sensors."""
+    if not cells["design"]:
+        raise InputError(f"{at}: design must be a name, not empty; give each row its design")
+    name = (cells.get("source", source) or "", cells["design"])
+    bare = not any(value for key, value in cells.items() if key not in ("source", "design"))
+    draft = drafts.get(name)
+    if draft is None:
+        draft = drafts[name] = DesignDraft(at)
+    elif bare or not draft.mounts:
+        raise InputError(
+            f"{at}: design {name[1]!r} must have either rows with sensors or one row without; "
+            f"remove this row"
+        )
+    if bare:
+        return
+    number, mount = _read_mount(at, cells, scenario)
+    if number in draft.mounts:
+        raise InputError(
+            f"{at}: design {name[1]!r} must have each sensor once, not {number} again; number "
+            f"its sensors 0, 1, 2 ..."
+        )
+    draft.mounts[number] = mount
+
+
+def _read_mount(at: str, cells: Mapping[str, str], scenario: Scenario) -> tuple[int, Mount]:
+    """The number and the mount of the sensor in one row; empty cells mean the robot's own mount."""
+    if not re.fullmatch(r"[0-9]+", cells["sensor"]):
+        raise InputError(
+            f"{at}: sensor must be a whole number of at least 0, not {cells['sensor']!r}; number "
+            f"the sensors of a design 0, 1, 2 ..."
+        )
+    types = list(scenario.design.sensors)
+    kind = cells.get("type") or (types[0] if len(types) == 1 else "")
+    if kind not in types:
+        raise InputError(
+            f"{at}: type must be one of {', '.join(types) or 'none'}, not {kind!r}; name one of "
+            f"design.sensors, or add it there"
+        )
+    x, y, yaw = (float(_number(at, name, cells[name])) for name in ("x_m", "y_m", "yaw_deg"))
+    z, pitch = (
+        float(_number(at, name, cells[name])) if cells.get(name) else None
+        for name in ("z_m", "pitch_deg")
+    )
+    overhang = max([each.overhang_m for each in scenario.design.regions.values()], default=0.05)
+    try:
+        region = Region(x, y, yaw, z, pitch, cells.get("link") or None, overhang)
+    except InputError as error:
+        raise InputError(f"{at}: {str(error).removeprefix('Region.')}") from None
+    region = region.on(scenario.robot, False, f"{at}: sensor")
+    assert region.link is not None
+    z, pitch = bounds(region.z_m)[0], bounds(region.pitch_deg)[0]
+    return int(cells["sensor"]), Mount(kind, region.link, x, y, z, yaw, pitch)
+
+
+def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:
+    """Add the other evolved values of the designs to their drafts.
+
+    Raises:
+        InputError: the table is damaged.
+    """
+    needed = ("design", "key", "value") if source is not None else GENE_FILE_COLUMNS
+    for line, cells in read_rows(path, needed, ("gene",)):
+        at = f"{path}: line {line}"
+        draft = drafts.get((cells.get("source", source) or "", cells["design"]))
+        if draft is None or cells["key"] in draft.values:
+            raise InputError(
+                f"{at}: must be another value of one of the designs, not {cells['key']!r} of "
+                f"design {cells['design']!r}; restore the file"
+            )
+        draft.values[cells["key"]] = _number(at, "value", cells["value"])
+
+
+def _number(at: str, name: str, content: str) -> float:
+    """Parse a finite number. A whole number stays an int, because some parts accept no float."""
+    with suppress(ValueError, OverflowError):
+        value = int(content) if re.fullmatch(r"[+-]?[0-9]+", content) else float(content)
+        if isfinite(value):
+            return value
+    raise InputError(f"{at}: {name} must be a number, not {content!r}; correct the cell")

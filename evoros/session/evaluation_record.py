@@ -1,0 +1,150 @@
+"""The folder of an evaluation while it is open: its missions, and the scores of its designs."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from evoros.base.errors import InputError
+from evoros.evolution.dispatch import MissionResult
+from evoros.evolution.experiment import Experiment
+from evoros.fitness.scoring import score_columns, scores
+from evoros.mission.mission import Mission, MissionKey
+from evoros.mission.outcome import Outcome
+from evoros.session.design_tables import NamedDesign
+from evoros.storage.mission_log import MISSIONS, MissionLog
+from evoros.storage.tables import OUTCOME_COLUMNS, outcome_cells, read_outcome, to_csv
+
+SCORES = "designs.csv"
+HEADER = ("source", "design", "world", "trial", "draws", *OUTCOME_COLUMNS)
+GENERATION = 0
+"""All designs meet the draws of this generation of evaluations; another seed gives others."""
+
+
+@dataclass
+class _UnfinishedDesign:
+    """A design some of whose missions have not been run."""
+
+    missions: dict[MissionKey, Mission]
+    outcomes: dict[MissionKey, Outcome] = field(default_factory=dict)
+
+
+class EvaluationRecord(MissionLog):
+    """An open folder of an evaluation. It keeps outcomes of unfinished designs only.
+
+    Designs are numbered from 0, as given.
+
+    Raises:
+        InputError: the missions on disk do not belong to this evaluation.
+    """
+
+    def __init__(self, path: Path, experiment: Experiment, designs: Sequence[NamedDesign]) -> None:
+        super().__init__(path, HEADER)
+        self._experiment, self._designs = experiment, designs
+        self._unfinished: dict[int, _UnfinishedDesign] = {}
+        self._scores: dict[int, dict[str, float]] = {}  # of finished designs
+        try:
+            self._read()
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def wanted(self) -> int:
+        """The number of missions of the evaluation."""
+        return len(self._designs) * self._missions_per_design
+
+    @property
+    def known(self) -> int:
+        """The number of missions on disk."""
+        unfinished = sum(len(design.outcomes) for design in self._unfinished.values())
+        return len(self._scores) * self._missions_per_design + unfinished
+
+    def list_missions(self) -> Iterator[Mission]:
+        """All missions of the unfinished designs, including those on disk."""
+        for number in range(len(self._designs)):
+            if number not in self._scores:
+                yield from self._start(number).missions.values()
+
+    def has(self, mission: Mission) -> bool:
+        """Whether the mission is on disk."""
+        number = mission.design_id
+        return number in self._scores or mission.key in self._start(number).outcomes
+
+    def record(self, results: Sequence[MissionResult]) -> None:
+        """Put finished missions on disk."""
+        self.append([self._row(mission, outcome) for mission, outcome in results])
+        for mission, outcome in results:
+            self._take(mission, outcome)
+
+    def write_scores(self) -> None:
+        """Write the table of scores once all designs are finished.
+
+        Raises:
+            InputError: the table on disk differs.
+        """
+        self.sync()
+        columns = score_columns(list(self._experiment.world))
+        rows: list[Sequence[object]] = [("source", "design", *columns)]
+        for number, design in enumerate(self._designs):
+            rows.append([design.source, design.name, *self._scores[number].values()])
+        self.write_once(SCORES, to_csv(rows))
+
+    def describe(self) -> dict[str, Any]:
+        """The fields of ``status.json`` that only an evaluation has."""
+        means = [row["fitness_mean"] for row in self._scores.values()]
+        return {
+            "designs": len(self._designs),
+            "designs_done": len(self._scores),
+            "best_fitness": max(means, default=None),
+            "mean_fitness": fmean(means) if means else None,
+            "missions_wanted": self.wanted,
+            "missions": self.known,
+        }
+
+    @property
+    def _missions_per_design(self) -> int:
+        return len(self._experiment.world) * self._experiment.trials
+
+    def _read(self) -> None:
+        names = {(design.source, design.name): i for i, design in enumerate(self._designs)}
+
+        def parse(row: Mapping[str, str]) -> tuple[int, str, int, str, Outcome]:
+            number = names[row["source"], row["design"]]
+            return number, row["world"], int(row["trial"]), row["draws"], read_outcome(row)
+
+        for number, world, trial, draws, outcome in self.read(parse):
+            if number in self._scores:
+                continue
+            mission = self._start(number).missions.get((GENERATION, number, world, trial))
+            if mission is None or mission.draws != draws:
+                raise InputError(
+                    f"{self.path / MISSIONS}: trial {trial} of design "
+                    f"{self._designs[number].name!r} in {world} must be one of the evaluation's "
+                    f"under its draws, not {draws}: the file was made by another version or has "
+                    f"been edited; start a new evaluation"
+                )
+            self._take(mission, outcome)
+
+    def _start(self, number: int) -> _UnfinishedDesign:
+        if number not in self._unfinished:
+            design = self._designs[number].design
+            missions = self._experiment.plan.evaluation(GENERATION, number, design)
+            self._unfinished[number] = _UnfinishedDesign({each.key: each for each in missions})
+        return self._unfinished[number]
+
+    def _take(self, mission: Mission, outcome: Outcome) -> None:
+        """Score a design once all its missions are known, and drop its outcomes."""
+        number = mission.design_id
+        design = self._start(number)
+        design.outcomes[mission.key] = outcome
+        if len(design.outcomes) == len(design.missions):
+            missions = list(design.missions.values())
+            self._scores[number] = scores(self._experiment.fitness, missions, design.outcomes)
+            del self._unfinished[number]
+
+    def _row(self, mission: Mission, outcome: Outcome) -> list[object]:
+        design = self._designs[mission.design_id]
+        key = (design.source, design.name, mission.world, mission.trial, mission.draws)
+        return [*key, *outcome_cells(outcome)]
