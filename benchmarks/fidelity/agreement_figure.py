@@ -1,4 +1,4 @@
-"""Draws what benchmarks/fidelity/agreement.py finds."""
+"""Draws the results of benchmarks/fidelity/agreement.py."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +16,7 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73")
 
 
 def figure(means: Sequence[tuple[str, Array, Array]]) -> None:
-    """Fitness (designs, draws) in PyBullet against that in planar, a panel for each treatment."""
+    """Draw the planar fitness (designs, trials) against PyBullet's, a panel for each treatment."""
     style: dict[Any, Any] = {"font.size": 8, "axes.spines.top": False, "axes.spines.right": False}
     with mpl.rc_context(style):
         canvas = Figure(figsize=(7.2, 2.7), layout="constrained")
@@ -36,13 +36,13 @@ def figure(means: Sequence[tuple[str, Array, Array]]) -> None:
                 zorder=1,
             )
             rank = spearman(real.mean(axis=1), plane.mean(axis=1))
-            draws = f"{real.shape[1]} draw" + "s" * (real.shape[1] > 1)
+            trials = f"{real.shape[1]} trial" + "s" * (real.shape[1] > 1)
             axes.set_title(f"failure: {treatment}", loc="left", fontsize=8)
             axes.text(
                 0.04, 0.94, f"rank correlation {rank:.2f}", transform=axes.transAxes, va="top"
             )
             axes.text(
-                0.96, 0.04, f"{len(real)} designs, {draws}", transform=axes.transAxes, ha="right"
+                0.96, 0.04, f"{len(real)} designs, {trials}", transform=axes.transAxes, ha="right"
             )
             axes.set_xlabel("fitness in PyBullet")
             axes.set_aspect("equal")
@@ -52,7 +52,7 @@ def figure(means: Sequence[tuple[str, Array, Array]]) -> None:
         canvas.savefig(FILE, dpi=300)
 
 
-def _error(each: Array) -> Array | None:
-    """Standard error of the mean over the draws."""
-    draws = each.shape[1]
-    return each.std(axis=1, ddof=1) / np.sqrt(draws) if draws > 1 else None
+def _error(fitness: Array) -> Array | None:
+    """Standard error of the mean over the trials."""
+    trials = fitness.shape[1]
+    return fitness.std(axis=1, ddof=1) / np.sqrt(trials) if trials > 1 else None

@@ -1,7 +1,9 @@
-"""How late positions make ArduPilot's law weave: heading on a straight leg against the lag.
+"""Measures how late positions make ArduPilot's steering law weave on a straight leg.
 
-Flies the rover in PyBullet along a long leg, from beside it and oblique, as after a corner; writes
-docs/img/weave.png and prints the table behind it:  python benchmarks/fidelity/heading_swing.py
+Drives the rover in PyBullet along a long leg. It starts beside the leg and at an angle to it, as
+after a corner. Prints a table of the heading and draws docs/img/weave.png:
+
+    python benchmarks/fidelity/heading_swing.py
 """
 
 import math
@@ -26,21 +28,21 @@ from evoros.mission.rollout import run_mission
 from evoros.world.course import Course
 from evoros.world.model import World
 
-SETTLED_S = 20.0  # the way back to the leg is not counted
+SETTLED_S = 20.0  # time to return to the leg, which does not count
 SECONDS = 60.0
 ROBOTS = ("erle_rover", "erle_rover_as_run")
 FIGURE = Path(__file__).parents[2] / "docs" / "img" / "weave.png"
 
 
 def leg(experiment: Experiment) -> World:
-    """Empty ground and one waypoint far ahead; the rover starts turned away from it."""
+    """Empty ground with one waypoint far ahead; the rover starts turned away from it."""
     ground = tuple(body for body in experiment.world["boxes"].bodies if body.is_ground)
     course = Course(0.0, 0.0, 0.08, 0.5, [[100.0, -0.5]], 1.0, SECONDS, "forward", True)
     return World("leg", ground, course, "weave", "")
 
 
 def heading(robot: str, lag_s: float, hold_s: float) -> Array:
-    """(n, 2) time [s] and heading [deg]."""
+    """The time [s] and heading [deg] of a mission (n, 2)."""
     overrides = [f"robot={robot}", "controller=rover_l1", "controller/avoidance=blind"]
     experiment = compose(overrides).build()
     late: dict[str, Filter] = {"hold": Hold(hold_s)} if hold_s else {}
@@ -54,7 +56,7 @@ def heading(robot: str, lag_s: float, hold_s: float) -> Array:
 
 
 def swing(track: Array) -> str:
-    """Least and greatest heading [deg] once settled, and the period [s] of the weaving."""
+    """Minimum and maximum heading [deg] once settled, and the period [s] of the weaving."""
     time, angle = track[track[:, 0] >= SETTLED_S].T
     above = angle > angle.mean()
     rising = time[1:][above[1:] & ~above[:-1]]
@@ -63,7 +65,7 @@ def swing(track: Array) -> str:
 
 
 def draw(lags: tuple[float, ...]) -> Figure:
-    """A panel for each lag, the paper's sweep behind it."""
+    """Draw a panel for each lag, with the paper's sweep behind it."""
     with mpl.rc_context({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False}):
         figure = Figure(figsize=(6.3, 5.2), layout="constrained")
         panels = figure.subplots(len(lags), 1, sharex=True, sharey=True)

@@ -1,4 +1,4 @@
-"""A robot driven by given commands, whatever it meets: the same for every simulator."""
+"""Drives a robot open loop with given commands, in any simulator."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,13 +11,13 @@ from evoros.robot.model import Robot
 from evoros.simulator.protocol import Simulator
 from evoros.world.model import World
 
-PERIOD = 0.1  # of the commands [s]
+PERIOD = 0.1  # [s] between commands
 Manoeuvre = Callable[[float], tuple[float, float]]
 """Speed [m/s] and steering [rad] at a time [s]."""
 
 
 def open_ground(experiment: Experiment) -> World:
-    """Level ground without obstacles; the robot stands on it at the origin and faces along x."""
+    """Level ground without obstacles; the robot starts at the origin and faces along x."""
     world = next(iter(experiment.world.values()))
     ground = tuple(body for body in world.bodies if body.is_ground)
     course = replace(world.course, home_x_m=0.0, home_y_m=0.0, home_z_m=0.0, home_yaw_rad=0.0)
@@ -25,17 +25,18 @@ def open_ground(experiment: Experiment) -> World:
 
 
 def commands(manoeuvre: Manoeuvre, seconds: float) -> Array:
-    """(n, 2): a row for each period."""
+    """The commands (n, 2) of a manoeuvre, one for each period."""
     return np.array([manoeuvre(tick * PERIOD) for tick in range(round(seconds / PERIOD))])
 
 
 def drive(
     simulator: Simulator, robot: Robot, world: World, wanted: Array, heading: float = 0.0
 ) -> Array:
-    """(n + 1, STATE_SIZE): the states before each of the commands (n, 2), and the last.
+    """Drive the commands ``wanted`` (n, 2); returns a track (n + 1, STATE_SIZE).
 
-    The robot starts at the world's home, turned to ``heading`` [rad]. States are seen from where
-    it starts, so that tracks under different headings compare.
+    The track has the state before each command and the last one. The robot starts at the world's
+    home with ``heading`` [rad]. States are relative to the start, so that tracks with different
+    headings can be compared.
     """
     course = replace(world.course, home_yaw_rad=heading)
     states = np.zeros((len(wanted) + 1, STATE_SIZE))
@@ -51,13 +52,13 @@ def drive(
     return states
 
 
-def apart(track: Array, other: Array) -> Array:
-    """(n,) distance [m] between two tracks at the same time."""
+def distances(track: Array, other: Array) -> Array:
+    """The distance (n,) [m] between two tracks at the same times."""
     x, y = track[:, X] - other[:, X], track[:, Y] - other[:, Y]
     return np.asarray(np.sqrt(x * x + y * y))
 
 
-def way(track: Array) -> float:
-    """Length [m] of a track."""
+def length(track: Array) -> float:
+    """The length [m] of a track."""
     steps = np.diff(track[:, [X, Y]], axis=0)
     return float(np.sqrt((steps * steps).sum(axis=1)).sum())

@@ -1,7 +1,8 @@
-"""The same designs under the same draws in several configurations, each by ``evoros-evaluate``.
+"""Evaluates the same designs under the same draws in several configurations.
 
-A series is a folder of that command. What is finished is not flown again; what was cut short is
-resumed; so a study of many series can be killed at any time and goes on where it was.
+A series is one evaluation by ``evoros-evaluate`` in a folder of its own. A finished series is not
+run again and an interrupted one is resumed. So a study of many series can be killed at any time and
+continues where it stopped.
 """
 
 import json
@@ -22,15 +23,15 @@ DESIGNS = "designs.csv"
 
 @dataclass(frozen=True)
 class Series:
-    """A configuration: ``seed`` stands for one set of draws, which several series may share."""
+    """One configuration. Series with the same ``seed`` have the same draws."""
 
-    simulator: str  # how tables name it
+    simulator: str  # its name in tables
     treatment: str
     seed: int
     overrides: tuple[str, ...]
 
     def path(self, study: Path) -> Path:
-        """Its folder."""
+        """The folder of the series."""
         return study / f"{self.simulator}_{self.treatment}_{self.seed}"
 
     def finished(self, study: Path) -> bool:
@@ -38,8 +39,8 @@ class Series:
         status = self.path(study) / "status.json"
         return status.exists() and json.loads(status.read_text())["state"] == "finished"
 
-    def fly(self, study: Path, workers: int) -> None:
-        """All of its missions; the process ends as the command does if that fails."""
+    def run(self, study: Path, workers: int) -> None:
+        """Run all missions. If the command fails, this process exits with its status."""
         if self.finished(study):
             return
         folder = self.path(study)
@@ -52,15 +53,14 @@ class Series:
         ]
         if (folder / "manifest.json").exists():
             arguments = [f"resume={folder}"]
-        ended = subprocess.run([EVALUATE, *arguments, f"executor.workers={workers}"])
-        if ended.returncode:
-            sys.exit(ended.returncode)
+        command = subprocess.run([EVALUATE, *arguments, f"executor.workers={workers}"])
+        if command.returncode:
+            sys.exit(command.returncode)
 
     def missions(self, study: Path) -> pd.DataFrame:
-        """A row for each mission, with the columns ``simulator``, ``treatment`` and ``draw``.
+        """The missions, with the columns ``simulator``, ``treatment`` and ``draw``.
 
-        ``draw`` names the random draws: a mission of another series with the same world and draw
-        met the same ones.
+        Missions of several series with the same world and ``draw`` have the same random draws.
         """
         table = pd.read_csv(self.path(study) / "missions.csv", dtype=str, keep_default_na=False)
         draw = table.trial.map(lambda trial: f"{self.seed}.{trial}")
@@ -68,7 +68,7 @@ class Series:
 
 
 def random_designs(study: Path, count: int) -> None:
-    """The first designs of an endless sequence, in a file for ``evoros-evaluate``, once."""
+    """Write the first ``count`` random designs to a file, unless the study has one."""
     if (study / DESIGNS).exists():
         return
     space = compose([]).build().space

@@ -1,7 +1,7 @@
-"""What the planar simulator would read and touch wherever a mission in PyBullet goes.
+"""Runs a mission in PyBullet and reads the planar simulator's sensors along the way.
 
-The mission is PyBullet's; at every control step the planar robot is set to the same place, and
-both are asked what their sensors read.
+At every control step, the planar robot is moved to the place of PyBullet's robot, and both
+simulators sense.
 """
 
 from collections.abc import Iterator
@@ -25,18 +25,20 @@ from evoros.world.model import World
 
 @dataclass
 class Log:
-    """What happened in a mission, a row for each control step."""
+    """The record of a mission, with a row for each control step."""
 
     states: list[Array] = field(default_factory=list)  # (STATE_SIZE,)
-    attitudes: list[tuple[float, float, float]] = field(default_factory=list)  # z [m], roll, pitch
+    attitudes: list[tuple[float, float, float]] = field(
+        default_factory=list
+    )  # z [m], roll, pitch [rad]
     readings: list[Array] = field(default_factory=list)  # PyBullet's [m]
     shadows: list[Array] = field(default_factory=list)  # the planar simulator's [m]
     commands: list[Array] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
-class Shadowed:
-    """PyBullet, with the planar simulator beside it."""
+class ShadowedPyBullet:
+    """PyBullet with the planar simulator as its shadow."""
 
     log: Log
     engine: PyBullet = field(default_factory=PyBullet)
@@ -44,12 +46,12 @@ class Shadowed:
 
     @property
     def time_step(self) -> float:
-        """The engine's."""
+        """The step [s] of PyBullet."""
         return self.engine.time_step
 
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator["_Simulation"]:
-        """Both at the world's home."""
+        """Place the robots of both simulators at the world's home."""
         with self.engine.open(robot, world) as real, Planar().open(robot, world) as shadow:
             yield _Simulation(self.log, real, shadow)
 
@@ -67,14 +69,14 @@ class _Simulation:
 
     def sense(self, readings: Array) -> None:
         self.real.sense(readings)
-        read = np.zeros(len(readings))
+        shadow_readings = np.zeros(len(readings))
         self.shadow.memory[:STATE_SIZE] = self.state
         self.shadow.memory[CONTACT] = 0.0
-        self.shadow.sense(read)
+        self.shadow.sense(shadow_readings)
         self.log.states.append(self.state.copy())
         self.log.attitudes.append(self._attitude())
         self.log.readings.append(readings.copy())
-        self.log.shadows.append(read)
+        self.log.shadows.append(shadow_readings)
 
     def _attitude(self) -> tuple[float, float, float]:
         bullet, client, model = self.real._bullet, self.real._client, self.real._model
@@ -88,9 +90,9 @@ class _Simulation:
         self.real.advance(command, duration)
 
 
-def shadowed(experiment: Experiment, design: Design, world: str, draws: str) -> Log:
-    """The log of one mission in PyBullet."""
+def run_shadowed(experiment: Experiment, design: Design, world: str, draws: str) -> Log:
+    """Run one mission in PyBullet; returns its log."""
     log = Log()
-    scenario = replace(experiment.scenario, simulator=Shadowed(log))
+    scenario = replace(experiment.scenario, simulator=ShadowedPyBullet(log))
     run_mission(scenario, Mission(0, 0, design, world, 0, "evaluation", draws))
     return log

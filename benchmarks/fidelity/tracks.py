@@ -1,4 +1,4 @@
-"""Draws what benchmarks/fidelity/manoeuvres.py finds."""
+"""Draws the results of benchmarks/fidelity/manoeuvres.py."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from openloop import PERIOD, apart
+from openloop import PERIOD, distances
 
 from evoros.base.arrays import Array, X, Y
 
@@ -18,7 +18,7 @@ LOOKS: Mapping[str, dict[str, object]] = {
     "planar": {"color": "#d55e00", "linewidth": 1.2, "linestyle": (0, (4, 2))},
 }
 SHOWN = ("turn, full lock", "weave", "lock to lock, 1 s")
-PARTED = ("weave", "step to 0.4 rad", "lock to lock, 1 s")
+COMPARED = ("weave", "step to 0.4 rad", "lock to lock, 1 s")
 HUES = ("#009e73", "#56b4e9", "#cc79a7")
 
 
@@ -28,7 +28,7 @@ def figure(
     turns: Mapping[str, Array],
     file: Path,
 ) -> None:
-    """Tracks side by side, how far apart they are, and turns (headings,) [deg] in 2 s."""
+    """Draw tracks, their distances, and turns (headings,) [deg] in 2 s."""
     style: dict[Any, Any] = {"font.size": 8, "axes.spines.top": False, "axes.spines.right": False}
     with mpl.rc_context(style):
         canvas = Figure(figsize=(7.2, 4.8), layout="constrained")
@@ -45,8 +45,8 @@ def figure(
         canvas.savefig(file, dpi=300)
 
 
-def _tracks(axes: Axes, name: str, each: Mapping[str, Array]) -> None:
-    for simulator, track in each.items():
+def _tracks(axes: Axes, name: str, tracks: Mapping[str, Array]) -> None:
+    for simulator, track in tracks.items():
         axes.plot(track[:, X], track[:, Y], label=simulator, **LOOKS[simulator])  # type: ignore[arg-type]
     axes.set_title(name, loc="left", fontsize=8)
     axes.set_aspect("equal", adjustable="datalim")
@@ -55,11 +55,11 @@ def _tracks(axes: Axes, name: str, each: Mapping[str, Array]) -> None:
 
 
 def _distances(axes: Axes, tracks: Mapping[str, Mapping[str, Array]]) -> None:
-    for name, colour in zip(PARTED, HUES, strict=True):
+    for name, colour in zip(COMPARED, HUES, strict=True):
         reference, coarse, plane = tracks[name].values()
         time = PERIOD * np.arange(len(reference))
-        axes.plot(time, 1e3 * apart(plane, reference), color=colour, label=name)
-        axes.plot(time, 1e3 * apart(coarse, reference), ":", color=colour)
+        axes.plot(time, 1e3 * distances(plane, reference), color=colour, label=name)
+        axes.plot(time, 1e3 * distances(coarse, reference), ":", color=colour)
     axes.set_title("solid: planar; dotted: PyBullet, 25 ms", loc="left", fontsize=8)
     axes.set_yscale("symlog", linthresh=10)
     axes.set_yticks([0, 5, 10, 50, 100, 500], ["0", "5", "10", "50", "100", "500"])
@@ -71,10 +71,10 @@ def _distances(axes: Axes, tracks: Mapping[str, Mapping[str, Array]]) -> None:
 
 
 def _turns(axes: Axes, headings: Array, turns: Mapping[str, Array]) -> None:
-    for simulator, each in turns.items():
+    for simulator, angles in turns.items():
         look = LOOKS.get(simulator, {"color": "0.4", "linewidth": 1.0, "linestyle": ":"})
         label = None if simulator in LOOKS else simulator
-        axes.plot(headings, each, label=label, **look)  # type: ignore[arg-type]
+        axes.plot(headings, angles, label=label, **look)  # type: ignore[arg-type]
     axes.axhline(0.0, color="0.5", linewidth=0.6)
     axes.set_xlim(0, 180)
     axes.set_xticks(range(0, 181, 45))

@@ -1,10 +1,12 @@
-"""What a mission costs besides the engine: its time against that of the bare calls it makes.
+"""Measures what a mission costs besides the engine.
 
-Flies random designs through the three worlds of the case study. Each mission is timed as a whole
-(``run_mission``: robot, building, filters, controller, metrics), and then its calls of
-``stepSimulation`` and ``rayTestBatch`` are repeated and timed alone: the same robot under the same
-commands, hence in the same poses to the last bit, which is checked. The two alternate, so that a
-busy machine slows both:  python benchmarks/performance/overhead.py [designs]
+Runs random designs through the three worlds of the case study. Each mission is timed as a whole
+(``run_mission``: robot, building, filters, controller, metrics). Its calls of ``stepSimulation``
+and ``rayTestBatch`` are then repeated and timed alone, with the same robot under the same commands.
+The script checks that the robot ends in the same pose, to the last bit. The two alternate, so that
+a busy machine slows both:
+
+    python benchmarks/performance/overhead.py [designs]
 """
 
 import sys
@@ -30,7 +32,7 @@ Command = tuple[Array, float]
 
 
 class Recorder:
-    """A simulator that notes the commands that its simulation is given."""
+    """A simulator that records the commands of its simulation."""
 
     packages = ("pybullet",)
 
@@ -39,18 +41,18 @@ class Recorder:
         self.commands: list[Command] = []
 
     def open(self, robot: Robot, world: World) -> Any:
-        """As its simulator."""
+        """Open a simulation of the simulator, with an empty record."""
         self.commands = []
-        return _Noting(self.simulator.open(robot, world), self.commands)
+        return _Recording(self.simulator.open(robot, world), self.commands)
 
 
-class _Noting:
-    """A simulation that notes what it is told."""
+class _Recording:
+    """A simulation that records its commands."""
 
     def __init__(self, opened: Any, commands: list[Command]) -> None:
         self.opened, self.commands = opened, commands
 
-    def __enter__(self) -> "_Noting":
+    def __enter__(self) -> "_Recording":
         simulation = self.opened.__enter__()
         self.observe, self.sense = simulation.observe, simulation.sense
         self._advance = simulation.advance
@@ -60,7 +62,7 @@ class _Noting:
         return self.opened.__exit__(*error)
 
     def advance(self, command: Array, duration: float) -> None:
-        """Note it and do it."""
+        """Record the command and follow it."""
         self.commands.append((command.copy(), duration))
         self._advance(command, duration)
 
@@ -68,7 +70,7 @@ class _Noting:
 def bare(
     scenario: Scenario, robot: Robot, world: World, commands: list[Command], sense_every: int
 ) -> tuple[float, Array]:
-    """Seconds in the engine's two calls alone, and the state at the end."""
+    """The time [s] in the engine's two calls alone, and the state at the end."""
     state = np.zeros(STATE_SIZE)
     spent = 0.0
     with scenario.simulator.open(robot, world) as opened:
@@ -99,10 +101,10 @@ def bare(
 
 
 def pair(experiment: Experiment, recorder: Recorder, mission: Mission) -> tuple[float, ...]:
-    """Seconds of the mission, of its bare calls, and simulated."""
+    """The time [s] of the mission, of its bare calls, and that it simulates."""
     scenario = experiment.scenario
     _, track = run_mission(replace(scenario, simulator=recorder), mission)
-    forget_models()  # so that building counts, as for every new design
+    forget_models()  # so that building the model counts, as for every new design
     begin = perf_counter()
     outcome, _ = run_mission(scenario, mission)
     whole = perf_counter() - begin
@@ -110,7 +112,7 @@ def pair(experiment: Experiment, recorder: Recorder, mission: Mission) -> tuple[
     spent, state = bare(
         scenario, equipped.robot, scenario.world[mission.world], recorder.commands, 1
     )
-    assert (track[-1, [AT_X, AT_Y]] == state[[X, Y]]).all(), "the bare calls went another way"
+    assert (track[-1, [AT_X, AT_Y]] == state[[X, Y]]).all(), "the bare calls led to another state"
     return whole, spent, outcome.time_s
 
 
@@ -125,12 +127,10 @@ def main(designs: int) -> None:
         for world in experiment.world:
             mission = Mission(0, number, design, world, 0, "evaluation", f"overhead:{number}")
             rows[world].append(pair(experiment, recorder, mission))
-    print(
-        "world     missions  simulated [s]  ratio: median, least, greatest, of the sums   sim s/s"
-    )
+    print("world     missions  simulated [s]   ratio: median, min, max, of the sums   sim s/s")
     for world, measured in [
         *rows.items(),
-        ("all", [row for each in rows.values() for row in each]),
+        ("all", [row for world_rows in rows.values() for row in world_rows]),
     ]:
         whole, spent, simulated = np.array(measured).T
         ratio = whole / spent

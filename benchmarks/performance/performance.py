@@ -1,8 +1,8 @@
-"""How fast evoros is on this machine: both simulators, workers, a generation, a tick, the start.
+"""Measures how fast evoros is: both simulators, workers, a generation, a tick, the start.
 
-Runs the commands that users type, records on disk included, on random designs in the case study's
-three environments. Takes a few minutes; writes docs/performance.md between its marks and draws
-docs/img/performance.png:
+Runs the commands that users type, including their records on disk, for random designs in the three
+environments of the case study. Takes a few minutes. Writes the tables of docs/performance.md
+between its marks and draws docs/img/performance.png:
 
     python benchmarks/performance/performance.py [--quick]
 """
@@ -42,23 +42,23 @@ QUICK = {"planar": (20, 1), "pybullet": (2, 1)}
 
 @dataclass(frozen=True)
 class Pace:
-    """One evaluation by the command."""
+    """One run of evoros-evaluate."""
 
     simulator: str
     workers: int
     missions: int
     simulated: float  # [s]
-    flying: float  # [s] of wall clock, from the start of the workers on
-    whole: float  # [s] of wall clock, the command
+    running: float  # [s] wall clock, from the start of the workers
+    whole: float  # [s] wall clock, from the start of the command
 
     @property
     def rate(self) -> float:
-        """Simulated seconds for each second of flying."""
-        return self.simulated / self.flying
+        """Simulated seconds per second of running."""
+        return self.simulated / self.running
 
 
 def command(name: str, *arguments: str, cache: Path | None = None) -> float:
-    """Run a command of evoros; returns its wall-clock time [s]."""
+    """Run a command of evoros and return its wall-clock time [s]."""
     environment = dict(os.environ)
     if cache is not None:
         environment["XDG_CACHE_HOME"] = str(cache)
@@ -73,14 +73,14 @@ def command(name: str, *arguments: str, cache: Path | None = None) -> float:
 
 
 def random_designs(count: int, file: Path) -> None:
-    """A file of designs for ``evoros-evaluate``."""
+    """Write a file of designs for ``evoros-evaluate``."""
     space, rng = compose([]).build().space, generator("0", "performance")
     designs = {i: space.decode(rng.random(space.size)) for i in range(count)}
     file.write_text(design_table(designs))
 
 
 def pace(simulator: str, workers: int, designs: int, trials: int, folder: Path) -> Pace:
-    """Random designs through ``evoros-evaluate``."""
+    """Evaluate random designs with ``evoros-evaluate``."""
     file, run = folder / f"{designs}.csv", folder / f"{simulator}_{workers}"
     random_designs(designs, file)
     whole = command(
@@ -93,12 +93,12 @@ def pace(simulator: str, workers: int, designs: int, trials: int, folder: Path) 
     )
     with (run / "missions.csv").open() as rows:
         times = [float(row["time_s"]) for row in csv.DictReader(rows)]
-    flying = json.loads((run / "status.json").read_text())["session_wall_s"]
-    return Pace(simulator, workers, len(times), sum(times), flying, whole)
+    running = json.loads((run / "status.json").read_text())["session_wall_s"]
+    return Pace(simulator, workers, len(times), sum(times), running, whole)
 
 
 def replicate(folder: Path) -> tuple[float, float, int]:
-    """A whole replicate by ``evoros``: wall [s], a generation [s], missions."""
+    """Run a whole replicate; returns its wall time [s], that of a generation, its missions."""
     run = folder / "replicate"
     whole = command("evoros", "simulator=planar", "figures=[]", f"hydra.run.dir={run}")
     status = json.loads((run / "status.json").read_text())
@@ -106,9 +106,9 @@ def replicate(folder: Path) -> tuple[float, float, int]:
 
 
 def start(folder: Path) -> tuple[float, float]:
-    """The shortest run, with nothing compiled yet, and again: wall [s]."""
-    least = ("optimizer.population_size=2", "optimizer.generations=1")
-    short = ("simulator=planar", "figures=[]", *least)
+    """The wall-clock time [s] of the shortest run, without and with cached machine code."""
+    tiny = ("optimizer.population_size=2", "optimizer.generations=1")
+    short = ("simulator=planar", "figures=[]", *tiny)
     cold, warm = (
         command("evoros", *short, f"hydra.run.dir={folder / name}", cache=folder / "cache")
         for name in ("cold", "warm")
@@ -122,7 +122,7 @@ def report(
     starts: tuple[float, float],
     curves: dict[str, list[Point]],
 ) -> str:
-    """The measured part of the document."""
+    """The measured part of the page."""
     names = ("numba", "numpy", "pybullet")
     packages = ", ".join(f"{name} {version(name)}" for name in names)
     lines = [
@@ -134,7 +134,7 @@ def report(
         "|---|---|---|---|---|---|---|",
     ]
     lines += [
-        f"| {p.simulator} | {p.workers} | {p.missions:,} | {p.simulated:,.0f} | {p.flying:.1f} "
+        f"| {p.simulator} | {p.workers} | {p.missions:,} | {p.simulated:,.0f} | {p.running:.1f} "
         f"| {p.whole:.1f} | {p.rate:,.0f} |"
         for p in paces
     ]
@@ -152,7 +152,7 @@ def report(
 
 
 def draw(paces: list[Pace], curves: dict[str, list[Point]]) -> None:
-    """Four panels: what a tick costs, and what workers gain."""
+    """Draw three panels of the cost of a tick and one of the gain from workers."""
     plt.rcParams.update({"font.size": 8, "axes.spines.top": False, "axes.spines.right": False})
     figure, axes = plt.subplots(1, 4, figsize=(7.2, 2.1), layout="constrained")
     for axis, (name, points) in zip(axes, curves.items(), strict=False):
@@ -163,9 +163,11 @@ def draw(paces: list[Pace], curves: dict[str, list[Point]]) -> None:
             axis.set_xscale("log")
     axes[0].set_ylabel("A control tick (µs)")
     for simulator, color in (("planar", "#0072B2"), ("pybullet", "#D55E00")):
-        mine = sorted((p.workers, p.rate) for p in paces if p.simulator == simulator)
-        axes[3].plot(*np.array(mine).T, "o-", color=color, ms=3, lw=1, label=simulator)
-    axes[3].set(xlabel="Workers", ylabel="Simulated s/s", yscale="log", xticks=[w for w, _ in mine])
+        rates = sorted((p.workers, p.rate) for p in paces if p.simulator == simulator)
+        axes[3].plot(*np.array(rates).T, "o-", color=color, ms=3, lw=1, label=simulator)
+    axes[3].set(
+        xlabel="Workers", ylabel="Simulated s/s", yscale="log", xticks=[w for w, _ in rates]
+    )
     axes[3].legend(frameon=False)
     figure.savefig(FIGURE, dpi=200)
 
@@ -182,8 +184,8 @@ def main() -> None:
     measured = report(paces, whole, starts, curves)
     print(measured)
     draw(paces, curves)
-    before, _, rest = REPORT.read_text().partition(BEGIN)
-    after = rest.partition(END)[2]
+    before, _, tail = REPORT.read_text().partition(BEGIN)
+    after = tail.partition(END)[2]
     REPORT.write_text(f"{before}{BEGIN}\n\n{measured}\n\n{END}{after}")
 
 

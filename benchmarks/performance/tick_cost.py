@@ -1,7 +1,8 @@
-"""What a control tick of the planar simulator costs: against sensors, rays and obstacles.
+"""Measures a control tick of the planar simulator against sensors, rays and obstacles.
 
-Sensing and five steps of 20 ms with their contacts, compiled, along a walk through a field at the
-density of the case study's boxes. Used by ``performance.py``; alone it prints its table:
+A tick is one sensing and five steps of 20 ms with their contact tests, compiled. The robot walks
+through a field with the density of the case study's boxes. ``performance.py`` uses this module;
+alone it prints its table:
 
     python benchmarks/performance/tick_cost.py
 """
@@ -24,17 +25,17 @@ from evoros.sensor.sonar import Sonar
 from evoros.simulator.protocol import RuleSimulation
 from evoros.world.model import World
 
-DENSITY = 0.19  # obstacles for each square metre: nineteen boxes on ten by ten metres
+DENSITY = 0.19  # obstacles per square metre, as of nineteen boxes on ten by ten metres
 TICK_S, TICKS, REPEATS = 0.1, 100_000, 5
 SENSORS = (1, 3, 6, 12, 24, 48)
 RAYS_PER_AXIS = (1, 3, 5, 7, 10, 15)
 OBSTACLES = (20, 200, 2_000, 20_000)
 
-Point = tuple[int, float]  # number, microseconds a tick
+Point = tuple[int, float]  # number, microseconds per tick
 
 
 @njit
-def fly(sense, advance, parameters, memory, walk, readings, command):  # type: ignore[no-untyped-def]
+def run_walk(sense, advance, parameters, memory, walk, readings, command):  # type: ignore[no-untyped-def]
     """Sense and advance from each pose of a walk (n, 3)."""
     for k in range(len(walk)):
         memory[:3] = walk[k]
@@ -43,7 +44,7 @@ def fly(sense, advance, parameters, memory, walk, readings, command):  # type: i
 
 
 def rover(experiment: Experiment, sensors: int, rays_per_axis: int) -> Robot:
-    """The rover with sensors all around."""
+    """The rover with sensors in all directions."""
     sonar = Sonar(rays_per_axis=rays_per_axis)
     around = [360.0 * i / sensors for i in range(sensors)]
     mounts = [Mount("sonar", "base_link", 0.1, 0.0, 0.166, yaw, 12.5) for yaw in around]
@@ -51,14 +52,13 @@ def rover(experiment: Experiment, sensors: int, rays_per_axis: int) -> Robot:
 
 
 def field(experiment: Experiment, obstacles: int) -> World:
-    """A square of boxes, seeded; home lies outside of it."""
+    """A square with boxes at random places; home is outside of it."""
     rng, side = np.random.default_rng(1), math.sqrt(obstacles / DENSITY)
-    places = rng.uniform(
-        (-side / 2, -side / 2, 0.0), (side / 2, side / 2, math.tau), (obstacles, 3)
-    )
+    half = side / 2
+    poses = rng.uniform((-half, -half, 0.0), (half, half, math.tau), (obstacles, 3))
     boxes = [
         Body(f"box_{i}", Pose.from_rpy((x, y, 0.2), 0.0, 0.0, yaw), (Shape("box", (0.4,) * 3),))
-        for i, (x, y, yaw) in enumerate(places.tolist())
+        for i, (x, y, yaw) in enumerate(poses.tolist())
     ]
     world = experiment.world["boxes"]
     ground = [body for body in world.bodies if body.is_ground]
@@ -67,7 +67,7 @@ def field(experiment: Experiment, obstacles: int) -> World:
 
 
 def walk(obstacles: int) -> "np.ndarray[tuple[int, int], np.dtype[np.float64]]":
-    """(TICKS, 3) poses 3 cm apart from each to the next, inside of the field."""
+    """Poses (TICKS, 3) inside the field, each 3 cm from the one before."""
     rng, side = np.random.default_rng(2), math.sqrt(obstacles / DENSITY) - 2.0
     yaw = np.cumsum(rng.normal(0.0, 0.2, TICKS))
     steps = 0.03 * np.column_stack([np.cos(yaw), np.sin(yaw)])
@@ -76,24 +76,24 @@ def walk(obstacles: int) -> "np.ndarray[tuple[int, int], np.dtype[np.float64]]":
 
 
 def cost(experiment: Experiment, robot: Robot, obstacles: int) -> float:
-    """Microseconds a tick: the least of some repeats, for other programs only add to it."""
+    """The time [us] of a tick: the minimum of some repeats, as other programs only add to it."""
     world, poses = field(experiment, obstacles), walk(obstacles)
     with experiment.simulator.open(robot, world) as simulation:
         assert isinstance(simulation, RuleSimulation)
         _, sense, advance = map(compile_rule, simulation.rules, SIMULATION_RULES)
         readings, command = np.zeros(len(robot.mounts)), np.array([0.3, 0.2])
         arguments = (sense, advance, simulation.parameters, simulation.memory)
-        fly(*arguments, poses[:10], readings, command)
+        run_walk(*arguments, poses[:10], readings, command)
         times = []
         for _ in range(REPEATS):
             begin = perf_counter()
-            fly(*arguments, poses, readings, command)
+            run_walk(*arguments, poses, readings, command)
             times.append(perf_counter() - begin)
     return 1e6 * min(times) / TICKS
 
 
 def curves() -> dict[str, list[Point]]:
-    """The cost of a tick by what makes it dearer; the rest as in the case study."""
+    """The cost of a tick for each varied number; all else is as in the case study."""
     experiment = compose(["simulator=planar"]).build()
     six = rover(experiment, 6, 5)
     return {
@@ -106,7 +106,7 @@ def curves() -> dict[str, list[Point]]:
 
 
 def table(curves: dict[str, Sequence[Point]]) -> str:
-    """As Markdown."""
+    """The curves as a table in Markdown."""
     lines = ["| varied | number | us a tick | ratio to the first |", "|---|---|---|---|"]
     for name, points in curves.items():
         for number, value in points:

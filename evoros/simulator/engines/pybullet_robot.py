@@ -57,19 +57,18 @@ def load_robot(
     Raises:
         pybullet.error: the engine refuses the robot.
     """
-    drive, position, yaw = robot.drive, home[:3], home[3]
-    facing = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+    drive = robot.drive
+    frame = home[:3], (0.0, 0.0, math.sin(home[3] / 2), math.cos(home[3] / 2))
     # Not URDF_MERGE_FIXED_LINKS, which would lose the origin of the chassis' inertia.
     flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_IGNORE_VISUAL_SHAPES
     urdf = merge_fixed_links(robot.urdf_elements(), drive.caster_links)
-    body = load_urdf(bullet, client, urdf, (position, facing), flags)
+    body = load_urdf(bullet, client, urdf, frame, flags)
     joints = _read_joints(bullet, client, body)
     friction = _rolling_friction(joints, drive, wheel_friction)
     links = range(-1, len(joints))
     _set_up_links(bullet, client, body, links, friction)
-    by_name = {joint.name: joint for joint in joints}
-    steering = [by_name[name] for name in drive.steering_joints]
-    wheels = [by_name[name] for name in drive.wheel_joints]
+    steering, steering_forces = _motors(joints, drive.steering_joints)
+    wheels, wheel_forces = _motors(joints, drive.wheel_joints)
     center = bullet.getDynamicsInfo(body, -1, physicsClientId=client)[3:5]
     return LoadedRobot(
         body=body,
@@ -79,11 +78,11 @@ def load_robot(
             if link not in friction and bullet.getCollisionShapeData(body, link, client)
         ),
         joints=tuple(joint.number for joint in joints if not joint.fixed),
-        steering=tuple(joint.number for joint in steering),
-        steering_forces=tuple(joint.force for joint in steering),
-        wheels=tuple(joint.number for joint in wheels),
-        wheel_forces=tuple(joint.force for joint in wheels),
-        start=bullet.multiplyTransforms(position, facing, *center),
+        steering=steering,
+        steering_forces=steering_forces,
+        wheels=wheels,
+        wheel_forces=wheel_forces,
+        start=bullet.multiplyTransforms(*frame, *center),
         to_base=bullet.invertTransform(*center),
     )
 
@@ -99,6 +98,15 @@ def _read_joints(bullet: Any, client: int, body: int) -> list[_Joint]:
         )
         for info in infos
     ]
+
+
+def _motors(
+    joints: Sequence[_Joint], names: Sequence[str]
+) -> tuple[tuple[int, ...], tuple[float, ...]]:
+    """The numbers and motor forces [N m] of the named joints."""
+    by_name = {joint.name: joint for joint in joints}
+    found = [by_name[name] for name in names]
+    return tuple(joint.number for joint in found), tuple(joint.force for joint in found)
 
 
 def _rolling_friction(
