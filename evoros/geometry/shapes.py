@@ -1,4 +1,4 @@
-"""Solid bodies and where they are: poses, shapes and what is made of them."""
+"""Poses, shapes, and the solid bodies that shapes make."""
 
 import math
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ def _numbers(count: int) -> Rule:
 @dataclass(frozen=True)
 @checked
 class Pose:
-    """A frame in another frame: ``a_to_c = a_to_b @ b_to_c``."""
+    """The pose of a frame in another one, with ``a_to_c = a_to_b @ b_to_c``."""
 
     position: Annotated[Vector, _numbers(3)] = (0.0, 0.0, 0.0)  # x, y, z [m]
     quaternion: Annotated[Quaternion, _numbers(4)] = (0.0, 0.0, 0.0, 1.0)  # x, y, z, w, of length 1
@@ -46,7 +46,7 @@ class Pose:
 
     @classmethod
     def from_rpy(cls, position: Vector, roll: float, pitch: float, yaw: float) -> "Pose":
-        """Rotation Rz(yaw) Ry(pitch) Rx(roll), angles in radians, as SDF and URDF have it."""
+        """Create a pose with the rotation Rz(yaw) Ry(pitch) Rx(roll) [rad] of SDF and URDF."""
         cr, sr = math.cos(roll / 2), math.sin(roll / 2)
         cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
         cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
@@ -62,10 +62,10 @@ class Pose:
 
     @classmethod
     def from_matrix(cls, position: Sequence[float], rotation: Array) -> "Pose":
-        """``rotation`` (3, 3) is orthonormal and right-handed."""
+        """Create a pose from an orthonormal, right-handed ``rotation`` (3, 3)."""
         m = rotation.tolist()
         trace = m[0][0] + m[1][1] + m[2][2]
-        # The largest of the four components is the one that can be found without cancellation.
+        # Only the largest of the four components can be computed without cancellation.
         squares = (*(1 - trace + 2 * m[i][i] for i in range(3)), 1 + trace)
         largest = max(range(4), key=squares.__getitem__)
         q = [0.0, 0.0, 0.0, 0.0]
@@ -85,7 +85,7 @@ class Pose:
         x1, y1, z1, w1 = self.quaternion
         x2, y2, z2, w2 = other.quaternion
         return Pose(
-            self.point(other.position),
+            self.transform(other.position),
             normalize(
                 (
                     w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
@@ -97,20 +97,20 @@ class Pose:
         )
 
     def inverse(self) -> "Pose":
-        """The pose of the other frame in this one."""
+        """Return the pose of the other frame in this one."""
         x, y, z, w = self.quaternion
-        back = Pose(quaternion=(-x, -y, -z, w))
-        px, py, pz = back.point(self.position)
-        return Pose((-px, -py, -pz), back.quaternion)
+        conjugate = Pose(quaternion=(-x, -y, -z, w))
+        px, py, pz = conjugate.transform(self.position)
+        return Pose((-px, -py, -pz), conjugate.quaternion)
 
-    def point(self, point: Vector) -> Vector:
-        """A point of this frame [m], seen from the frame that this pose is in."""
+    def transform(self, point: Vector) -> Vector:
+        """Return a point [m] of this frame in the frame that this pose is given in."""
         x, y, z = (self.rotation @ np.array(point) + self.position).tolist()
         return (x, y, z)
 
     @property
     def rotation(self) -> Array:
-        """(3, 3): the columns are this frame's axes."""
+        """The rotation matrix (3, 3), whose columns are this frame's axes."""
         x, y, z, w = self.quaternion
         return np.array(
             [
@@ -122,13 +122,13 @@ class Pose:
 
     @property
     def yaw(self) -> float:
-        """Heading of the x axis in the plane [rad]."""
+        """The heading [rad] of the x axis in the horizontal plane."""
         x, y, z, w = self.quaternion
         return math.atan2(2 * (x * y + z * w), 1 - 2 * (y * y + z * z))
 
 
 def normalize(quaternion: Sequence[float]) -> Quaternion:
-    """The quaternion with length 1; it must not be zero."""
+    """Scale a quaternion, which must not be zero, to length 1."""
     length = math.sqrt(sum(q * q for q in quaternion))
     x, y, z, w = (q / length for q in quaternion)
     return (x, y, z, w)
@@ -142,8 +142,9 @@ _SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "plane": 3}
 class Shape:
     """A primitive, centred on its frame.
 
-    ``size`` [m] is, of a box, its full lengths along x, y and z; of a cylinder, its radius and its
-    length along z; of a sphere, its radius; of a plane, its normal (no size: it is infinite).
+    The meaning of ``size`` [m] depends on the kind: a box has full lengths along x, y and z, a
+    cylinder a radius and a length along z, a sphere a radius. For a plane, which is infinite,
+    ``size`` is the normal.
     """
 
     kind: Annotated[str, one_of(*_SIZES)]  # box, cylinder, sphere or plane
@@ -156,9 +157,9 @@ class Shape:
             raise invalid(self, "size", self.size, f"must be {sizes.text}")
         if self.kind == "plane":
             if math.sqrt(sum(n * n for n in self.size)) < 1e-9:
-                raise invalid(self, "size", self.size, "the normal of a plane must not be 0")
+                raise invalid(self, "size", self.size, "must not be 0, as the normal of a plane")
         elif min(self.size) <= 0:
-            raise invalid(self, "size", self.size, f"all sizes of a {self.kind} must be above 0")
+            raise invalid(self, "size", self.size, f"must be above 0 for a {self.kind}")
 
 
 MASS = Rule("greater than 0 kg, or null if fixed", POSITIVE.holds)
@@ -167,7 +168,7 @@ MASS = Rule("greater than 0 kg, or null if fixed", POSITIVE.holds)
 @dataclass(frozen=True)
 @checked
 class Body:
-    """Shapes that move as one. The frame of a movable body is the one of its inertia."""
+    """Shapes that move as one. The frame of a movable body is its principal frame of inertia."""
 
     name: Annotated[str, TEXT]
     pose: Pose  # in the world; of a movable body: at its centre of mass, along its principal axes
@@ -175,17 +176,17 @@ class Body:
     mass: Annotated[float | None, MASS] = None  # [kg]; None: fixed to the ground
     friction: Annotated[float, NOT_NEGATIVE] = 1.0  # coefficient mu of this body's surface
     inertia: Annotated[Vector | None, _numbers(3)] = None
-    """Principal moments [kg m2] about the axes of ``pose``; None: that of the shapes, filled."""
+    """Principal moments [kg m2] about the axes of ``pose``; None: those of homogeneous shapes."""
 
     def __post_init__(self) -> None:
         if not self.shapes:
             raise invalid(self, "shapes", self.shapes, "must not be empty")
         if self.mass is not None and any(shape.kind == "plane" for shape in self.shapes):
-            raise invalid(self, "mass", self.mass, "a body with a plane must be fixed")
+            raise invalid(self, "mass", self.mass, "must be null for a body with a plane")
         if self.inertia is not None and min(self.inertia) <= 0:
-            raise invalid(self, "inertia", self.inertia, "all moments must be above 0")
+            raise invalid(self, "inertia", self.inertia, "must be above 0")
 
     @property
     def is_ground(self) -> bool:
-        """A plane is ground to drive on; everything else is an obstacle."""
+        """Whether the body consists of planes to drive on; any other body is an obstacle."""
         return all(shape.kind == "plane" for shape in self.shapes)

@@ -52,11 +52,14 @@ class Course:
 
     @property
     def home(self) -> tuple[float, float, float, float]:
-        """x, y, z [m] and yaw [rad] where the robot starts."""
+        """The start of the robot: x, y, z [m] and yaw [rad]."""
         return (self.home_x_m, self.home_y_m, self.home_z_m, self.home_yaw_rad)
 
     def goes_forward(self, generation: int, rng: Generator) -> bool:
-        """Whether the first phase takes the corners in their order; draws only if random."""
+        """Return whether the first phase visits the corners in their order.
+
+        Only a random direction draws a number from ``rng``.
+        """
         if self.direction == "random":
             return bool(rng.random() < 0.5)
         if self.direction == "parity":
@@ -64,10 +67,10 @@ class Course:
         return self.direction == "forward"
 
     def route(self, forward: bool) -> Array:
-        """The goals of all legs in order, (2 * (corners + 1), 2) [m]."""
+        """Return the goals of all legs in order, (2 * (corners + 1), 2) [m]."""
         home = (self.home_x_m, self.home_y_m)
-        there = self.waypoints if forward else self.waypoints[::-1]
-        return np.array([*there, home, *there[::-1], home], dtype=np.float64)
+        corners = self.waypoints if forward else self.waypoints[::-1]
+        return np.array([*corners, home, *corners[::-1], home], dtype=np.float64)
 
 
 A_COURSE = instance_of(Course, "a course (evoros.world.course.Course)")

@@ -1,4 +1,4 @@
-"""Worlds: bodies on level ground, and a course among them."""
+"""A world: bodies on level ground, and a course among them."""
 
 import math
 from dataclasses import dataclass
@@ -10,8 +10,10 @@ from evoros.base.checks import TEXT, checked, instance_of, invalid, sequence_of
 from evoros.base.errors import InputError
 from evoros.formats.sdf.writer import write_sdf
 from evoros.geometry.footprint import bottom_height, contains, project_shape, top_height
-from evoros.geometry.shapes import Body
+from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.course import A_COURSE, Course
+
+GROUND = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
 
 LOW_M = 0.3
 """An obstacle whose underside is higher than this above the ground may stand over a waypoint."""
@@ -19,14 +21,14 @@ LOW_M = 0.3
 
 @runtime_checkable
 class WorldSampler(Protocol):
-    """Draws worlds."""
+    """A distribution of worlds with the same course."""
 
-    def world(self, draws: str) -> "World":
-        """The world under this key of random draws, always with the same course."""
+    def draw_world(self, draws: str) -> "World":
+        """Draw the world of a mission, whose key ``draws`` determines all its random numbers."""
         ...
 
 
-A_SAMPLER = instance_of(WorldSampler, "what draws worlds (world)")
+A_SAMPLER = instance_of(WorldSampler, "a world sampler (draw_world)")
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ A_SAMPLER = instance_of(WorldSampler, "what draws worlds (world)")
 class World:
     """Bodies and a course among them. Every world has level ground at z = 0.
 
-    A world that is renewed is another one under each mission's draws, and itself an example.
+    With a sampler, each mission has a world of its own, and this world is an example.
     """
 
     name: Annotated[str, TEXT]
@@ -42,8 +44,8 @@ class World:
     course: Annotated[Course, A_COURSE]
     source: Annotated[str, TEXT]  # the file, as the configuration names it
     source_sha256: str  # of its content
-    renewal: Annotated[WorldSampler | None, A_SAMPLER] = None  # None: always the same
-    note: str = ""  # what its SDF says of it: where it comes from
+    sampler: Annotated[WorldSampler | None, A_SAMPLER] = None  # None: the same in all missions
+    note: str = ""  # comment in its SDF: where it comes from
 
     def __post_init__(self) -> None:
         _check_names(self)
@@ -51,12 +53,12 @@ class World:
         _check_course(self)
 
     def __hash__(self) -> int:
-        # Not of all bodies: what is computed from a world is kept by it.
+        # Cheap, without the bodies: worlds are keys of caches.
         return hash((self.name, self.source_sha256))
 
     def at(self, draws: str) -> "World":
-        """The world that a mission under this key of random draws meets."""
-        return self if self.renewal is None else self.renewal.world(draws)
+        """Return the world of a mission with this key of random draws."""
+        return self if self.sampler is None else self.sampler.draw_world(draws)
 
     @property
     def sdf(self) -> str:
@@ -90,25 +92,25 @@ def _check_ground(world: World) -> None:
                 )
             heights.append(pose.position[2])
     if not heights or abs(max(heights)) > 1e-6:
-        found = f"its highest is at {max(heights):g}" if heights else "it has none"
+        found = f"its highest is at {max(heights):g} m" if heights else "it has none"
         raise InputError(
-            f"{world.source}: a world must have ground at z = 0 m; {found}: put it there"
+            f"{world.source}: must have ground at z = 0 m, but {found}; put a level plane there"
         )
 
 
 def _check_course(world: World) -> None:
     course = world.course
-    places = {f"waypoint {i} {point}": point for i, point in enumerate(course.waypoints)}
-    places[f"home ({course.home_x_m}, {course.home_y_m})"] = (course.home_x_m, course.home_y_m)
+    points = {f"waypoint {i} {point}": point for i, point in enumerate(course.waypoints)}
+    points[f"home ({course.home_x_m}, {course.home_y_m})"] = (course.home_x_m, course.home_y_m)
     for body in world.obstacles:
         for shape in body.shapes:
             pose = body.pose @ shape.pose
             if bottom_height(shape, pose) > LOW_M or top_height(shape, pose) <= 0.0:
                 continue
-            outline = project_shape(shape, pose)
-            for place, (x, y) in places.items():
-                if contains(outline, (x, y)):
+            footprint = project_shape(shape, pose)
+            for name, point in points.items():
+                if contains(footprint, point):
                     raise InputError(
-                        f"{world.source}: {place} of the course lies inside the obstacle "
+                        f"{world.source}: {name} of the course must not lie inside the obstacle "
                         f"{body.name!r}; move one of the two"
                     )

@@ -121,7 +121,7 @@ def test_a_robot_covers_the_pixels_that_its_pose_says(
     pose = Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw)
     corners = np.array(
         [
-            camera.pixels @ [*pose.point((0.05 + a, b, 0.1 + c)), 1.0]
+            camera.pixels @ [*pose.transform((0.05 + a, b, 0.1 + c)), 1.0]
             for a in (-0.2, 0.2)
             for b in (-0.1, 0.1)
             for c in (-0.05, 0.05)

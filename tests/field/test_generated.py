@@ -22,8 +22,8 @@ from evoros.base.resources import bundled_folder
 from evoros.cli.world import evoros_world
 from evoros.config.compose import compose
 from evoros.design.design import Design
-from evoros.field.generated import FIXED, Field, generated_world
-from evoros.field.kinds import Box, Cylinder, Kind
+from evoros.field.generated import FIXED, Field, generate_world
+from evoros.field.kinds import Box, Cylinder, ObstacleKind
 from evoros.field.passage import Passage
 from evoros.formats.sdf.reader import read_sdf
 from evoros.formats.sdf.writer import write_sdf
@@ -41,7 +41,12 @@ CRATES = Box([0.3, 0.8], [0.3, 0.8], [0.3, 0.8])
 POSTS = Cylinder([0.1, 0.3], 1.0)
 LIGHT = Box([0.2, 0.4], 0.2, 0.2, 0.5, mass_kg=5.0)
 BARRELS = Cylinder(0.4, [0.3, 0.9], 0.5, mass_kg=8.0)
-KINDS: dict[str, Kind] = {"crates": CRATES, "posts": POSTS, "light": LIGHT, "barrels": BARRELS}
+KINDS: dict[str, ObstacleKind] = {
+    "crates": CRATES,
+    "posts": POSTS,
+    "light": LIGHT,
+    "barrels": BARRELS,
+}
 
 
 def course(waypoints: Any = SQUARE, x: float = 0.0, y: float = 0.0) -> Course:
@@ -99,7 +104,7 @@ def border(area: Footprint) -> Array:
 @settings(max_examples=12, deadline=None)
 @given(fields())
 def test_a_field_keeps_its_promises(one: Field) -> None:
-    world = one.world(FIXED)
+    world = one.draw_world(FIXED)
     walls = [body for body in world.obstacles if body.name.startswith("wall_")]
     obstacles = tuple(body for body in world.obstacles if body not in walls)
     assert len(walls) == 4 * one.enclosed
@@ -126,8 +131,8 @@ def test_a_field_keeps_its_promises(one: Field) -> None:
 @settings(max_examples=12, deadline=None)
 @given(fields())
 def test_a_way_of_the_promised_width_leads_along_each_leg(one: Field) -> None:
-    world = one.world(FIXED)
-    ways = one.ways(world.bodies)
+    world = one.draw_world(FIXED)
+    ways = one.find_ways(world.bodies)
     home = one.course.home[:2]
     places = [home, *one.course.waypoints, home]
     assert len(ways) == len(places) - 1
@@ -161,7 +166,7 @@ def test_a_closed_way_stays_open() -> None:
 
 def test_kinds_come_by_their_shares_and_sizes() -> None:
     big = field(extent_m=[40.0, 40.0], density=0.25, gap_m=0.0)
-    bodies = [b for b in big.world(FIXED).obstacles if not b.name.startswith("wall_")]
+    bodies = [b for b in big.draw_world(FIXED).obstacles if not b.name.startswith("wall_")]
     count = {name: sum(b.name.startswith(name) for b in bodies) for name in KINDS}
     total = sum(kind.share for kind in KINDS.values())
     for name, kind in KINDS.items():
@@ -175,7 +180,7 @@ def test_kinds_come_by_their_shares_and_sizes() -> None:
 
 
 def test_movable_obstacles_have_the_inertia_of_their_shape() -> None:
-    for body in field(kinds={"light": LIGHT, "barrels": BARRELS}).world(FIXED).obstacles:
+    for body in field(kinds={"light": LIGHT, "barrels": BARRELS}).draw_world(FIXED).obstacles:
         if body.name.startswith("wall_"):
             assert body.mass is None
             continue
@@ -208,15 +213,17 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process() -> None:
 
 
 def test_every_seed_and_every_key_of_draws_gives_another_field() -> None:
-    made = [field(seed=seed).world(draws).source_sha256 for seed in (0, 1) for draws in ("a", "b")]
+    made = [
+        field(seed=seed).draw_world(draws).source_sha256 for seed in (0, 1) for draws in ("a", "b")
+    ]
     assert len(set(made)) == 4
-    assert field().world("a") is field().world("a")  # kept, not drawn again
+    assert field().draw_world("a") is field().draw_world("a")  # kept, not drawn again
 
 
 @settings(max_examples=10, deadline=None)
 @given(fields())
 def test_the_file_is_the_world_in_every_bit(one: Field) -> None:
-    world = one.world(FIXED)
+    world = one.draw_world(FIXED)
     assert read_sdf(world.sdf.encode(), "a file") == world.bodies
     again = World("generated", read_sdf(world.sdf.encode(), "a file"), one.course, "x", "y")
     assert again.sdf == world.sdf.replace(f"<!-- {world.note} -->\n", "")
@@ -238,16 +245,16 @@ def _rebuild(values: dict[str, Any]) -> Any:
 
 def test_the_comment_is_enough_to_make_the_file_again() -> None:
     for one, draws in ((field(kinds={"a--b": CRATES}), "0/selection/3/x--y/1"), (field(), FIXED)):
-        sdf = one.world(draws).sdf
+        sdf = one.draw_world(draws).sdf
         made, key = noted(sdf)
         assert (made, key) == (one, draws)
-        assert made.world(key).sdf == sdf
+        assert made.draw_world(key).sdf == sdf
 
 
 def test_the_comment_does_not_name_the_place_of_a_class() -> None:
     moved = type("Box", (Box,), {"__module__": "elsewhere"})
     one = field(kinds={"crates": moved(**vars(CRATES))})
-    assert one.world(FIXED).sdf == field(kinds={"crates": CRATES}).world(FIXED).sdf
+    assert one.draw_world(FIXED).sdf == field(kinds={"crates": CRATES}).draw_world(FIXED).sdf
 
 
 DENSE = ("dense_crates", "dense_barrels", "dense_mixed")
@@ -257,10 +264,10 @@ DENSE = ("dense_crates", "dense_barrels", "dense_mixed")
 def test_the_dense_fields_are_what_their_comments_say(name: str) -> None:
     content = (bundled_folder("worlds") / f"{name}.sdf").read_text()
     made, draws = noted(content)
-    assert made.world(draws).sdf == content
+    assert made.draw_world(draws).sdf == content
     experiment = compose(["world=dense"]).build()
     assert tuple(experiment.world) == DENSE
-    assert experiment.world[name].bodies == made.world(draws).bodies
+    assert experiment.world[name].bodies == made.draw_world(draws).bodies
 
 
 @pytest.mark.parametrize("name", ["boxes", "maze", "blocks"])
@@ -330,7 +337,7 @@ def assert_alike(bodies: tuple[Body, ...], others: tuple[Body, ...]) -> None:
 )
 def test_a_bad_parameter_is_named(changes: dict[str, Any], key: str) -> None:
     with pytest.raises(InputError, match=rf"^Field\.{key}: [^\n]*; "):
-        field(**changes).world(FIXED)
+        field(**changes).draw_world(FIXED)
 
 
 @pytest.mark.parametrize(
@@ -354,7 +361,7 @@ def test_a_corridor_full_of_posts_has_a_way_through() -> None:
     )
     for seed in range(5):
         one = Field(**{**vars(narrow), "seed": seed})
-        assert all(len(way) for way in one.ways(one.world(FIXED).bodies))
+        assert all(len(way) for way in one.find_ways(one.draw_world(FIXED).bodies))
 
 
 # ---- New worlds from the draws of missions.
@@ -363,7 +370,7 @@ def test_a_corridor_full_of_posts_has_a_way_through() -> None:
 def renewed() -> World:
     one = field(density=0.1)
     values = {name: getattr(one, name) for name in one.__dataclass_fields__}
-    return generated_world(**values, renew=True)
+    return generate_world(**values, renew=True)
 
 
 def test_missions_that_share_their_draws_meet_the_same_world_and_others_do_not() -> None:
@@ -385,11 +392,11 @@ def test_missions_that_share_their_draws_meet_the_same_world_and_others_do_not()
 
 def test_a_world_that_is_not_renewed_is_the_same_in_every_mission() -> None:
     values = {name: getattr(field(), name) for name in field().__dataclass_fields__}
-    world = generated_world(**values)
+    world = generate_world(**values)
     assert world.at("a") is world.at("b") is world
     assert renewed().bodies == renewed().bodies  # the example that a renewed one is itself
     with pytest.raises(InputError, match="renew"):
-        generated_world(**values, renew="yes")  # type: ignore[arg-type]
+        generate_world(**values, renew="yes")  # type: ignore[arg-type]
 
 
 # ---- The command.
@@ -442,7 +449,7 @@ def test_the_champion_keeps_the_worlds_that_it_met(tmp_path: Path) -> None:
     kept = (here / "champion" / "world_generated.sdf").read_text()
     made, draws = noted(kept)
     assert draws == rows.draws.iloc[0]
-    assert made.world(draws).sdf == kept
+    assert made.draw_world(draws).sdf == kept
     assert run.missions.draws.nunique() == 4  # three generations and the validation
     row = rows.iloc[0]
     outcome, track = replay(
@@ -456,7 +463,7 @@ def test_the_champion_keeps_the_worlds_that_it_met(tmp_path: Path) -> None:
 
 
 def test_a_picture_has_every_obstacle_where_it_stands() -> None:
-    open_, closed = field(enclosed=False).world(FIXED), field().world(FIXED)
+    open_, closed = field(enclosed=False).draw_world(FIXED), field().draw_world(FIXED)
     track = np.array([[0.0, 0.0], [1.0, 2.0]])
     drawn = worlds({"open": open_, "closed": closed}, {"closed": [track]}, width=5.0)
     assert drawn.get_figwidth() == 5.0
@@ -476,7 +483,7 @@ def test_a_picture_has_every_obstacle_where_it_stands() -> None:
 
 
 def test_a_picture_has_what_leans_and_what_is_raised() -> None:
-    world = field().world(FIXED)
+    world = field().draw_world(FIXED)
     ground = [body for body in world.bodies if body.is_ground]
     lean = Pose.from_rpy((6.0, 0.0, 0.5), 1e-6, 0.0, 0.0)  # as a file with rounded angles has it
     post = Body("post", lean, (Shape("cylinder", (0.3, 1.0)),))
