@@ -120,7 +120,14 @@ def convex_hull(points: Array) -> Array:
                 chain.pop()
             chain.append(cell)
         hull += chain[:-1]
-    return np.array([corners[cell] for cell in hull])
+    before = hull[-1:] + hull[:-1]
+    distinct = [b for a, b in zip(before, hull, strict=True) if len(hull) < 3 or _apart(a, b)]
+    return np.array([corners[cell] for cell in distinct])
+
+
+def _apart(a: tuple[int, int], b: tuple[int, int]) -> bool:
+    """Return whether two cells are no neighbours: one point may round to either of two."""
+    return abs(a[0] - b[0]) > 1 or abs(a[1] - b[1]) > 1
 
 
 def _turns_left(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> bool:

@@ -96,6 +96,7 @@ def test_a_footprint_is_the_projection_of_the_solid(shape: Shape, pose: Pose, se
 
 @unhurried
 @given(lengths, lengths, coordinates, coordinates, angles)
+@example(0.05, 0.05, 0.0, 0.0, 1e-6)
 def test_standing_and_lying_cylinders_are_exact(
     radius: float, length: float, x: float, y: float, yaw: float
 ) -> None:
