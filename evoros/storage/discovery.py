@@ -1,4 +1,4 @@
-"""Finds the folders of runs and evaluations below a folder, as a sweep leaves them."""
+"""Finds the folders of runs and evaluations below a folder, for example a sweep's."""
 
 import os
 import re
@@ -6,22 +6,23 @@ from collections.abc import Iterator
 from pathlib import Path
 
 MARKS = ("config.yaml", "manifest.json", "missions.csv")
-"""A folder with one of these is, or should be, that of a run or an evaluation."""
+"""A folder with one of these files is the folder of a run or an evaluation, maybe a damaged one."""
 
 
 def folders_below(path: Path) -> Iterator[Path]:
-    """The folders of runs and evaluations in ``path``, or itself; nothing is looked for in them.
+    """Yield the folders of runs and evaluations below ``path``, or ``path`` if it is one.
 
-    In the order of their names, numbers by their value: ``seed-10`` comes after ``seed-9``.
+    They come in the order of their names, with numbers in the order of their values: ``seed-10``
+    after ``seed-9``. The search does not enter them.
     """
-    for top, below, files in os.walk(path):
-        below[:] = sorted((name for name in below if not name.startswith(".")), key=_natural)
+    for parent, folders, files in os.walk(path):
+        folders[:] = sorted((f for f in folders if not f.startswith(".")), key=_natural_key)
         if any(name in files for name in MARKS):
-            below.clear()
-            yield Path(top)
+            folders.clear()
+            yield Path(parent)
 
 
-def _natural(name: str) -> list[tuple[int, str]]:
+def _natural_key(name: str) -> list[tuple[int, str]]:
     return [
         (int(part or -1), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)
     ]

@@ -1,6 +1,7 @@
-"""What figures need to know of an experiment, as plain numbers: ``setting.json``.
+"""Describes an experiment for figures, in plain numbers, as ``setting.json``.
 
-It stands in the folder, so that a figure needs neither the code nor the files of a run.
+The file lies in the folder of a run, so that figures need neither the code nor the files from which
+the run was made.
 """
 
 import json
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from evoros.base.errors import EvorosError, InputError
+from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.intervals import bounds
 from evoros.base.rng import generator
 from evoros.design.region import Region
@@ -31,18 +32,18 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Part:
-    """What one shape of the robot covers, seen from above."""
+    """The area that one shape of the robot covers, seen from above."""
 
     link: str
     vertices: tuple[Point, ...]  # [m] convex, in the robot's frame: x forward, y left
-    radius_m: float  # all points within it of the vertices' polygon belong to the part
+    radius_m: float  # points within this distance of the polygon belong to the part
     top_m: float  # above the ground
     wheel: bool
 
 
 @dataclass(frozen=True)
 class Beam:
-    """What a type of sensor sees."""
+    """The field of view and range of a type of sensor."""
 
     fov_deg: float  # between its outermost rays, horizontally
     range_min_m: float
@@ -51,7 +52,7 @@ class Beam:
 
 @dataclass(frozen=True)
 class Area:
-    """Where a sensor may be, and where it may face, in the robot's frame."""
+    """The places and directions that a sensor may have, in the robot's frame."""
 
     corners: tuple[Point, ...]  # (4) [m]
     yaw_deg: tuple[float, float]
@@ -59,7 +60,7 @@ class Area:
 
 @dataclass(frozen=True)
 class Ring:
-    """How likely a sensor fails that is nearer to the centre of damage than a radius."""
+    """The probability that a sensor within a radius of the centre of damage fails."""
 
     radius_m: float
     probability: float
@@ -67,7 +68,7 @@ class Ring:
 
 @dataclass(frozen=True)
 class FigureContext:
-    """What an experiment looks like."""
+    """An experiment as figures show it."""
 
     robot: str
     parts: tuple[Part, ...]
@@ -76,8 +77,8 @@ class FigureContext:
     beams: Mapping[str, Beam]  # by the type of the sensor
     regions: Mapping[str, Area]
     mirrored: bool
-    rings: tuple[Ring, ...]  # of spatial damage, from the least; empty: there is none
-    modes: tuple[str, ...]  # what the column ``mode`` of a trajectory stands for, from 1
+    rings: tuple[Ring, ...]  # of spatial damage, from the smallest; empty: no damage
+    modes: tuple[str, ...]  # by the number in a trajectory's column ``mode``, from 1
     courses: Mapping[str, Course]  # by the world's name
 
     @property
@@ -87,27 +88,29 @@ class FigureContext:
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """What a folder has recorded.
+        """Read the file in a folder.
 
         Raises:
-            InputError: there is none, or it is damaged.
+            InputError: it is missing or damaged.
         """
         path = folder / SETTING
         try:
             return cls(**_fields(json.loads(path.read_text())))
         except FileNotFoundError as error:
             raise InputError(
-                f"{path}: must be there, with what figures need, and is missing; restore it, or "
-                f"make the folder again with this version of evoros"
+                f"{path}: must exist, because figures need it; restore it, or start a new run "
+                f"with this version of evoros"
             ) from error
         except (EvorosError, OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-            said = " ".join(str(error).split())
-            raise InputError(f"{path}: must be as evoros wrote it ({said}); restore it") from error
+            reason = single_line(error)
+            raise InputError(
+                f"{path}: must be as evoros wrote it ({reason}); restore it"
+            ) from error
 
 
 def _fields(raw: Mapping[str, Any]) -> dict[str, Any]:
-    """The arguments of a setting, of what JSON has of them."""
-    made = {
+    """Convert the values in the file to the fields of a FigureContext."""
+    fields = {
         "parts": tuple(
             Part(**{**part, "vertices": tuple(map(_point, part["vertices"]))})
             for part in raw["parts"]
@@ -122,7 +125,7 @@ def _fields(raw: Mapping[str, Any]) -> dict[str, Any]:
         "modes": tuple(raw["modes"]),
         "courses": {name: Course(**course) for name, course in raw["courses"].items()},
     }
-    return {**raw, **made}
+    return {**raw, **fields}
 
 
 def _point(raw: Any) -> Point:
@@ -137,7 +140,7 @@ def _numbers(raw: Any, count: int) -> tuple[Any, ...]:
 
 
 def describe_experiment(experiment: "Experiment") -> FigureContext:
-    """The setting of an experiment."""
+    """Describe an experiment for figures."""
     robot, regions = experiment.robot, experiment.space.regions
     with experiment.controller.open(robot, lambda name: generator("setting", name)) as layers:
         modes = tuple(layer.mode for layer in layers)
@@ -169,7 +172,7 @@ def _beam(sensor: Sensor) -> Beam:
 
 
 def _area(region: Region, robot: Robot) -> Area:
-    """Of a region that is bound to the robot."""
+    """Return the area of a region that is bound to the robot."""
     assert region.link is not None
     x, y, _, yaw = robot.sensor_links[region.link]
     (a, b), (c, d) = bounds(region.x_m), bounds(region.y_m)
@@ -182,8 +185,8 @@ def _area(region: Region, robot: Robot) -> Area:
 
 
 def _rings(failure: Failure) -> Iterator[Ring]:
-    """Of any failure that has radii with probabilities, and of those that it combines."""
-    radii, chances = (getattr(failure, name, ()) for name in ("radii_m", "probabilities"))
-    yield from (Ring(float(r), float(p)) for r, p in zip(radii, chances, strict=True))
+    """Yield the rings of a failure that has radii with probabilities, or combines such ones."""
+    radii, probabilities = (getattr(failure, name, ()) for name in ("radii_m", "probabilities"))
+    yield from (Ring(float(r), float(p)) for r, p in zip(radii, probabilities, strict=True))
     for part in getattr(failure, "failures", {}).values():
         yield from _rings(part)

@@ -1,4 +1,4 @@
-"""What a run was made from: versions, machine, and hashes of everything that it depends on."""
+"""The manifest of a run: versions, machine, and hashes of everything that it depends on."""
 
 import hashlib
 import json
@@ -31,11 +31,11 @@ def manifest(
     command: str = "evoros",
     files: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
-    """The content of ``manifest.json`` for a new folder whose ``config.yaml`` is ``config``.
+    """Return the content of ``manifest.json`` for a new folder whose ``config.yaml`` is ``config``.
 
     ``values`` is the configuration with its references resolved; ``choices`` has the chosen file
-    of each of its groups. ``command`` makes the folder, from the experiment and from further
-    ``files``, by name.
+    of each of its groups. ``command`` creates the folder from the experiment and from further
+    ``files``, whose texts are given by name.
     """
     return {
         "format_version": FORMAT_VERSION,
@@ -56,15 +56,15 @@ def manifest(
 def hashes(
     experiment: Experiment, config: str, values: Mapping[str, Any], files: Mapping[str, str]
 ) -> dict[str, str]:
-    """Of all that the experiment was built from."""
+    """Return the SHA-256 of everything that the experiment was built from."""
     worlds = {f"world.{name}": world.source_sha256 for name, world in experiment.world.items()}
-    own = {f"module {name}": _sha256_of(name) for name in sorted(_modules(values))}
+    modules = {f"module {name}": _sha256_of(name) for name in sorted(_modules(values))}
     return {
         "configuration": _sha256(config),
         "configuration (what its ${...} refer to)": _sha256(json.dumps(values, default=str)),
         "robot": _sha256(experiment.robot.urdf),
         **worlds,
-        **own,
+        **modules,
         **{name: _sha256(content) for name, content in files.items()},
     }
 
@@ -77,10 +77,10 @@ def check_unchanged(
     values: Mapping[str, Any],
     files: Mapping[str, str],
 ) -> None:
-    """Before resuming: the run must be made of what it was made of when it began.
+    """Require that a run that is resumed is made from what it was made from when it began.
 
-    The arguments are those of ``manifest``. Packages of other versions are said: the replay shows
-    whether they make a difference.
+    The arguments are those of ``manifest``. Other versions of packages are only reported, because
+    the replay of the run shows whether they make a difference.
 
     Raises:
         InputError: a file has changed, or the run is of another format.
@@ -121,24 +121,26 @@ def _warn_of_versions(folder: Path, recorded: Mapping[str, Any], packages: Seque
 
 
 def _modules(values: Any) -> set[str]:
-    """The imported modules, evoros's own and built-in ones apart, that ``values`` name.
+    """Return the imported modules that ``values`` name, without evoros's own and built-in ones.
 
-    Those of the executor do not count: no result depends on it, and resuming may change it.
+    The executor's are left out, because no result depends on it, and resuming may change it.
     """
     if isinstance(values, list):
         return set().union(*map(_modules, values))
     if not isinstance(values, dict):
         return set()
-    found = set().union(*(_modules(each) for key, each in values.items() if key != "executor"))
+    inner = (_modules(value) for key, value in values.items() if key != "executor")
+    modules: set[str] = set().union(*inner)
     name = str(values.get("_target_", ""))
     while name and name not in sys.modules:  # from the class up to its module
         name = name.rpartition(".")[0]
-    own = name.partition(".")[0] != "evoros" and _file(name)
-    return {*found, name} if own else found
+    if name.partition(".")[0] != "evoros" and _file(name):
+        modules.add(name)
+    return modules
 
 
 def _file(module: str) -> str | None:
-    """The source file of an imported module, where it has one."""
+    """Return the source file of an imported module, if it has one."""
     return getattr(sys.modules.get(module), "__file__", None)
 
 
@@ -158,19 +160,19 @@ def _version(package: str) -> str | None:
 
 
 def _commit() -> str | None:
-    """The commit of the checkout that evoros runs from, marked where files differ from it."""
+    """Return the commit of the checkout that evoros runs from, marked if files differ from it."""
     if not (PACKAGE.parent / ".git").exists():
         return None
     command = ["git", "-C", str(PACKAGE), "describe", "--always", "--dirty", "--abbrev=40"]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
+        git = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return None
-    return done.stdout.strip() or None
+    return git.stdout.strip() or None
 
 
 def processor() -> str:
-    """The model of the processor, where the system tells."""
+    """Return the model of the processor, if the system tells it."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

@@ -1,7 +1,7 @@
-"""A folder of missions on disk, of a run or an evaluation: made whole, written by one process.
+"""The folder of a run or an evaluation, created atomically and written by one process.
 
-Every finished mission is on disk before it is used, and nothing is ever overwritten with other
-content, so that what was killed goes on with the first mission that is missing.
+Every finished mission is on disk before its outcome is used, and no content is ever overwritten
+with other content; so a run that was killed goes on with the first mission that is missing.
 """
 
 import csv
@@ -25,17 +25,17 @@ Row = TypeVar("Row")
 
 
 def resume_command(path: Path) -> str:
-    """What to type to continue what is in the folder."""
+    """Return the command line that continues the run in the folder."""
     return f"{command_of(path)} resume={shlex.quote(str(path))}"
 
 
 def command_of(path: Path) -> str:
-    """The command that made the folder."""
+    """Return the command that made the folder."""
     return str(read_json(path / MANIFEST).get("command", "evoros"))
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """The mapping in a file; empty where there is none."""
+    """Read the mapping in a file; empty if there is none."""
     try:
         content = json.loads(path.read_text())
     except (OSError, ValueError):
@@ -44,10 +44,10 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def require_unused(path: Path) -> None:
-    """What is started needs a folder that does not exist or is empty.
+    """Require that a folder for a new run does not exist or is empty.
 
     Raises:
-        InputError: the folder holds a run, or other files.
+        InputError: the folder has a run, or other files.
     """
     if not path.exists() or (path.is_dir() and not any(path.iterdir())):
         return
@@ -63,10 +63,10 @@ def require_unused(path: Path) -> None:
 
 
 def require_whole(path: Path) -> None:
-    """The missions are the last of a new folder's files: without them it has never begun.
+    """Require that the creation of a folder was finished, which its mission table shows.
 
     Raises:
-        InputError: a kill came while the folder was made.
+        InputError: the process was killed while it created the folder.
     """
     if (path / CONFIG).exists() and not (path / MISSIONS).exists():
         raise InputError(
@@ -76,9 +76,9 @@ def require_whole(path: Path) -> None:
 
 
 class MissionLog:
-    """An open folder: the only writer of its files, as long as it is open.
+    """An open folder, which no other process can open for writing.
 
-    ``header`` are the columns of its missions.
+    ``header`` has the columns of the table of missions.
     """
 
     def __init__(self, path: Path, header: Sequence[str]) -> None:
@@ -92,28 +92,28 @@ class MissionLog:
         self.close()
 
     def close(self) -> None:
-        """Others may write from now on."""
+        """Release the folder to other processes."""
         self.sync()
         self._missions.close()
 
     def append(self, rows: Sequence[Sequence[object]]) -> None:
-        """Put finished missions on disk. They survive the end of this process at any time."""
+        """Write finished missions, which then survive a kill of this process."""
         self._missions.write(to_csv(rows).encode())
         self._missions.flush()
 
     def sync(self) -> None:
-        """Ask the system to bring the missions to the disk itself, against a loss of power."""
+        """Make the system write the missions to the disk itself, against a loss of power."""
         self._missions.flush()
         os.fsync(self._missions.fileno())
 
     def read(self, parse: Callable[[Mapping[str, str]], Row]) -> Iterator[Row]:
-        """All whole rows, to be read to the end before any is added.
+        """Yield all complete rows; read to the end before appending any.
 
         A last row that a kill has cut short is removed. ``parse`` raises KeyError, ValueError,
-        TypeError or AttributeError where a row is damaged.
+        TypeError or AttributeError if a row is damaged.
 
         Raises:
-            InputError: a row is damaged, or the columns are others.
+            InputError: a row is damaged, or the columns differ.
         """
         self._missions.seek(0)
         rows = csv.DictReader(self._whole_lines())
@@ -128,7 +128,7 @@ class MissionLog:
             except (KeyError, ValueError, TypeError, AttributeError) as error:
                 raise InputError(
                     f"{self.path / MISSIONS}: line {rows.line_num}: must be a whole row, not a "
-                    f"damaged one ({error}); delete the line, and its mission is flown again"
+                    f"damaged one ({error}); delete the line, and its mission runs again"
                 ) from error
             yield parsed
 
@@ -143,10 +143,10 @@ class MissionLog:
         self._missions.truncate()
 
     def write_once(self, name: str, content: str) -> None:
-        """A table that follows from the missions; made again, it must equal what is on disk.
+        """Write a table that follows from the missions, or compare it with the one on disk.
 
         Raises:
-            InputError: it does not.
+            InputError: the table on disk differs.
         """
         path = self.path / name
         if path.exists() and path.read_text() != content:
@@ -159,11 +159,11 @@ class MissionLog:
             write_atomically(path, content)
 
     def write_status(self, status: Mapping[str, Any]) -> None:
-        """How far it is; the one file that changes all the time."""
+        """Write the progress, the one file that is overwritten all the time."""
         write_atomically(self.path / STATUS, json.dumps(status, indent=2) + "\n")
 
     def read_status(self) -> dict[str, Any]:
-        """The last status; empty where there is none."""
+        """Read the last status; empty if there is none."""
         return read_json(self.path / STATUS)
 
     def _lock(self) -> BinaryIO:
@@ -185,16 +185,16 @@ class MissionLog:
 
 
 def create_folder(path: Path, files: Mapping[str, str]) -> None:
-    """Make a folder, or fill an empty one, with these files: first ``CONFIG``, last ``MISSIONS``.
+    """Create a folder with these files, or fill an empty one; first CONFIG, last MISSIONS.
 
-    A new folder comes into being whole; in an empty one the last file is the mark of the whole.
-    An empty folder stays itself: it may be somebody's current folder, or a mount point.
+    A new folder is created atomically. An existing one is not replaced, because it may be a mount
+    point or somebody's current folder; there the last file marks that the creation is finished.
 
     Raises:
-        InputError: the folder cannot be made; nothing was changed.
+        InputError: the folder cannot be created; nothing was changed.
     """
     try:
-        _create_folder(path.resolve(), files)  # of a link, what it leads to
+        _create_folder(path.resolve(), files)  # the target of a link
     except OSError as error:
         raise InputError(
             f"{path}: the folder of the run cannot be made ({error.strerror}); choose another "
@@ -218,14 +218,14 @@ def _create_folder(path: Path, files: Mapping[str, str]) -> None:
 
 
 def _fill(path: Path, files: Mapping[str, str]) -> None:
-    """Write the first files into an empty folder; leave it empty where one cannot be."""
+    """Write the first files into an empty folder, and remove them again if one fails."""
     (first, content), *others = files.items()
-    with (path / first).open("x") as file:  # of two processes at the same time, one is refused
+    with (path / first).open("x") as file:  # refuses one of two processes
         try:
             file.write(content)
             file.flush()
-            for name, rest in others:
-                write_atomically(path / name, rest)
+            for name, text in others:
+                write_atomically(path / name, text)
         except BaseException:
             for name in reversed(list(files)):
                 (path / name).unlink(missing_ok=True)
@@ -233,13 +233,13 @@ def _fill(path: Path, files: Mapping[str, str]) -> None:
 
 
 def write_atomically(path: Path, content: str) -> None:
-    """The file has either its old content or the new one, whenever the process is killed."""
+    """Replace a file's content; a kill leaves either the old content or the new one."""
     draft = path.with_name(f".{path.name}.part")
     try:
         with draft.open("w") as file:
             file.write(content)
             file.flush()
-            os.fsync(file.fileno())  # before the name: a loss of power must leave no empty file
+            os.fsync(file.fileno())  # before the rename: a loss of power leaves no empty file
         draft.replace(path)
     except BaseException:  # a full disk, Ctrl-C
         draft.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Reading run folders: tables as pandas frames. Knows the files, not the loop that writes them."""
+"""Reads the tables of run folders as pandas frames."""
 
 import io
 import json
@@ -17,23 +17,23 @@ MISSION_NUMBERS = ("generation", "design", "trial", "progress", "time_s")
 CANDIDATE_NUMBERS = ("generation", "id", "fitness", "validated_fitness")
 SENSOR_NUMBERS = ("design", "sensor", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 RECORD_NUMBERS = ("time_s", "x_m", "y_m", "yaw_rad", "speed_mps", "mode", "visited", "contact")
-"""Columns that a table must have, with nothing but numbers and empty cells."""
+"""Columns that a table must have, with numbers and empty cells alone."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run folder, whole or unfinished. ``docs/run_folder.md`` documents the columns."""
+    """A run folder, finished or not. ``docs/run_folder.md`` documents the columns."""
 
     path: Path
 
     @cached_property
     def manifest(self) -> dict[str, Any]:
-        """What the run was made from."""
+        """Versions, machine and hashes of what the run was made from."""
         return self._json("manifest.json")
 
     @cached_property
     def status(self) -> dict[str, Any]:
-        """How far the run is; ``state`` is running, finished or stopped."""
+        """The progress of the run; ``state`` is running, finished or stopped."""
         return self._json("status.json")
 
     @cached_property
@@ -44,7 +44,7 @@ class Run:
 
     @cached_property
     def generations(self) -> pd.DataFrame:
-        """A row for each candidate of each finished generation; empty where none is finished."""
+        """A row for each candidate of each finished generation; empty if none is finished."""
         files = sorted((self.path / "generations").glob("[0-9]*.csv"))
         frames = [read_table(file, CANDIDATE_NUMBERS) for file in files]
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
@@ -60,7 +60,7 @@ class Run:
         return read_table(self.path / "champion" / "genes.csv", ("value",))
 
     def trajectory(self, world: str) -> pd.DataFrame:
-        """The champion's first mission in the world; the run must be finished."""
+        """Read the champion's first mission in the world; the run must be finished."""
         return read_table(self.path / "champion" / f"trajectory_{world}.csv", RECORD_NUMBERS)
 
     def _json(self, name: str) -> dict[str, Any]:
@@ -74,10 +74,10 @@ class Run:
 
 
 def load_run(path: str | Path) -> Run:
-    """The run in a folder.
+    """Return the run in a folder.
 
     Raises:
-        InputError: the folder holds no run.
+        InputError: the folder has no run.
     """
     folder = Path(path).expanduser()
     missing = sorted(name for name in FILES if not (folder / name).is_file())
@@ -90,19 +90,19 @@ def load_run(path: str | Path) -> Run:
 
 
 def read_table(path: Path, numbers: Sequence[str], growing: bool = False) -> pd.DataFrame:
-    """A CSV file with these columns of numbers, whose cells may be empty, and any others.
+    """Read a CSV file that has these columns of numbers or empty cells, and maybe others.
 
-    Of a ``growing`` file a last row without its end counts as not yet written.
+    The last row of a ``growing`` file is left out if it is incomplete.
 
     Raises:
-        InputError: it is not there, or it is damaged.
+        InputError: the file is missing or damaged.
     """
 
     def read(file: Path) -> pd.DataFrame:
-        whole, end, rest = file.read_text().rpartition("\n")
-        if rest and not growing:
+        complete, newline, incomplete = file.read_text().rpartition("\n")
+        if incomplete and not growing:
             raise ValueError("its last line is cut short")
-        return pd.read_csv(io.StringIO(whole + end))
+        return pd.read_csv(io.StringIO(complete + newline))
 
     frame: pd.DataFrame = _read(path, read)
     for name in numbers:
@@ -112,9 +112,9 @@ def read_table(path: Path, numbers: Sequence[str], growing: bool = False) -> pd.
                 f"{', '.join(map(str, frame.columns))}; restore the file"
             )
         values = pd.to_numeric(frame[name], errors="coerce")
-        odd = frame[name].notna() & values.isna()
-        if odd.any():
-            line, value = int(odd.to_numpy().argmax()) + 2, frame.loc[odd, name].iloc[0]
+        invalid = frame[name].notna() & values.isna()
+        if invalid.any():
+            line, value = int(invalid.to_numpy().argmax()) + 2, frame.loc[invalid, name].iloc[0]
             raise InputError(
                 f"{path}: line {line}: {name} must be a number, not {value!r}; restore the file"
             )
@@ -126,11 +126,12 @@ def _read(path: Path, reader: Callable[[Path], Any]) -> Any:
     try:
         return reader(path)
     except FileNotFoundError as error:
-        made = next((each for each in path.parents if (each / "manifest.json").is_file()), path)
-        command = Run(made).manifest.get("command", "evoros") if made != path else "evoros"
+        folders = (folder for folder in path.parents if (folder / "manifest.json").is_file())
+        run = next(folders, path)
+        command = Run(run).manifest.get("command", "evoros") if run != path else "evoros"
         raise InputError(
-            f"{path}: must be there, and is missing: it is not finished, or the file was deleted; "
-            f"type: {command} resume={made}"
+            f"{path}: must exist; the run is not finished, or the file was deleted; type: "
+            f"{command} resume={run}"
         ) from error
     except (ValueError, OSError) as error:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error

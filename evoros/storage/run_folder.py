@@ -1,8 +1,4 @@
-"""A run folder on disk. The folder is the run: nothing is ever overwritten with other content.
-
-Resuming replays the optimizer with the missions on disk and goes on with the first one that is
-missing.
-"""
+"""The run folder, the journal of an evolution on disk."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -11,6 +7,7 @@ from typing import Any
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.evolution.dispatch import MissionResult
 from evoros.evolution.journal import Champion, Generation
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
@@ -41,15 +38,15 @@ GENERATIONS, CHAMPION = "generations", "champion"
 class RunFolder(MissionLog):
     """An open run folder.
 
-    ``outcomes`` has every finished mission, by generation, design, world and trial.
+    ``outcomes`` maps the key of each finished mission to the key of its draws and its outcome.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, MISSIONS_HEADER)
         self.outcomes: dict[MissionKey, tuple[str, Outcome]] = {}
         try:
-            for place, draws, outcome in self.read(read_mission):
-                self.outcomes[place] = (draws, outcome)
+            for key, draws, outcome in self.read(read_mission):
+                self.outcomes[key] = (draws, outcome)
         except BaseException:
             self._missions.close()
             raise
@@ -58,21 +55,21 @@ class RunFolder(MissionLog):
     def create(
         cls, path: Path, config: str, manifest: Mapping[str, Any], setting: FigureContext
     ) -> "RunFolder":
-        """A new run in a folder that does not exist or is empty.
+        """Create the folder of a new run, which must not exist or be empty.
 
         Raises:
-            InputError: the folder holds a run, or other files; nothing was changed.
+            InputError: the folder has a run, or other files; nothing was changed.
         """
         require_unused(path)
-        described = json.dumps(manifest, indent=2) + "\n"
-        files = {CONFIG: config, MANIFEST: described, SETTING: setting.text}
+        manifest_text = json.dumps(manifest, indent=2) + "\n"
+        files = {CONFIG: config, MANIFEST: manifest_text, SETTING: setting.text}
         create_folder(path, {**files, MISSIONS: to_csv([MISSIONS_HEADER])})
         return cls(path)
 
-    def record(self, flown: Sequence[tuple[Mission, Outcome]]) -> None:
-        """Put finished missions on disk."""
-        self.append([mission_row(mission, outcome) for mission, outcome in flown])
-        self.outcomes |= {mission.key: (mission.draws, outcome) for mission, outcome in flown}
+    def record(self, results: Sequence[MissionResult]) -> None:
+        """Write finished missions."""
+        self.append([mission_row(mission, outcome) for mission, outcome in results])
+        self.outcomes |= {mission.key: (mission.draws, outcome) for mission, outcome in results}
 
     def has(self, mission: Mission) -> bool:
         """Whether the mission has been recorded.
@@ -83,7 +80,7 @@ class RunFolder(MissionLog):
         return self.find(mission) is not None
 
     def find(self, mission: Mission) -> Outcome | None:
-        """The recorded outcome of the mission.
+        """Return the recorded outcome of the mission; None if there is none.
 
         Raises:
             InputError: it was recorded under other draws.

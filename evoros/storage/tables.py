@@ -1,8 +1,8 @@
-"""The CSV files of a run: how a mission, a generation and a trajectory become text and back.
+"""Converts missions, generations, designs and trajectories to CSV text, and missions back.
 
-Numbers are written in full (``repr``), so that what is read equals what was computed. An empty
-cell is a number that was not measured; lists are separated by semicolons. ``docs/run_folder.md``
-documents every column.
+Numbers are written in full (``repr``), so that reading gives the number that was computed. An
+empty cell is a number that was not measured; the items of a list are separated by semicolons.
+``docs/run_folder.md`` documents every column.
 """
 
 import csv
@@ -16,32 +16,17 @@ from evoros.base.arrays import Array
 from evoros.design.design import Design
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import TRAJECTORY, Outcome
+from evoros.sensor.protocol import Mount
 
 if TYPE_CHECKING:  # reading a table must not load what runs missions
     from evoros.evolution.journal import Generation
 
 MISSION_COLUMNS = ("generation", "design", "world", "trial", "purpose", "draws")
-CANDIDATE_COLUMNS = (
-    "generation",
-    "id",
-    "parents",
-    "operator",
-    "survived",
-    "fitness",
-)
+CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fitness")
 VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
 MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two with a confirmation only
-DESIGN_COLUMNS = (
-    "design",
-    "sensor",
-    "type",
-    "link",
-    "x_m",
-    "y_m",
-    "z_m",
-    "yaw_deg",
-    "pitch_deg",
-)
+POSE_COLUMNS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
+DESIGN_COLUMNS = ("design", "sensor", "type", "link", *POSE_COLUMNS)
 GENE_COLUMNS = ("design", "gene", "key", "value")
 
 _TYPES = get_type_hints(Outcome)
@@ -50,14 +35,14 @@ MISSIONS_HEADER = (*MISSION_COLUMNS, *OUTCOME_COLUMNS)
 
 
 def to_csv(rows: Iterable[Sequence[object]]) -> str:
-    """CSV text of the rows."""
+    """Return the rows as CSV text."""
     buffer = io.StringIO()
     csv.writer(buffer, lineterminator="\n").writerows([cell(v) for v in row] for row in rows)
     return buffer.getvalue()
 
 
 def cell(value: object) -> str:
-    """One value as text."""
+    """Return a value as the text of its cell."""
     if isinstance(value, tuple | list):
         return ";".join(map(cell, value))
     if isinstance(value, bool):
@@ -68,28 +53,27 @@ def cell(value: object) -> str:
 
 
 def mission_row(mission: Mission, outcome: Outcome) -> list[object]:
-    """One row of ``missions.csv``."""
-    place = [mission.generation, mission.design_id, mission.world, mission.trial]
-    return [*place, mission.purpose, mission.draws, *outcome_cells(outcome)]
+    """Return the cells of a mission in ``missions.csv``."""
+    return [*mission.key, mission.purpose, mission.draws, *outcome_cells(outcome)]
 
 
 def outcome_cells(outcome: Outcome) -> list[object]:
-    """The cells of ``OUTCOME_COLUMNS``."""
+    """Return the cells of ``OUTCOME_COLUMNS``."""
     return [getattr(outcome, name) for name in OUTCOME_COLUMNS]
 
 
 def read_mission(row: Mapping[str, str]) -> tuple[MissionKey, str, Outcome]:
-    """The place, the key of the draws and the outcome of one row.
+    """Read the key of a mission, the key of its draws and its outcome from a row.
 
     Raises:
         ValueError, KeyError: the row is damaged.
     """
-    place = (int(row["generation"]), int(row["design"]), row["world"], int(row["trial"]))
-    return place, row["draws"], read_outcome(row)
+    key = (int(row["generation"]), int(row["design"]), row["world"], int(row["trial"]))
+    return key, row["draws"], read_outcome(row)
 
 
 def read_outcome(row: Mapping[str, str]) -> Outcome:
-    """What ``outcome_cells`` put into a row.
+    """Read an outcome from a row with the cells of ``outcome_cells``.
 
     Raises:
         ValueError, KeyError: the row is damaged.
@@ -127,23 +111,30 @@ def generation_table(generation: "Generation") -> str:
 
 
 def design_table(designs: Mapping[int, Design]) -> str:
-    """The text of ``design.csv``: a row for each sensor of each design."""
+    """Return the text of ``design.csv``, a row for each sensor of each design."""
     rows: list[Sequence[object]] = [DESIGN_COLUMNS]
     for name, design in designs.items():
-        for i, m in enumerate(design.mounts):
-            pose = (m.x_m, m.y_m, m.z_m, m.yaw_deg, m.pitch_deg)
-            rows.append([name, i, m.sensor, m.link, *pose])
+        for number, mount in enumerate(design.mounts):
+            rows.append([name, number, *mount_cells(mount)])
     return to_csv(rows)
 
 
+def mount_cells(mount: Mount) -> list[object]:
+    """Return the cells of a mounted sensor, from ``type`` to the end of ``DESIGN_COLUMNS``."""
+    return [mount.sensor, mount.link, *(getattr(mount, name) for name in POSE_COLUMNS)]
+
+
 def gene_table(design_id: int, design: Design, names: Mapping[str, str]) -> str:
-    """The text of ``genes.csv``: every other evolved value; ``names`` maps keys to gene names."""
+    """Return the text of ``genes.csv``, a row for each evolved value that is no mount.
+
+    ``names`` maps the keys of the values to the names of their genes.
+    """
     rows = [[design_id, names[key], key, value] for key, value in design.values.items()]
     return to_csv([GENE_COLUMNS, *rows])
 
 
 def trajectory_table(trajectory: Array) -> str:
-    """The text of a trajectory: a row for each record, a column for each sensor at the end."""
+    """Return the text of a trajectory (rows, columns + sensors)."""
     whole = {TRAJECTORY.index(name) for name in ("mode", "visited", "contact")}
     rows = (
         [int(value) if i in whole else value for i, value in enumerate(row)]
@@ -153,6 +144,6 @@ def trajectory_table(trajectory: Array) -> str:
 
 
 def trajectory_columns(trajectory: Array) -> list[str]:
-    """The names of the columns of a trajectory."""
+    """Return the names of the columns of a trajectory; those of the sensors come last."""
     sensors = trajectory.shape[1] - len(TRAJECTORY)
     return [*TRAJECTORY, *(f"range_{i}_m" for i in range(sensors))]
