@@ -67,9 +67,8 @@ def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
     genes: list[Sequence[object]] = [GENE_FILE_COLUMNS]
     for named in designs:
         name = (named.source, named.name)
-        for i, m in enumerate(named.design.mounts):
-            pose = (m.x_m, m.y_m, m.z_m, m.yaw_deg, m.pitch_deg)
-            sensors.append([*name, i, m.sensor, m.link, *pose])
+        for number, mount in enumerate(named.design.mounts):
+            sensors.append([*name, number, *mount_cells(mount)])
         if not named.design.mounts:
             sensors.append([*name, *(None for _ in DESIGN_COLUMNS[1:])])
         genes += [[*name, key, value] for key, value in named.design.values.items()]
