@@ -14,7 +14,7 @@ from evoros.design.region import Region
 from evoros.formats.strict_csv import read_rows
 from evoros.mission.scenario import Scenario
 from evoros.sensor.protocol import Mount
-from evoros.storage.tables import DESIGN_COLUMNS, to_csv
+from evoros.storage.tables import DESIGN_COLUMNS, mount_cells, to_csv
 
 DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
 """The designs of an evaluation in its folder, complete and independent of their sources."""
