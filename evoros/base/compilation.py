@@ -148,7 +148,8 @@ def _cache_folder() -> Path | None:
     """
     digest = hashlib.sha256(numba.__version__.encode())
     for file in sorted(PACKAGE.rglob("*.py")):
-        digest.update(file.read_bytes())
+        content = file.read_bytes()
+        digest.update(f"{file.relative_to(PACKAGE)}:{len(content)}:".encode() + content)
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     for base in (Path(home) / "evoros", Path(tempfile.gettempdir()) / f"evoros-{os.getuid()}"):
         folder = base / digest.hexdigest()[:16]

@@ -2,6 +2,7 @@
 
 import math
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -307,16 +308,88 @@ def test_a_new_process_finds_everything_on_disk(tmp_path: Path) -> None:
     assert counts[1] == 0
 
 
+HELPER = """
+from evoros.base.compilation import compilable
+
+@compilable
+def increase(value: float) -> float:
+    return value + 1.0
+"""
+
+PROBE = """
+from evoros.geometry.increase import increase
+
+def probe(parameters, memory, rng, values, time):
+    values[0] = increase(values[0])
+"""
+
+RUN_PROBE = """
+import numpy as np
+from numba.core import event
+from evoros.base.compilation import FILTER, compile_rule
+from evoros.filter.probe import probe
+with event.install_recorder("numba:compile") as compiles:
+    rule = compile_rule(probe, FILTER)
+values, empty = np.zeros(1), np.zeros(0)
+rule(empty, empty, np.random.default_rng(0), values, 0.0)
+print(values[0], len(compiles.buffer) > 0)
+"""
+
+
+def test_compiled_code_is_found_again_until_a_source_that_it_calls_changes(tmp_path: Path) -> None:
+    """The source lies in another folder of the package than the rule."""
+    source = tmp_path / "source"
+    shutil.copytree(compiled.PACKAGE, source / "evoros", ignore=shutil.ignore_patterns("*.pyc"))
+    helper = source / "evoros" / "geometry" / "increase.py"
+    helper.write_text(HELPER)
+    (source / "evoros" / "filter" / "probe.py").write_text(PROBE)
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(source)}
+
+    def run() -> str:
+        command = [sys.executable, "-c", RUN_PROBE]
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+        )
+        return done.stdout.strip()
+
+    assert [run(), run()] == ["1.0 True", "1.0 False"]
+    helper.write_text(HELPER.replace("1.0", "2.0"))
+    assert [run(), run()] == ["2.0 True", "2.0 False"]
+
+
+def test_a_change_of_any_source_selects_another_folder_for_compiled_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "evoros"
+    shutil.copytree(compiled.PACKAGE, package, ignore=shutil.ignore_patterns("*.pyc"))
+    monkeypatch.setattr(compiled, "PACKAGE", package)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    find_folder = compiled._cache_folder.__wrapped__
+    first = find_folder()
+    sources = list(package.rglob("*.py"))
+    assert {"base", "mission", "engines", "urdf"} <= {source.parent.name for source in sources}
+    folders = {first}
+    for source in sources:
+        before = source.read_text()
+        source.write_text(f"{before}#")
+        folders.add(find_folder())
+        source.write_text(before)
+    assert len(folders) == 1 + len(sources)
+    assert find_folder() == first
+    sources[0].rename(sources[0].with_name("renamed.py"))
+    assert find_folder() not in folders
+
+
 ANYWHERE = """
 import numpy as np
-from evoros import compiled
+from evoros.base import compilation as compiled
 from evoros.filter.silence import Silence
 print(compiled._cache_folder())
 compiled.compile_rule(Silence().rule, compiled.FILTER)
 """
 
 
-ASKING = "from evoros import compiled; print(compiled._cache_folder())"
+ASKING = "from evoros.base import compilation; print(compilation._cache_folder())"
 
 
 @pytest.mark.parametrize("writable", [True, False])
