@@ -21,6 +21,7 @@ from evoros.base import compilation as compiled
 from evoros.base.arrays import Array
 from evoros.base.compilation import FILTER, LAYER, CompiledRule, NotCompilable
 from evoros.base.errors import InputError
+from evoros.base.resources import PACKAGE
 from evoros.cli.run import evoros
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
@@ -339,7 +340,7 @@ print(values[0], len(compiles.buffer) > 0)
 def test_compiled_code_is_found_again_until_a_source_that_it_calls_changes(tmp_path: Path) -> None:
     """The source lies in another folder of the package than the rule."""
     source = tmp_path / "source"
-    shutil.copytree(compiled.PACKAGE, source / "evoros", ignore=shutil.ignore_patterns("*.pyc"))
+    shutil.copytree(PACKAGE, source / "evoros", ignore=shutil.ignore_patterns("*.pyc"))
     helper = source / "evoros" / "geometry" / "increase.py"
     helper.write_text(HELPER)
     (source / "evoros" / "filter" / "probe.py").write_text(PROBE)
@@ -361,7 +362,7 @@ def test_a_change_of_any_source_selects_another_folder_for_compiled_code(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     package = tmp_path / "evoros"
-    shutil.copytree(compiled.PACKAGE, package, ignore=shutil.ignore_patterns("*.pyc"))
+    shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("*.pyc"))
     monkeypatch.setattr(compiled, "PACKAGE", package)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     find_folder = compiled._cache_folder.__wrapped__
