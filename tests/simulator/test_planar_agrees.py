@@ -15,25 +15,24 @@ from evoros.evolution.experiment import Experiment
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import project_bodies
 from evoros.robot.model import Robot
-from evoros.simulator import pybullet as module
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import Simulator
-from evoros.simulator.pybullet import PyBullet
+from evoros.simulator.pybullet import PyBullet, close_engines
 from evoros.world.model import World
 
 WORLDS = ("boxes", "maze", "blocks")
 PERIOD = 0.1  # [s]
 
 
+@pytest.fixture(autouse=True)
+def _close_engines() -> Iterator[None]:
+    yield
+    close_engines()
+
+
 @pytest.fixture(scope="module")
 def experiment() -> Experiment:
     return compose([]).build()
-
-
-@pytest.fixture(autouse=True)
-def _closed() -> Iterator[None]:
-    yield
-    module.close_engines()
 
 
 def standing(
@@ -109,14 +108,14 @@ def inside(robot: Robot, world: World, sensor: int, rays: Array, ranges: Array) 
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_they_touch_in_the_same_places(experiment: Experiment, name: str) -> None:
-    robot, there = experiment.robot, experiment.world[name]
+    robot, full = experiment.robot, experiment.world[name]
     for touching, bounds in ((True, (0.0, 0.0)), (False, (1e-4, 0.05))):
-        for world in standing(12, robot, there, *bounds):
-            assert touched(PyBullet(), robot, world) == touching
-            assert touched(Planar(), robot, world) == touching
+        for world in standing(12, robot, full, *bounds):
+            assert touches(PyBullet(), robot, world) == touching
+            assert touches(Planar(), robot, world) == touching
 
 
-def touched(simulator: Simulator, robot: Robot, world: World) -> bool:
+def touches(simulator: Simulator, robot: Robot, world: World) -> bool:
     state = np.zeros(STATE_SIZE)
     with simulator.open(robot, world) as simulation:
         simulation.advance(np.zeros(2), simulator.time_step)
@@ -135,12 +134,14 @@ def test_they_drive_the_same_way(experiment: Experiment, speed: float, steering:
     world = replace(world, bodies=ground, course=course)
     wanted = [np.array([speed, steering * math.sin(math.pi * k / 100)]) for k in range(100)]
     fine = PyBullet(time_step=0.0025, solver_iterations=50)
-    real, plane = (driven(each, experiment.robot, world, wanted) for each in (fine, Planar()))
+    real, plane = (
+        drive(simulator, experiment.robot, world, wanted) for simulator in (fine, Planar())
+    )
     assert np.abs(plane[:, [X, Y]] - real[:, [X, Y]]).max() < 0.01 * 10.0 * abs(speed)
     assert np.abs(plane[:, YAW] - real[:, YAW]).max() < math.radians(0.5)
 
 
-def driven(simulator: Simulator, robot: Robot, world: World, wanted: list[Array]) -> Array:
+def drive(simulator: Simulator, robot: Robot, world: World, wanted: list[Array]) -> Array:
     states = np.zeros((len(wanted), STATE_SIZE))
     with simulator.open(robot, world) as simulation:
         for state, command in zip(states, wanted, strict=True):

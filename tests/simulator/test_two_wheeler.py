@@ -18,9 +18,8 @@ from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot
-from evoros.simulator import pybullet as module
 from evoros.simulator.planar import Planar
-from evoros.simulator.pybullet import PyBullet
+from evoros.simulator.pybullet import PyBullet, close_engines
 from evoros.world.model import World
 
 SIMULATORS: dict[str, tuple[Any, float]] = {
@@ -28,6 +27,12 @@ SIMULATORS: dict[str, tuple[Any, float]] = {
     "planar": (Planar(), 1e-9),
 }
 """Each at its default step, and how far it may be from the geometry."""
+
+
+@pytest.fixture(autouse=True)
+def _close_engines() -> Iterator[None]:
+    yield
+    close_engines()
 
 
 @cache
@@ -45,12 +50,6 @@ def plain(*bodies: Body) -> World:
     ground = tuple(body for body in world.bodies if body.is_ground)
     course = replace(world.course, home_x_m=0.0, home_y_m=0.0, home_z_m=0.0, home_yaw_rad=0.0)
     return replace(world, bodies=(*ground, *bodies), course=course)
-
-
-@pytest.fixture(autouse=True)
-def _closed() -> Iterator[None]:
-    yield
-    module.close_engines()
 
 
 def state_of(simulation: Any) -> Array:
@@ -162,7 +161,7 @@ def test_wheels_and_casters_meet_nothing_but_the_ground(name: str) -> None:
 
 
 @pytest.mark.parametrize("simulator", SIMULATORS)
-def test_it_flies_missions_with_the_sensors_of_the_rover(simulator: str) -> None:
+def test_it_runs_missions_with_the_sensors_of_the_rover(simulator: str) -> None:
     limits = [f"world.{name}.course.time_limit_s=20" for name in ("boxes", "maze", "blocks")]
     whole = experiment(f"simulator={simulator}", *limits)
     design = whole.space.decode(np.full(whole.space.size, 0.5))

@@ -1,0 +1,130 @@
+"""PyBullet drives, touches and pushes as analytic answers say."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from pybullet_cases import (
+    STEPS,
+    box,
+    level,
+    short_experiment,
+)
+
+from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, X, Y
+from evoros.base.errors import InputError
+from evoros.evolution.experiment import Experiment
+from evoros.simulator.pybullet import PyBullet, close_engines
+
+
+@pytest.fixture(scope="module")
+def experiment() -> Experiment:
+    return short_experiment()
+
+
+@pytest.fixture(autouse=True)
+def _close_engines() -> Iterator[None]:
+    yield
+    close_engines()
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_turning_radius_and_speed_are_those_of_the_geometry(
+    experiment: Experiment, step: float
+) -> None:
+    robot, state = experiment.robot, np.zeros(STATE_SIZE)
+    with PyBullet(time_step=step).open(robot, level(experiment)) as simulation:
+        simulation.advance(np.array([0.3, 0.0]), 4.0)
+        simulation.observe(state)
+        assert state[SPEED] == pytest.approx(0.3, rel=0.02)
+        simulation.advance(np.array([0.3, 0.3]), 2.0)
+        places = []
+        for _ in range(50):
+            simulation.advance(np.array([0.3, 0.3]), 0.1)
+            simulation.observe(state)
+            yaw, rear = state[YAW], robot.drive.rear_axle_x_m
+            places.append([state[X] + rear * math.cos(yaw), state[Y] + rear * math.sin(yaw), yaw])
+    path = np.array(places)
+    way = np.sqrt((np.diff(path[:, :2], axis=0) ** 2).sum(axis=1)).sum()
+    turned = np.unwrap(path[:, 2])[-1] - path[0, 2]
+    assert way / turned == pytest.approx(robot.drive.wheelbase_m / math.tan(0.3), rel=0.05)
+
+
+def test_steering_takes_as_long_at_every_step(experiment: Experiment) -> None:
+    angles = []
+    for step in STEPS:
+        with PyBullet(time_step=step).open(experiment.robot, level(experiment)) as simulation:
+            simulation.advance(np.zeros(2), 1.0)
+            simulation.advance(np.array([0.0, 0.3]), 0.1)
+            joint = simulation._bullet.getJointState(
+                simulation._model.robot.body,
+                simulation._model.robot.steering[0],
+                simulation._client,
+            )
+            angles.append(joint[0])
+    wanted = experiment.robot.drive.targets(0.0, 0.3)[0][0] * (1.0 - math.exp(-2.0))
+    assert np.allclose(angles, wanted, rtol=0.05)
+
+
+@pytest.mark.parametrize("step", [0.0, -0.01, 0.05, math.nan, "a", True])
+def test_a_step_that_is_not_faithful_is_refused(step: Any) -> None:
+    with pytest.raises(InputError, match="time_step"):
+        PyBullet(time_step=step)
+
+
+def test_a_wall_is_touched_and_the_ground_never(experiment: Experiment) -> None:
+    """The front is 0.25 m ahead of the base frame, the wall 1 m: touched after 0.75 m."""
+    state, touched = np.zeros(STATE_SIZE), []
+    world = level(experiment, box("wall", 1.5))
+    with PyBullet().open(experiment.robot, world) as simulation:
+        for _ in range(50):
+            simulation.advance(np.array([0.3, 0.0]), 0.1)
+            simulation.observe(state)
+            touched.append((state[X], state[CONTACT]))
+    first = next(tick for tick, (_, contact) in enumerate(touched) if contact)
+    assert touched[first][0] == pytest.approx(0.75, abs=0.03)
+    assert all(x < touched[first][0] for x, _ in touched[:first])
+
+
+def test_a_touch_between_two_observations_is_not_lost(experiment: Experiment) -> None:
+    state, world = np.zeros(STATE_SIZE), level(experiment, box("wall", 1.1))
+    with PyBullet().open(experiment.robot, world) as simulation:
+        simulation.advance(np.array([0.35, 0.0]), 2.0)  # against the wall
+        simulation.advance(np.array([-0.35, 0.0]), 2.0)  # and away
+        simulation.observe(state)
+        assert state[CONTACT] == 1.0
+        simulation.advance(np.zeros(2), 0.1)
+        simulation.observe(state)
+        assert state[CONTACT] == 0.0
+
+
+def test_a_box_rests_until_a_force_moves_it(experiment: Experiment) -> None:
+    world = level(experiment, box("box", 3.0, size=(0.6, 0.6, 0.1), mass=5.0))
+    with PyBullet(time_step=0.0025).open(experiment.robot, world) as simulation:
+        bullet, client = simulation._bullet, simulation._client
+        body, (start, facing) = next(iter(simulation._model.movable.items()))
+        simulation.advance(np.zeros(2), 3.0)
+        assert bullet.getBasePositionAndOrientation(body, client) == (start, facing)
+        bullet.changeDynamics(
+            body, -1, activationState=bullet.ACTIVATION_STATE_WAKE_UP, physicsClientId=client
+        )
+        for _ in range(200):  # 0.5 s; friction takes 5 kg * 9.81 m/s2 of the 80 N
+            bullet.applyExternalForce(
+                body, -1, (80, 0, 0), (0, 0, 0), bullet.LINK_FRAME, physicsClientId=client
+            )
+            simulation.advance(np.zeros(2), 0.0025)
+        (x, _, z), _ = bullet.getBasePositionAndOrientation(body, client)
+    assert x - start[0] == pytest.approx(0.5 * (80 / 5 - 9.81) * 0.25, rel=0.05)
+    assert z == pytest.approx(0.05, abs=0.005)
+
+
+def test_a_rover_pushes_a_light_box(experiment: Experiment) -> None:
+    world = level(experiment, box("box", 0.6, size=(0.3, 0.3, 0.3), mass=0.5))
+    with PyBullet().open(experiment.robot, world) as simulation:
+        bullet, client = simulation._bullet, simulation._client
+        body, (start, _) = next(iter(simulation._model.movable.items()))
+        simulation.advance(np.array([0.3, 0.0]), 4.0)
+        (x, _, _), _ = bullet.getBasePositionAndOrientation(body, client)
+    assert x - start[0] > 0.5
