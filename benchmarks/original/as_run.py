@@ -1,12 +1,13 @@
-"""How near experiment=as_run comes to the original runs, and what makes the difference.
+"""Compares experiment=as_run with the original runs and finds what makes the difference.
 
-Flies random designs under the conditions of the original runs, then with one condition changed at
-a time; evolves as they did; writes docs/original.md between its marks and docs/img/original*.png:
+Runs random designs under the conditions of the original runs, then with one condition changed at a
+time, and evolves as the original runs did. Writes the tables of docs/original.md between their
+marks and draws docs/img/original*.png:
 
     python benchmarks/original/as_run.py [folder] [workers]
 
-About 40,000 missions. Whatever is finished lies in the folder (outputs/as_run); started
-again, it goes on from there. Delete the folder after a change that alters missions.
+This takes about 40,000 missions. Finished parts are kept in the folder (outputs/as_run), and the
+next start continues from there. Delete the folder after a change that alters missions.
 """
 
 import os
@@ -38,7 +39,7 @@ NAVIGATION = {"l1": (), "serpentine": ("controller=rover",)}
 TREATMENTS = ("none", "random", "spatial")
 DESIGNS, VARIANT_DESIGNS, PHYSICS_DESIGNS, AGAIN_DESIGNS = 500, 120, 30, 60
 SEEDS = range(10)
-ATTEMPTS = 10  # of a mission that is flown again where it takes too long
+ATTEMPTS = 10  # at a mission that is run again if it takes too long
 LATE = "+filter@design.sensors.sonar.filters.late=delay"
 LATE_S = "design.sensors.sonar.filters.late.delay_s"
 LOCK = "robot.drive.steering_limit_rad"
@@ -84,16 +85,16 @@ VARIANTS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Sample:
-    """Random designs under one configuration, one mission in each world."""
+    """Random designs under one configuration, each with one mission in each world."""
 
     name: str
     overrides: tuple[str, ...]
     designs: int
-    again: bool = False  # another attempt where the time limit ended the mission before home
+    again: bool = False  # repeat a mission that the time limit ended before home
     trials: int = 1
 
-    def fly(self, folder: Path) -> str:
-        """A row for each mission, in a file of its own that is there when it is whole."""
+    def run(self, folder: Path) -> str:
+        """Run the missions, unless their file exists; it is created atomically."""
         file = folder / f"{self.name}.csv"
         if not file.exists():
             experiment = compose([*BASE, *self.overrides]).build()
@@ -104,7 +105,7 @@ class Sample:
         return self.name
 
     def _rows(self, experiment: Experiment, number: int) -> list[dict[str, object]]:
-        # The same designs under every configuration, each with draws of its own.
+        # All configurations have the same designs, and each design has draws of its own.
         space = experiment.space
         design = space.decode(generator(f"{number}", "as_run").random(space.size))
         attempts = ATTEMPTS if self.again else self.trials
@@ -127,14 +128,14 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class Evolved:
+class Evolution:
     """One run of the original optimizer."""
 
     name: str
     overrides: tuple[str, ...]
 
-    def fly(self, folder: Path) -> str:
-        """A run folder, resumed where it was cut short."""
+    def run(self, folder: Path) -> str:
+        """Evolve in a run folder, or resume an interrupted run."""
         path = folder / "runs" / self.name
         if (path / "status.json").exists():
             if load_run(path).status["state"] != FINISHED:
@@ -145,34 +146,34 @@ class Evolved:
 
 
 def samples() -> list[Sample]:
-    found = [
+    collected = [
         Sample(f"{name}_{treatment}", (*how, f"failure={treatment}"), DESIGNS)
         for name, how in NAVIGATION.items()
         for treatment in TREATMENTS
     ]
-    found += [Sample(name, how, VARIANT_DESIGNS) for name, how in VARIANTS.items()]
+    collected += [Sample(name, how, VARIANT_DESIGNS) for name, how in VARIANTS.items()]
     limit, late = VARIANTS["a limit of 340 s"], VARIANTS["readings 1 s late"]
     for treatment in TREATMENTS:
         failure = f"failure={treatment}"
-        found += [
+        collected += [
             Sample(f"again_{treatment}", (*limit, failure), VARIANT_DESIGNS, again=True),
             Sample(f"late_{treatment}", (*limit, *late, failure), VARIANT_DESIGNS, again=True),
         ]
-    found += [Sample("repeated", (), AGAIN_DESIGNS, trials=5)]
+    collected += [Sample("repeated", (), AGAIN_DESIGNS, trials=5)]
     physics = ("simulator=pybullet", "simulator.steering_lag_s=0")
-    return [*found, Sample("pybullet", physics, PHYSICS_DESIGNS)]
+    return [*collected, Sample("pybullet", physics, PHYSICS_DESIGNS)]
 
 
-def evolved() -> list[Evolved]:
-    """Seed by seed, so that what is there after a while compares."""
+def evolutions() -> list[Evolution]:
+    """The runs, seed by seed, so that a part of them is already comparable."""
     places = [(treatment, seed) for seed in SEEDS for treatment in TREATMENTS]
-    found = [
-        Evolved(f"{name}_{treatment}_{seed}", (*how, f"failure={treatment}", f"seed={seed}"))
+    uncounted = [
+        Evolution(f"{name}_{treatment}_{seed}", (*how, f"failure={treatment}", f"seed={seed}"))
         for treatment, seed in places
         for name, how in NAVIGATION.items()
     ]
-    return found + [
-        Evolved(
+    return uncounted + [
+        Evolution(
             f"logged_{treatment}_{seed}",
             (*as_logged(treatment), f"failure={treatment}", f"seed={seed}"),
         )
@@ -181,7 +182,7 @@ def evolved() -> list[Evolved]:
 
 
 def as_logged(treatment: str) -> tuple[str, ...]:
-    """The fitness that the originals counted, with the shares that drove on from home then."""
+    """Overrides for the fitness that the originals counted, with their shares that drove on."""
     logged = as_run_report.ORIGINAL[treatment]["logged"]
     shares = ",".join(f"{world['went_on']:.3f}" for world in logged.values())
     return (
@@ -193,8 +194,8 @@ def as_logged(treatment: str) -> tuple[str, ...]:
 
 def main(folder: Path, workers: int) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    pieces: list[Sample | Evolved] = [*samples(), *evolved()]
-    tasks: list[Callable[[], str]] = [partial(each.fly, folder) for each in pieces]
+    pieces: list[Sample | Evolution] = [*samples(), *evolutions()]
+    tasks: list[Callable[[], str]] = [partial(piece.run, folder) for piece in pieces]
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         for done, future in enumerate(as_completed(map(pool.submit, tasks)), 1):
             print(f"{done:3d} of {len(tasks)}  {future.result()}", flush=True)

@@ -1,4 +1,4 @@
-"""Figures of benchmarks/original/as_run.py, from what it has left in its folder."""
+"""Draws the figures of benchmarks/original/as_run.py from the files in its folder."""
 
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ STYLE: dict[Any, Any] = {"font.size": 8, "axes.spines.top": False, "axes.spines.
 
 
 def draw_designs(folder: Path) -> Figure:
-    """Distribution of fitness, and how many get home in each world."""
+    """Draw the distribution of fitness and the share that gets home in each world."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(7.0, 2.7), layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=(1.3, 1))
@@ -36,7 +36,7 @@ def draw_designs(folder: Path) -> Figure:
 
 
 def _homes(axes: Axes, folder: Path) -> None:
-    """A group of points for each world, in it a point for each treatment."""
+    """Draw a group of points for each world, with points for each treatment."""
     places = {}
     for i, world in enumerate(WORLDS):
         axes.text(4 * i + 1, 1.02, world, ha="center")
@@ -60,7 +60,7 @@ def _homes(axes: Axes, folder: Path) -> None:
 
 
 def draw_runs(folder: Path) -> Figure:
-    """Best and mean of each generation, means of ten runs."""
+    """Draw the best and the mean fitness of each generation, averaged over ten runs."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(7.0, 2.6), layout="constrained")
         for axes, treatment in zip(

@@ -22,11 +22,11 @@ NAMES = {
     "late": "and readings 1 s late",
 }
 POPULATION = 30
-PENALTY = 1.8  # of six sensors, in the recorded fitness of as_run and not in Eq. 1
+PENALTY = 1.8  # for six sensors; subtracted from Eq. 1 in the recorded fitness of as_run
 
 
 def read(folder: Path, name: str) -> pd.DataFrame:
-    """Missions with what they count: by Eq. 1, and by Eq. 1 where every mission ends at home."""
+    """The missions of a sample, scored by Eq. 1 as a whole and as if all of them ended at home."""
     missions = pd.read_csv(folder / f"{name}.csv")
     left = np.where(missions.completed, (2 - missions.time_s / missions.time_limit_s) ** 2, 0.0)
     missions["whole"] = (1 + missions.progress) ** 2 + left
@@ -36,13 +36,13 @@ def read(folder: Path, name: str) -> pd.DataFrame:
 
 
 def designs(missions: pd.DataFrame, score: str) -> pd.Series:
-    """The fitness of each design, in each trial where it has several."""
+    """The fitness of each design, in each trial if it has several."""
     several = missions.duplicated(["design", "world"]).any()
     return missions.groupby(["design", "trial"] if several else "design")[score].sum()
 
 
 def best_of(scores: pd.Series) -> float:
-    """Mean of the best of each thirty."""
+    """The mean over the best designs of groups of thirty."""
     whole = len(scores) // POPULATION * POPULATION
     return float(scores.to_numpy()[:whole].reshape(-1, POPULATION).max(axis=1).mean())
 
@@ -57,7 +57,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def random_designs(folder: Path) -> str:
-    """Shares that get home and complete, and fitness, against the logs."""
+    """The table of shares that get home and complete, and of fitness, against the logs."""
     rows: list[list[object]] = []
     for treatment in TREATMENTS:
         logs = ORIGINAL[treatment]
@@ -85,7 +85,7 @@ def random_designs(folder: Path) -> str:
 
 
 def ends(folder: Path) -> str:
-    """Where missions of random designs end, by waypoints."""
+    """The table of where missions of random designs end, by waypoints."""
     rows = []
     for world in WORLDS:
         logs = ORIGINAL["none"]["first"][world]
@@ -100,7 +100,7 @@ def ends(folder: Path) -> str:
 
 
 def variants(folder: Path, names: Iterable[str]) -> str:
-    """One condition changed at a time."""
+    """The table of samples with one changed condition."""
     logs = ORIGINAL["none"]
     rows: list[list[object]] = [
         [
@@ -132,18 +132,18 @@ def variants(folder: Path, names: Iterable[str]) -> str:
 
 
 def curves(folder: Path, name: str, treatment: str) -> pd.DataFrame:
-    """Eq. 1 of every member, by generation and run."""
-    found = []
+    """The fitness by Eq. 1 of every candidate, by generation and run."""
+    tables = []
     for path in sorted((folder / "runs").glob(f"{name}_{treatment}_*")):
         run = load_run(path).generations
-        found.append(run.assign(run=path.name))
-    members = pd.concat(found, ignore_index=True)
+        tables.append(run.assign(run=path.name))
+    members = pd.concat(tables, ignore_index=True)
     members["fitness"] += 0.0 if name == "logged" else PENALTY
     return members
 
 
-def evolved(folder: Path) -> str:
-    """The curve of a run in four numbers."""
+def evolutions(folder: Path) -> str:
+    """The table of the curves of runs."""
     rows: list[list[object]] = []
     for treatment in TREATMENTS:
         logs = ORIGINAL[treatment]
@@ -182,7 +182,7 @@ def evolved(folder: Path) -> str:
 
 
 def spread(folder: Path) -> str:
-    """The same designs again, under fresh draws."""
+    """The table of the same designs under several draws."""
     missions = read(folder, "repeated")
     return table(
         ["", "standard deviation of a design's fitness over five trials, mean of 60 designs"],
@@ -194,7 +194,7 @@ def spread(folder: Path) -> str:
 
 
 def write(parts: dict[str, str]) -> None:
-    """Put each table between its marks."""
+    """Write each table between its marks."""
     text = DOCUMENT.read_text()
     for name, content in parts.items():
         begin, end = BEGIN.format(name), END.format(name)
@@ -208,10 +208,10 @@ def main(folder: Path, names: Iterable[str]) -> None:
         "designs": random_designs,
         "ends": ends,
         "variants": lambda where: variants(where, names),
-        "runs": evolved,
+        "runs": evolutions,
         "repeated": spread,
     }
-    found = {name: make(folder) for name, make in parts.items()}
-    for name, content in found.items():
+    tables = {name: make(folder) for name, make in parts.items()}
+    for name, content in tables.items():
         print(f"\n{name}\n{content}")
-    write(found)
+    write(tables)

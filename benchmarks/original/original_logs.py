@@ -1,8 +1,9 @@
-"""What the logs of the original runs say, world by world; writes benchmarks/original/original.json.
+"""Summarizes the logs of the original runs in benchmarks/original/original.json.
 
 The 30 logs are in the study's public workspace, github.com/gsimon2/ros_catkin_ws_src at 4d56eb3,
-as evo_ros/GA/logs/6_sonar_symmetric_placement_*.dat. Each row has the result of three missions:
-the share of time that was left (or less than 0) and the progress in percent. Needs a clone:
+as evo_ros/GA/logs/6_sonar_symmetric_placement_*.dat. Each row has the results of three missions:
+the share of the time that was left (negative if not completed) and the progress in percent. Needs a
+clone:
 
     python benchmarks/original/original_logs.py FOLDER_OF_THE_LOGS
 """
@@ -25,13 +26,13 @@ WORLDS = ("boxes", "maze", "blocks")
 TARGET = Path(__file__).with_name("original.json")
 NAME = re.compile(r"6_sonar_symmetric_placement_(\w+)_run(\d+)\.dat")
 SENSORS = 6
-PENALTY = 1.8  # that the logs subtract from Eq. 1
-HOME, TENTH = 60.0, 10.0  # [%]: at home, as reported; a waypoint
-FROM_HOME = 50.0  # what follows was driven in the second phase, but for HOME itself
+PENALTY = 1.8  # subtracted from Eq. 1 in the logs
+HOME, TENTH = 60.0, 10.0  # [%] progress as reported at home; progress for a waypoint
+FROM_HOME = 50.0  # [%] progress above it is from the second phase, except HOME itself
 
 
 def rows(folder: Path) -> Iterator[dict[str, object]]:
-    """A row for each individual in each generation in which it stands."""
+    """Yield a row for each individual in each of its generations."""
     for file in sorted(folder.iterdir()):
         if not (match := NAME.fullmatch(file.name)) or match[1] not in TREATMENTS:
             continue
@@ -55,30 +56,30 @@ def rows(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def worlds(designs: pd.DataFrame) -> dict[str, dict[str, object]]:
-    """For each world, the shares of the designs."""
-    found: dict[str, dict[str, object]] = {}
+    """The shares of the designs by how their missions ended, for each world."""
+    shares: dict[str, dict[str, object]] = {}
     for world in WORLDS:
         progress, left = designs[f"progress_{world}"], designs[f"left_{world}"]
         done = left >= 0
         stood = np.isclose(progress, HOME)
-        # Nearly five tenths and more are also the way home, which ends below them.
+        # The last leg home ends below 50 %, so any progress above it is from the second phase.
         on = (progress > FROM_HOME) & ~stood
-        found[world] = {
+        shares[world] = {
             "home": float((stood | on).mean()),
             "ended_at_home": float(stood.mean()),
             "went_on": float(on.sum() / max((stood | on).sum(), 1)),
             "completed": float(done.mean()),
             "time_limit": float(np.isclose(left, -3).mean()),
-            "waypoints": [  # 0, 1 ... 4 of them when the mission ended, before home
+            "waypoints": [  # the share with 0, 1 ... 4 waypoints when the mission ended before home
                 float((~stood & ~on & (progress // TENTH).clip(upper=4).eq(n)).mean())
                 for n in range(5)
             ],
         }
-    return found
+    return shares
 
 
 def curves(table: pd.DataFrame) -> dict[str, object]:
-    """Of the runs of one treatment, as case_study.md tells them and by generation."""
+    """Statistics of the runs of one treatment, as a whole and by generation."""
     per = table.groupby(["generation", "run"]).fitness
     best, mean = per.max().unstack(), per.mean().unstack()
     spread = table.drop_duplicates(["run", "id"]).groupby(["run", "genes"]).fitness.std()
@@ -95,23 +96,23 @@ def curves(table: pd.DataFrame) -> dict[str, object]:
 
 def main(folder: Path) -> None:
     table = pd.DataFrame(rows(folder))
-    found: dict[str, object] = {}
-    for treatment, each in table.groupby("treatment"):
-        first = each[each.generation == 0]
-        found[str(treatment)] = {
-            "runs": each.run.nunique(),
+    summary: dict[str, object] = {}
+    for treatment, runs in table.groupby("treatment"):
+        first = runs[runs.generation == 0]
+        summary[str(treatment)] = {
+            "runs": runs.run.nunique(),
             "random_designs": len(first),
             "first": worlds(first),
-            "logged": worlds(each.drop_duplicates(["run", "id"])),
+            "logged": worlds(runs.drop_duplicates(["run", "id"])),
             "quantiles": list(first.fitness.quantile(np.linspace(0, 1, 21)).round(3)),
             "first_mean": float(first.fitness.mean()),
             "first_best": list(first.groupby("run").fitness.max().round(3)),
-            **curves(each),
+            **curves(runs),
         }
     table = table.drop_duplicates(["treatment", "run", "id"])
     times = (1 - table.left_blocks[table.left_blocks >= 0]) * 540
-    found["completed_s"] = [float(times.min()), float(times.median()), float(times.max())]
-    TARGET.write_text(json.dumps(found, indent=1) + "\n")
+    summary["completed_s"] = [float(times.min()), float(times.median()), float(times.max())]
+    TARGET.write_text(json.dumps(summary, indent=1) + "\n")
     print(TARGET.read_text())
 
 

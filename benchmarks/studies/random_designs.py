@@ -1,7 +1,7 @@
-"""How hard the worlds are: how many random designs complete each of them, and all.
+"""Measures how hard the worlds are by the random designs that complete each of them, and all.
 
-Flies random designs of the configured space in each world; every design meets the same draws, and
-``trials=3`` gives each three of them:
+Runs random designs of the configured design space in each world. All designs meet the same draws;
+with ``trials=3``, each design has three trials:
 
     python benchmarks/studies/random_designs.py [designs] [override ...]
 """
@@ -25,11 +25,11 @@ def main(count: int, overrides: list[str]) -> None:
     ).astype(bool)
     print(f"{count} random designs, {len(completed) // count} missions each in each world")
     for world in completed:
-        there = missions[missions.world == world]
-        ended = ", ".join(f"{n} {how}" for how, n in there.ended.value_counts().items())
+        rows = missions[missions.world == world]
+        ended = ", ".join(f"{n} {how}" for how, n in rows.ended.value_counts().items())
         print(
             f"{world:10s} completed by {completed[world].mean():6.1%}   progress "
-            f"{there.progress.mean():.2f}   time {there.time_s.mean():.0f} s   ({ended})"
+            f"{rows.progress.mean():.2f}   time {rows.time_s.mean():.0f} s   ({ended})"
         )
     print(f"{'all':10s} completed by {completed.all(axis=1).mean():6.1%}")
     times = missions.groupby("design").time_s.sum()

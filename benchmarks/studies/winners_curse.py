@@ -1,12 +1,11 @@
-"""What trials and validation do to the winner's curse in world=dense.
+"""Measures the effect of trials and validation on the winner's curse in world=dense.
 
-Evolves with 1, 2, 4 and 8 trials, several seeds each, and scores on 40 fresh trials what each run
-would hand over: the best as recorded, and the best as validated. It compares runs of as many
-generations, and runs of as many missions. Resumable: what is in the folder is not computed again.
+Evolves with 1, 2, 4 and 8 trials and several seeds. Each run ends with two designs: the best by
+recorded and the best by validated fitness. The script scores both on 40 fresh trials, and compares
+runs with equal numbers of generations and runs with equal numbers of missions. It prints the table
+and writes docs/img/winners_curse.png. Parts that are already in the folder are not computed again:
 
     python benchmarks/studies/winners_curse.py [folder] [seeds]
-
-It prints the table and writes docs/img/winners_curse.png.
 """
 
 import sys
@@ -24,10 +23,10 @@ import evoros
 from evoros.session import run as session
 from evoros.session.replay import replay_designs
 
-GENERATIONS = {1: 42, 2: 21, 4: 10, 8: 10}  # by trials: enough for both comparisons
-FEWEST = 10  # generations, at the first comparison
-MISSIONS = 1250  # of the selection, at most, at the second comparison
-FRESH = 40  # trials of the final score
+GENERATIONS = {1: 42, 2: 21, 4: 10, 8: 10}  # by trials, enough for both comparisons
+COMPARED_GENERATIONS = 10  # in the first comparison
+MAX_MISSIONS = 1250  # of the selection, in the second comparison
+FRESH_TRIALS = 40  # of the final score
 EQUAL = ("generations", "missions")
 BASE = ["world=dense", "simulator=planar", "figures=[]"]
 FIGURE = Path(__file__).parents[2] / "docs" / "img" / "winners_curse.png"
@@ -39,8 +38,8 @@ LINES = {  # label: column, chosen by, colour (Okabe-Ito), marker
 }
 
 
-def evolved(folder: Path, trials: int, seed: int) -> evoros.Run:
-    """The run in the folder, begun or finished if need be."""
+def evolve(folder: Path, trials: int, seed: int) -> evoros.Run:
+    """Return the run in the folder; start or finish it if necessary."""
     path = folder / f"trials_{trials}_seed_{seed}"
     if not (path / "missions.csv").exists():
         more = [f"trials={trials}", f"seed={seed}"]
@@ -52,13 +51,14 @@ def evolved(folder: Path, trials: int, seed: int) -> evoros.Run:
 def last_generation(run: evoros.Run, equal: str) -> int:
     """The generation at which a run is compared."""
     if equal == "generations":
-        return FEWEST - 1
-    flown = run.missions[run.missions.purpose == "selection"].groupby("generation").size().cumsum()
-    return int(flown[flown <= MISSIONS].index.max())
+        return COMPARED_GENERATIONS - 1
+    selection = run.missions[run.missions.purpose == "selection"]
+    missions = selection.groupby("generation").size().cumsum()
+    return int(missions[missions <= MAX_MISSIONS].index.max())
 
 
-def handed_over(run: evoros.Run) -> Iterator[tuple[str, str, int, float]]:
-    """What is compared, by what the design was chosen, its id, and the fitness it was chosen by."""
+def final_designs(run: evoros.Run) -> Iterator[tuple[str, str, int, float]]:
+    """Yield the comparison, how the design was chosen, its id, and its fitness by that choice."""
     for equal in EQUAL:
         table = run.generations[run.generations.generation <= last_generation(run, equal)]
         now = table[table.generation == table.generation.max()]
@@ -68,38 +68,38 @@ def handed_over(run: evoros.Run) -> Iterator[tuple[str, str, int, float]]:
         yield equal, "validated", int(best.id), float(best.validated_fitness)
 
 
-def scored(run: evoros.Run, trials: int, seed: int) -> list[dict[str, object]]:
-    """A row for each design that is handed over, with its fitness on fresh trials."""
-    found = replay_designs(run, session.rebuild_experiment(run.path))
-    chosen = list(handed_over(run))
-    ids = sorted({one for _, _, one, _ in chosen})
-    with evoros.Evaluator([*BASE, f"trials={FRESH}", f"seed={seed}"]) as evaluator:
-        table = evaluator.evaluate([found[one] for one in ids])
+def score(run: evoros.Run, trials: int, seed: int) -> list[dict[str, object]]:
+    """A row for each final design, with its fitness on fresh trials."""
+    designs = replay_designs(run, session.rebuild_experiment(run.path))
+    chosen = list(final_designs(run))
+    ids = sorted({design_id for _, _, design_id, _ in chosen})
+    with evoros.Evaluator([*BASE, f"trials={FRESH_TRIALS}", f"seed={seed}"]) as evaluator:
+        table = evaluator.evaluate([designs[design_id] for design_id in ids])
     done = table.filter(like="_completed").mean(axis=1)
     rows = []
-    for equal, by, one, stated in chosen:
-        at = ids.index(one)
+    for equal, by, design_id, stated in chosen:
+        at = ids.index(design_id)
         values = (trials, seed, equal, by, stated, table.fitness_mean[at], done[at])
         rows.append(dict(zip([*KEYS, "stated", "fresh", "completed"], values, strict=True)))
     return rows
 
 
 def results(folder: Path, seeds: int) -> pd.DataFrame:
-    """All rows; what is not in ``scores.csv`` yet is computed and added."""
+    """All rows; computes those that are not yet in ``scores.csv`` and adds them."""
     file = folder / "scores.csv"
     for seed in range(seeds):
         for trials in GENERATIONS:
             known = pd.read_csv(file) if file.exists() else pd.DataFrame(columns=KEYS)
             if ((known.seed == seed) & (known.trials == trials)).any():
                 continue
-            rows = pd.DataFrame(scored(evolved(folder, trials, seed), trials, seed))
+            rows = pd.DataFrame(score(evolve(folder, trials, seed), trials, seed))
             pd.concat([known, rows] if len(known) else [rows]).to_csv(file, index=False)
             print(rows.to_string(index=False, header=False), flush=True)
     return pd.read_csv(file)
 
 
 def panel(axes: Axes, table: pd.DataFrame) -> None:
-    """Each run as a point, the mean over the seeds as a line."""
+    """Draw each run as a point and the mean over the seeds as a line."""
     for offset, (label, (column, by, colour, marker)) in enumerate(LINES.items()):
         rows = table[table.chosen == by]
         x = np.log2(rows.trials) + 0.08 * (offset - 1)
@@ -112,11 +112,11 @@ def panel(axes: Axes, table: pd.DataFrame) -> None:
 
 
 def figure(table: pd.DataFrame) -> Figure:
-    """One panel for runs of as many generations, one for runs of as many missions."""
+    """Draw one panel for runs with equal generations and one for runs with equal missions."""
     with mpl.rc_context(STYLE):
         whole = Figure(figsize=(2 * COLUMN_IN, 0.95 * COLUMN_IN), layout="constrained")
         panels = whole.subplots(1, 2, sharey=True)
-        titles = (f"{FEWEST} generations", f"{MISSIONS} missions in selection")
+        titles = (f"{COMPARED_GENERATIONS} generations", f"{MAX_MISSIONS} missions in selection")
         for axes, equal, title in zip(panels, EQUAL, titles, strict=True):
             panel(axes, table[table.equal == equal])
             axes.set_title(title, fontsize=8)

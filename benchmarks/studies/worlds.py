@@ -1,9 +1,9 @@
-"""Pictures of worlds from above for docs/worlds.md.
+"""Draws worlds from above for docs/worlds.md.
 
     python benchmarks/studies/worlds.py [run]
 
-Writes docs/img/generated.png and, with the folder of a run with world=dense, docs/img/dense.png
-with the tracks of its champion.
+Writes docs/img/generated.png. With the folder of a run in world=dense, also writes
+docs/img/dense.png with the tracks of its champion.
 """
 
 import sys
@@ -25,7 +25,7 @@ EXAMPLES = {
 
 
 def generated(overrides: list[str]) -> World:
-    keys = [f"world.generated.{each}" for each in overrides]
+    keys = [f"world.generated.{override}" for override in overrides]
     return compose(["world=generated", *keys]).build().world["generated"]
 
 
