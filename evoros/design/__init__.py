@@ -1,1 +1,1 @@
-"""Designs: what evolves, and where it may lie."""
+"""Designs: the sensors and values that evolve, and their ranges."""

@@ -1,4 +1,4 @@
-"""What distinguishes one individual from another."""
+"""The design of an individual."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,10 +8,10 @@ from evoros.sensor.protocol import Mount
 
 @dataclass(frozen=True)
 class Design:
-    """What distinguishes one individual: its sensors, and other evolved values by their key.
+    """The evolved parts of an individual: its sensors, and other values by their key.
 
     ``values`` maps the key of a configuration value (``controller.avoidance.range_m``) to the
-    value that this individual has instead of the configured one.
+    value that replaces the configured one.
     """
 
     mounts: tuple[Mount, ...]

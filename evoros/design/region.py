@@ -1,15 +1,13 @@
-"""Where on a robot a sensor may be, and where it may face."""
+"""A region of a robot in which a sensor may be placed, and the angles it may have."""
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from evoros.base.checks import NOT_NEGATIVE, TEXT, Rule, checked
 from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, Interval, bounds
-
-if TYPE_CHECKING:
-    from evoros.robot.model import Robot
+from evoros.robot.model import Robot
 
 
 def _within(limit: float, text: str) -> Rule:
@@ -26,7 +24,7 @@ ELEVATION = _within(90, "from -90 to 90")
 @dataclass(frozen=True)
 @checked
 class Region:
-    """Where a sensor may be and where it may face: each a number, or [low, high]."""
+    """Position and angles that a sensor may have, each a number or [low, high]."""
 
     x_m: Annotated[Interval, INTERVAL]  # in the frame of ``link``
     y_m: Annotated[Interval, INTERVAL]
@@ -36,46 +34,46 @@ class Region:
     link: Annotated[str | None, TEXT] = None  # None: the link of the robot's default mount
     overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # how far a bracket may stand out
 
-    def on(self, robot: "Robot", mirrored: bool, where: str) -> "Region":
-        """This region with the default mount of ``robot`` wherever it leaves a value to it.
+    def bind(self, robot: Robot, mirrored: bool, key: str) -> "Region":
+        """Return this region with the values of the robot's default mount in place of None.
 
-        ``where`` is its place in the configuration, for messages.
+        ``key`` is that of the region in the configuration, for messages.
 
         Raises:
-            InputError: the region, or its mirror image where ``mirrored``, is off the robot.
+            InputError: the region, or its mirror image if ``mirrored``, is off the robot.
         """
         link = robot.mount_link if self.link is None else self.link
-        self._check_link(link, robot, mirrored, where)
+        self._check_link(link, robot, mirrored, key)
         bound = replace(
             self,
             z_m=robot.mount_z_m if self.z_m is None else self.z_m,
             pitch_deg=robot.mount_pitch_deg if self.pitch_deg is None else self.pitch_deg,
             link=link,
         )
-        bound._check_outline(link, robot, mirrored, where)
-        bound._check_height(link, robot, where)
+        bound._check_outline(link, robot, mirrored, key)
+        bound._check_height(link, robot, key)
         return bound
 
-    def _check_link(self, link: str, robot: "Robot", mirrored: bool, where: str) -> None:
+    def _check_link(self, link: str, robot: Robot, mirrored: bool, key: str) -> None:
         if link not in robot.sensor_links:
             raise InputError(
-                f"{where}.link: must be a link of {robot.name} that can carry sensors, "
+                f"{key}.link: must be a link of {robot.name} that can carry sensors, "
                 f"not {link!r}; choose one of {', '.join(robot.sensor_links)}"
             )
         if self.z_m is None and link != robot.mount_link:
             raise InputError(
-                f"{where}.z_m: must be a number on the link {link}, not null; "
-                f"give it, for the robot's default height is that on {robot.mount_link}"
+                f"{key}.z_m: must be a number on the link {link}, not null; "
+                f"set it, because the robot's default height is for {robot.mount_link}"
             )
         _, y, _, yaw = robot.sensor_links[link]
         if mirrored and (y, yaw) != (0, 0):
             raise InputError(
-                f"{where}.link: must lie on the robot's x axis and face along it where sensors "
-                f"are mirrored, not {link!r} at y {y:g} m, yaw {yaw:g} rad; "
+                f"{key}.link: must lie on the robot's x axis and face along it if sensors are "
+                f"mirrored, not {link!r} at y {y:g} m, yaw {yaw:g} rad; "
                 f"choose another link or set mirrored to false"
             )
 
-    def _check_outline(self, link: str, robot: "Robot", mirrored: bool, where: str) -> None:
+    def _check_outline(self, link: str, robot: Robot, mirrored: bool, key: str) -> None:
         x, y, _, yaw = robot.sensor_links[link]
         sides = (1, -1) if mirrored else (1,)
         corners = [
@@ -83,25 +81,25 @@ class Region:
         ]
         cos, sin = math.cos(yaw), math.sin(yaw)
         in_frame = [(x + cos * a - sin * b, y + sin * a + cos * b) for a, b in corners]
-        least, most = robot.outline.min(axis=0), robot.outline.max(axis=0)
-        for axis, name in enumerate(("x", "y")):
+        ranges = zip(robot.outline.min(axis=0), robot.outline.max(axis=0), strict=True)
+        for axis, (minimum, maximum) in enumerate(ranges):
             low, high = (end([corner[axis] for corner in in_frame]) for end in (min, max))
-            if low < least[axis] - self.overhang_m or high > most[axis] + self.overhang_m:
+            if low < minimum - self.overhang_m or high > maximum + self.overhang_m:
                 raise InputError(
-                    f"{where}: {name} must be at most {self.overhang_m} m outside the outline of "
-                    f"{robot.name} ({least[axis]:g} to {most[axis]:g} m), not {low:g} to {high:g} "
-                    f"m; move the region onto the robot, or raise its overhang_m"
+                    f"{key}: {'xy'[axis]} must be at most {self.overhang_m} m outside the outline "
+                    f"of {robot.name} ({minimum:g} to {maximum:g} m), not {low:g} to {high:g} m; "
+                    f"move the region onto the robot, or raise its overhang_m"
                 )
 
-    def _check_height(self, link: str, robot: "Robot", where: str) -> None:
+    def _check_height(self, link: str, robot: Robot, key: str) -> None:
         base = robot.sensor_links[link][2]
         low, high = (base + end for end in bounds(self.z_m))
-        # What cannot touch obstacles may reach higher: a mast, the robot's place for sensors.
+        # Parts without a collision shape may be higher, such as a mast or the default mount.
         mount = robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
         top = max(robot.height_m, base, mount)
         if low < 0 or high > top + self.overhang_m:
             raise InputError(
-                f"{where}: z must be above the ground and at most {self.overhang_m} m above "
+                f"{key}: z must be above the ground and at most {self.overhang_m} m above "
                 f"{robot.name} ({top:g} m), not {low:g} to {high:g} m; "
                 f"move the region onto the robot, or raise its overhang_m"
             )

@@ -1,7 +1,7 @@
-"""The design space: which sensors a robot may have where, and which other values evolve.
+"""The design space: the sensors that a robot may have, their regions, and other evolved values.
 
-A genome is a vector of the unit cube, and *every* vector of the closed cube decodes to a design
-that keeps to regions, limits and symmetry: an optimizer needs to know nothing of these rules.
+A genome is a vector of the unit cube. *Every* vector of the closed cube decodes to a design that
+keeps to regions, limits and symmetry, so that an optimizer need not know these rules.
 """
 
 import math
@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 
@@ -21,15 +21,13 @@ from evoros.design.design import Design
 from evoros.design.genes import Gene
 from evoros.design.region import Region
 from evoros.optimizer.protocol import Aspect, Block
+from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, Sensor
 
-if TYPE_CHECKING:
-    from evoros.robot.model import Robot
-
-PLACE = ("x_m", "y_m", "z_m")
-ANGLE = ("yaw_deg", "pitch_deg")
+POSITION = ("x_m", "y_m", "z_m")
+ANGLES = ("yaw_deg", "pitch_deg")
 SLOT_NUMBER = Rule(
-    "a whole number of at least 0, or [least, most] of such numbers",
+    "a whole number of at least 0, or [low, high] of such numbers",
     lambda v: INTERVAL.holds(v) and all(end >= 0 and end.is_integer() for end in bounds(v)),
 )
 
@@ -37,10 +35,10 @@ SLOT_NUMBER = Rule(
 @dataclass(frozen=True)
 @checked
 class SensorDesign:
-    """Sensors of the given types, placed in the given regions; other evolved values (``genes``).
+    """The types of sensors, the regions in which they are placed, and other evolved values.
 
-    ``number`` is how many sensors are placed: a whole number, or [least, most] where the number
-    evolves too. ``mirrored`` gives each of them a twin across the robot's x axis.
+    The number of placed sensors evolves too if ``number`` is [low, high]. If ``mirrored``, each of
+    them has a twin across the robot's x axis.
     """
 
     sensors: Annotated[Mapping[str, Sensor], mapping_of(Sensor, "sensors")]
@@ -61,35 +59,34 @@ class SensorDesign:
             for name in getattr(self, part):
                 if not TEXT.holds(name):
                     raise invalid(self, part, name, f"each name must be {TEXT.text}")
-        for part in ("sensors", "regions"):
-            if self.most > 0 and not getattr(self, part):
-                cure = "give at least one, or set number to 0"
-                raise invalid(self, part, {}, "must not be empty where sensors are placed", cure)
+            if self.max_number > 0 and not getattr(self, part):
+                fix = "give at least one, or set number to 0"
+                raise invalid(self, part, {}, "must not be empty if sensors are placed", fix)
         for name in self.genes:
-            if not NAME.holds(name):  # a column of the table of a generation
+            if not NAME.holds(name):  # it names a column of a table
                 raise invalid(self, "genes", name, f"each name must be {NAME.text}", "rename it")
             if re.match(r"number$|sensor\d+_", name):
-                cure = "choose another name"
-                raise invalid(self, "genes", name, "names of sensor columns are taken", cure)
+                rule = "must not have the name of a sensor's column"
+                raise invalid(self, "genes", name, rule, "choose another name")
 
     @property
-    def least(self) -> int:
-        """The least number of placed sensors, twins not counted."""
+    def min_number(self) -> int:
+        """The minimum number of placed sensors, without twins."""
         return int(bounds(self.number)[0])
 
     @property
-    def most(self) -> int:
-        """The greatest number of placed sensors, twins not counted."""
+    def max_number(self) -> int:
+        """The maximum number of placed sensors, without twins."""
         return int(bounds(self.number)[1])
 
-    def space(self, robot: "Robot") -> "DesignSpace":
-        """The search space of this design on ``robot``.
+    def bind(self, robot: Robot) -> "DesignSpace":
+        """Return the search space of this design on ``robot``.
 
         Raises:
             InputError: a region is not on the robot.
         """
         regions = {
-            name: region.on(robot, self.mirrored, f"design.regions.{name}")
+            name: region.bind(robot, self.mirrored, f"design.regions.{name}")
             for name, region in self.regions.items()
         }
         return DesignSpace(self, regions)
@@ -97,39 +94,43 @@ class SensorDesign:
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """A design bound to a robot: ``regions`` leave nothing open (see ``Region.on``)."""
+    """A design bound to a robot; ``regions`` have no open values (see ``Region.bind``)."""
 
     design: SensorDesign
     regions: Mapping[str, Region]
 
     @cached_property
     def _layout(self) -> tuple[tuple[Block, ...], dict[str, int]]:
-        """The blocks, and the index of each gene by its name. What cannot differ has no gene."""
+        """The blocks, and the index of each gene by its name. A constant has no gene."""
         design = self.design
         index: dict[str, int] = {}
 
-        def take(*names: str) -> tuple[int, ...]:
+        def add_genes(*names: str) -> tuple[int, ...]:
             return tuple(index.setdefault(name, len(index)) for name in names)
 
-        def aspects(slot: str) -> tuple[Aspect, ...]:
-            kind = take(f"{slot}_type") if len(design.sensors) > 1 else ()
-            region = take(f"{slot}_region") if len(self.regions) > 1 else ()
-            place = take(*(f"{slot}_{name}" for name in PLACE if self._varies(name)))
-            angle = take(*(f"{slot}_{name}" for name in ANGLE if self._varies(name)))
-            found = Aspect("type", (), kind), Aspect("place", place, region), Aspect("angle", angle)
-            return tuple(aspect for aspect in found if aspect.continuous or aspect.categorical)
+        def add_sensor(slot: str) -> Block:
+            kind = add_genes(f"{slot}_type") if len(design.sensors) > 1 else ()
+            region = add_genes(f"{slot}_region") if len(self.regions) > 1 else ()
+            position = add_genes(*(f"{slot}_{name}" for name in POSITION if self._varies(name)))
+            angle = add_genes(*(f"{slot}_{name}" for name in ANGLES if self._varies(name)))
+            aspects = (
+                Aspect("type", (), kind),
+                Aspect("place", position, region),
+                Aspect("angle", angle),
+            )
+            return Block(slot, tuple(a for a in aspects if a.continuous or a.categorical))
 
-        blocks = [Block(slot, aspects(slot)) for slot in self._slots]
-        if design.least < design.most:
-            blocks.append(Block("number", (Aspect("number", take("number")),)))
+        blocks = [add_sensor(slot) for slot in self._slots]
+        if design.min_number < design.max_number:
+            blocks.append(Block("number", (Aspect("number", add_genes("number")),)))
         for name, gene in design.genes.items():
             if gene.low < gene.high:
-                blocks.append(Block(name, (Aspect("value", take(name)),)))
+                blocks.append(Block(name, (Aspect("value", add_genes(name)),)))
         return tuple(block for block in blocks if block.genes), index
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """One for each placed sensor, one for their number where it evolves, one for each gene."""
+        """One for each placed sensor, one for their number if it evolves, one for each value."""
         return self._layout[0]
 
     @property
@@ -139,18 +140,18 @@ class DesignSpace:
 
     @property
     def _slots(self) -> list[str]:
-        return [f"sensor{i}" for i in range(self.design.most)]
+        return [f"sensor{i}" for i in range(self.design.max_number)]
 
     def _varies(self, name: str) -> bool:
         intervals = (bounds(getattr(region, name)) for region in self.regions.values())
         return any(low < high for low, high in intervals)
 
     def decode(self, genome: Array) -> Design:
-        """The design at ``genome`` (size,), values from 0 to 1.
+        """Return the design at ``genome`` (size,), values from 0 to 1.
 
-        A placed sensor is followed by its twin where the design is mirrored. Where the number of
-        sensors evolves, the first so many are there. The mounts have the robot's order (that of
-        ``Robot.with_sensors``): by the types in ``design.sensors``, those of one type as placed.
+        If the number of sensors evolves, it is the first ones that are mounted. If the design is
+        mirrored, each sensor is followed by its twin. The mounts have the order of
+        ``Robot.with_sensors``: by the types in ``design.sensors``, then as placed.
 
         Raises:
             InputError: the genome is not a vector of the closed unit cube.
@@ -160,7 +161,7 @@ class DesignSpace:
         for slot in self._slots[: self._number(genes)]:
             mount, _ = self._mount(genes, slot)
             mounts.append(mount)
-            if self.design.mirrored:  # 0.0 - y rather than -y, so that no text ever says -0.0
+            if self.design.mirrored:  # 0.0 - y rather than -y, which would be written as -0.0
                 mounts.append(replace(mount, y_m=0.0 - mount.y_m, yaw_deg=0.0 - mount.yaw_deg))
         types = list(self.design.sensors)
         mounts.sort(key=lambda mount: types.index(mount.sensor))
@@ -169,18 +170,21 @@ class DesignSpace:
         }
         return Design(tuple(mounts), evolved)
 
-    def same(self, one: Array, other: Array) -> bool:
-        """Whether two genomes decode to equal designs, as they do if only absent sensors differ.
+    def same(self, first: Array, second: Array) -> bool:
+        """Return whether two genomes decode to equal designs.
+
+        Genomes that differ only in the genes of sensors beyond the number decode to equal designs.
 
         Raises:
             InputError: one of them is not a vector of the closed unit cube.
         """
-        return self.decode(one) == self.decode(other)
+        return self.decode(first) == self.decode(second)
 
-    def values(self, genome: Array) -> dict[str, float | str]:
-        """The decoded values for a table, by column; an absent sensor has empty texts and NaN.
+    def to_row(self, genome: Array) -> dict[str, float | str]:
+        """Return the decoded values for a table, by column.
 
-        The columns follow the genes: ``sensorN`` is the Nth placed sensor, whatever its type.
+        ``sensorN`` is the Nth placed sensor, whatever its type; a sensor that is not mounted has
+        empty texts and NaN.
 
         Raises:
             InputError: the genome is not a vector of the closed unit cube.
@@ -190,12 +194,11 @@ class DesignSpace:
         row: dict[str, float | str] = {}
         for i, slot in enumerate(self._slots):
             mount, region = self._mount(genes, slot)
-            found: dict[str, float | str] = {"type": mount.sensor, "region": region}
-            found |= {name: getattr(mount, name) for name in (*PLACE, *ANGLE)}
+            values = {"type": mount.sensor, "region": region, **vars(mount)}
             for name in self._slot_columns:
                 absent = "" if name in ("type", "region") else math.nan
-                row[f"{slot}_{name}"] = found[name] if i < number else absent
-        if self.design.least < self.design.most:
+                row[f"{slot}_{name}"] = values[name] if i < number else absent
+        if self.design.min_number < self.design.max_number:
             row["number"] = number
         for name, gene in self.design.genes.items():
             row[name] = gene.value(genes.get(name, 0.0))
@@ -209,27 +212,27 @@ class DesignSpace:
 
     def _genes(self, genome: Array) -> dict[str, float]:
         vector = np.asarray(genome, dtype=np.float64)
-        # The comparison is false for NaN, which is no gene either.
+        # The comparison is false for NaN.
         if vector.shape != (self.size,) or not np.all((vector >= 0) & (vector <= 1)):
             raise InputError(
                 f"genome: must be {self.size} numbers from 0 to 1, not {vector.tolist()}; "
-                f"clip what the optimizer proposes"
+                f"clip the genomes that the optimizer proposes"
             )
         return dict(zip(self._layout[1], vector.tolist(), strict=True))
 
     def _number(self, genes: dict[str, float]) -> int:
-        least, most = self.design.least, self.design.most
-        return least + pick_index(genes.get("number", 0.0), most - least + 1)
+        low, high = self.design.min_number, self.design.max_number
+        return low + pick_index(genes.get("number", 0.0), high - low + 1)
 
     def _mount(self, genes: dict[str, float], slot: str) -> tuple[Mount, str]:
-        """The sensor placed by ``slot``, and the name of its region."""
+        """Return the sensor placed by ``slot``, and the name of its region."""
         types, names = list(self.design.sensors), list(self.regions)
         kind = types[pick_index(genes.get(f"{slot}_type", 0.0), len(types))]
         name = names[pick_index(genes.get(f"{slot}_region", 0.0), len(names))]
         region = self.regions[name]
         pose = {
             value: scale(genes.get(f"{slot}_{value}", 0.0), *bounds(getattr(region, value)))
-            for value in (*PLACE, *ANGLE)
+            for value in (*POSITION, *ANGLES)
         }
         assert region.link is not None  # bound to the robot
         return Mount(sensor=kind, link=region.link, **pose), name

@@ -90,7 +90,7 @@ class Experiment:
     @cached_property
     def space(self) -> DesignSpace:
         """The search space."""
-        return self.design.space(self.robot)
+        return self.design.bind(self.robot)
 
     def start_search(self) -> Search:
         """Start the search of this experiment, which its seed determines."""

@@ -34,7 +34,7 @@ def evolve(
         generation = Generation(
             number=number,
             candidates=candidates,
-            genes=[experiment.space.values(each.individual.genome) for each in candidates],
+            genes=[experiment.space.to_row(each.individual.genome) for each in candidates],
             best=best,
             validated_fitness=dict(scores.validated),
             screened_fitness=dict(scores.screened) if experiment.confirmation else {},

@@ -1,1 +1,1 @@
-"""Robots: their outline, their drive and the sensors they carry."""
+"""Robots: their outline, their drive and their sensors."""

@@ -18,13 +18,13 @@ from evoros.geometry.footprint import convex_hull, project_shape, top_height
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.model import Robot, VisibleShape
 
-_CIRCLE = 64  # corners of the polygon that stands for a circle
+_CIRCLE_CORNERS = 64  # of the polygon around a circle
 
 
 @dataclass(frozen=True)
 @checked
 class MountDefaults:
-    """Where a sensor sits as long as nothing else is said."""
+    """The default mount of a sensor, for values that its region leaves open."""
 
     link: Annotated[str, TEXT]
     z_m: Annotated[float, NUMBER]  # in the frame of ``link``
@@ -38,49 +38,49 @@ def load_robot(
     arguments: Mapping[str, Any] | None = None,
     packages: Sequence[str] = (),
 ) -> Robot:
-    """The robot that a xacro or URDF file describes.
+    """Load the robot that a xacro or URDF file describes.
 
-    ``description`` is a path, or relative to the bundled robots; ``arguments`` are those of the
-    xacro file; ``packages`` are folders where it may find others' files.
+    ``description`` is a path, which may be relative to the bundled robots; ``arguments`` are those
+    of the xacro file; ``packages`` are further folders in which it may name files.
 
     Raises:
-        InputError: the file cannot be used, or ``drive`` or ``mount`` name what it has not.
+        InputError: the file cannot be used, or ``drive`` or ``mount`` do not fit it.
     """
-    _check_kinds(description, drive, mount, arguments or {}, packages)
+    _check_types(description, drive, mount, arguments or {}, packages)
     file, root = expansion.read(description, arguments or {}, packages)
     urdf = read_tree(root, str(file))
     fitted = drive.fit(urdf)
-    touching = _touching(urdf, fitted)
+    solids = _find_collision_shapes(urdf, fitted)
     robot = Robot(
         name=urdf.name,
         base_urdf=UrdfDocument.from_elements(root),
         drive=fitted,
-        outline=_outline(touching),
-        height_m=max(top_height(shape, pose) for shape, pose in touching),
+        outline=_compute_outline(solids),
+        height_m=max(top_height(shape, pose) for shape, pose in solids),
         mount_link=mount.link,
         mount_z_m=float(mount.z_m),
         mount_pitch_deg=float(mount.pitch_deg),
-        sensor_links=_places(urdf),
+        sensor_links=_find_sensor_links(urdf),
         visuals=tuple(_visible_shapes(urdf, fitted)),
-        taken=frozenset(urdf.poses) | frozenset(urdf.joints),
+        reserved_names=frozenset(urdf.poses) | frozenset(urdf.joints),
     )
     if mount.link not in robot.sensor_links:
-        raise robot._no_place(mount.link)
+        raise robot.link_error(mount.link)
     return robot
 
 
-def _check_kinds(
+def _check_types(
     description: object, drive: object, mount: object, arguments: object, packages: object
 ) -> None:
-    for name, given, kind, what in (
+    for name, value, expected, what in (
         ("description", description, str, "the path of a file"),
         ("drive", drive, DriveDescription, "the description of a drive"),
-        ("mount", mount, MountDefaults, "a MountDefaults"),
+        ("mount", mount, MountDefaults, "a default mount (MountDefaults)"),
         ("arguments", arguments, Mapping, "a mapping from names to values"),
         ("packages", packages, list | tuple, "a list of folders"),
     ):
-        if not isinstance(given, kind):
-            raise InputError(f"robot.{name}: must be {what}, not {given!r}; give one")
+        if not isinstance(value, expected):
+            raise InputError(f"robot.{name}: must be {what}, not {value!r}; give one")
 
 
 def _rolling_links(urdf: Urdf, drive: Drive) -> set[str]:
@@ -94,22 +94,23 @@ def _visible_shapes(urdf: Urdf, drive: Drive) -> Iterator[VisibleShape]:
             yield VisibleShape(link, shape, urdf.poses[link] @ shape.pose, link in rolling)
 
 
-def _touching(urdf: Urdf, drive: Drive) -> list[tuple[Shape, Pose]]:
-    """The shapes that can touch obstacles, all but those on the ground, in the robot's frame."""
+def _find_collision_shapes(urdf: Urdf, drive: Drive) -> list[tuple[Shape, Pose]]:
+    """Find all shapes but those of wheels and casters, in the robot's frame."""
     rolling = _rolling_links(urdf, drive)
-    touching = [
+    solids = [
         (shape, urdf.poses[link] @ shape.pose)
         for link, shapes in urdf.shapes.items()
         if link not in rolling
         for shape in shapes
     ]
-    if not touching:
-        raise urdf.error("a link beside the wheels must have a <collision>", "give it a box")
-    return touching
+    if not solids:
+        problem = "a link other than the wheels and casters must have a <collision>"
+        raise urdf.error(problem, "give it a box")
+    return solids
 
 
-def _places(urdf: Urdf) -> dict[str, tuple[float, float, float, float]]:
-    """The links that keep their place on the robot and stand upright."""
+def _find_sensor_links(urdf: Urdf) -> dict[str, tuple[float, float, float, float]]:
+    """Find the upright links that are fixed to the root: x, y, z [m] and yaw [rad] of each."""
     sensor_links = {}
     for link, pose in urdf.poses.items():
         fixed = all(joint.type == "fixed" for joint in urdf.joints_above(link))
@@ -118,13 +119,13 @@ def _places(urdf: Urdf) -> dict[str, tuple[float, float, float, float]]:
     return sensor_links
 
 
-def _outline(shapes: Sequence[tuple[Shape, Pose]]) -> Array:
-    """(k, 2) the hull of the footprints of shapes, discs as polygons around them."""
-    turn = np.arange(_CIRCLE) * (2.0 * math.pi / _CIRCLE)
-    disc = np.stack([np.cos(turn), np.sin(turn)], axis=1) / math.cos(math.pi / _CIRCLE)
+def _compute_outline(solids: Sequence[tuple[Shape, Pose]]) -> Array:
+    """Return the hull (k, 2) [m] of the footprints of shapes, with polygons around circles."""
+    turn = np.arange(_CIRCLE_CORNERS) * (2.0 * math.pi / _CIRCLE_CORNERS)
+    disc = np.stack([np.cos(turn), np.sin(turn)], axis=1) / math.cos(math.pi / _CIRCLE_CORNERS)
     corners = []
-    for shape, pose in shapes:
-        area = project_shape(shape, pose)
-        reach = area.radius * disc if area.radius > 0 else np.zeros((1, 2))
-        corners.append((area.vertices[:, None] + reach[None]).reshape(-1, 2))
+    for shape, pose in solids:
+        footprint = project_shape(shape, pose)
+        reach = footprint.radius * disc if footprint.radius > 0 else np.zeros((1, 2))
+        corners.append((footprint.vertices[:, None] + reach[None]).reshape(-1, 2))
     return convex_hull(np.concatenate(corners))

@@ -1,4 +1,4 @@
-"""The robot: its outline, its drive and the sensors it carries."""
+"""The robot: its outline, its drive and its sensors."""
 
 import math
 import re
@@ -33,22 +33,23 @@ class VisibleShape:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot, with or without sensors. Its frame is that of the root link: on the ground at
-    rest, x forward, y left.
+    """A robot, with or without sensors.
+
+    Its frame is that of the root link: on the ground at rest, x forward, y left.
     """
 
     name: str
     base_urdf: UrdfDocument  # without sensors
     drive: Drive
-    outline: Array  # (k, 2) [m] convex, counter-clockwise: footprint of what can touch obstacles
-    height_m: float  # top of what can touch obstacles, above the ground
+    outline: Array  # (k, 2) [m], convex, counter-clockwise: footprint of its collision shapes
+    height_m: float  # top of its collision shapes, above the ground
     mount_link: str
     mount_z_m: float
     mount_pitch_deg: float
     sensor_links: Mapping[str, tuple[float, float, float, float]]
     """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot's frame."""
     visuals: tuple[VisibleShape, ...] = ()  # without sensors
-    taken: frozenset[str] = frozenset()  # names of links and joints
+    reserved_names: frozenset[str] = frozenset()  # of links and joints
     mounts: tuple[Mount, ...] = ()  # those of one sensor type are contiguous
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
 
@@ -77,18 +78,18 @@ class Robot:
             yield f"{mount.sensor}_{number}", mount
 
     def with_sensors(self, mounts: Sequence[Mount], sensors: Mapping[str, Sensor]) -> "Robot":
-        """This robot with these sensors instead of its own, ordered by the types in ``sensors``.
+        """Return this robot with other sensors, in the order of their types in ``sensors``.
 
         Raises:
-            InputError: an unknown sensor type or link, a number that is not finite, or a name
-                that the robot already has.
+            InputError: a sensor type or link is unknown, a number is not finite, or the robot
+                already has a link of a sensor's name.
         """
-        order = {name: place for place, name in enumerate(sensors)}
+        order = {name: position for position, name in enumerate(sensors)}
         for mount in mounts:
-            self._check(mount, order)
+            self._check_mount(mount, order)
         ordered = tuple(sorted(mounts, key=lambda mount: order[mount.sensor]))
         for i, mount in enumerate(ordered):
-            if f"{mount.sensor}_{i}" in self.taken:
+            if f"{mount.sensor}_{i}" in self.reserved_names:
                 raise InputError(
                     f"robot {self.name}: link {mount.sensor}_{i} must not exist before the sensor "
                     f"is added; rename the sensor type"
@@ -96,7 +97,7 @@ class Robot:
         return replace(self, mounts=ordered, sensors=dict(sensors))
 
     def sensor_poses(self) -> Array:
-        """(n, 5): x, y, z [m], yaw (left positive), pitch (nose up positive) [rad]."""
+        """Return the poses (n, 5): x, y, z [m], yaw (left positive), pitch (nose up) [rad]."""
         poses = np.empty((len(self.mounts), 5))
         for i, mount in enumerate(self.mounts):
             x, y, z, yaw = self.sensor_links[mount.link]
@@ -111,7 +112,7 @@ class Robot:
         return poses
 
     def sensor_frames(self) -> Array:
-        """(n, 4, 4): the frame of each sensor, x along its beam, in the robot's frame [m]."""
+        """Return the frames (n, 4, 4) [m], x along the beam, in the robot's frame."""
         frames = np.empty((len(self.mounts), 4, 4))
         for i, (x, y, z, yaw, pitch) in enumerate(self.sensor_poses().tolist()):
             cy, sy, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
@@ -123,7 +124,7 @@ class Robot:
             )
         return frames
 
-    def _check(self, mount: Mount, known: Mapping[str, int]) -> None:
+    def _check_mount(self, mount: Mount, known: Mapping[str, int]) -> None:
         if mount.sensor not in known:
             raise InputError(
                 f"mount on {mount.link}: sensor must be one of {', '.join(known) or 'none'}, "
@@ -134,7 +135,7 @@ class Robot:
                 f"sensor {mount.sensor!r}: names must consist of letters, digits and _; rename it"
             )
         if mount.link not in self.sensor_links:
-            raise self._no_place(mount.link)
+            raise self.link_error(mount.link)
         for entry in fields(mount):
             value = getattr(mount, entry.name)
             if entry.name not in ("sensor", "link") and not is_number(value):
@@ -142,7 +143,8 @@ class Robot:
                     f"mount of {mount.sensor}: {entry.name} must be a number, not {value!r}; set it"
                 )
 
-    def _no_place(self, link: str) -> InputError:
+    def link_error(self, link: str) -> InputError:
+        """Create the error for a link that cannot carry sensors, which the caller raises."""
         return InputError(
             f"robot {self.name}: mount link must be fixed to the root link and upright, "
             f"not {link!r}; name one of {', '.join(self.sensor_links)}"

@@ -162,7 +162,7 @@ def _read_mount(at: str, cells: Mapping[str, str], scenario: Scenario) -> tuple[
         region = Region(x, y, yaw, z, pitch, cells.get("link") or None, overhang)
     except InputError as error:
         raise InputError(f"{at}: {str(error).removeprefix('Region.')}") from None
-    region = region.on(scenario.robot, False, f"{at}: sensor")
+    region = region.bind(scenario.robot, False, f"{at}: sensor")
     assert region.link is not None
     z, pitch = bounds(region.z_m)[0], bounds(region.pitch_deg)[0]
     return int(cells["sensor"]), Mount(kind, region.link, x, y, z, yaw, pitch)

@@ -71,7 +71,7 @@ def configured(name: str) -> SensorDesign:
 
 
 NAMES = sorted(path.stem for path in bundled_folder("conf").glob("design/*.yaml"))
-SPACES = {name: configured(name).space(ROBOT) for name in NAMES} | {"mixed": MIXED.space(ROBOT)}
+SPACES = {name: configured(name).bind(ROBOT) for name in NAMES} | {"mixed": MIXED.bind(ROBOT)}
 
 
 def genomes(space: DesignSpace) -> st.SearchStrategy[Array]:
@@ -104,7 +104,7 @@ def assert_valid(space: DesignSpace, genome: Array) -> None:
             assert all(getattr(one, name) == getattr(twin, name) for name in same)
             assert math.copysign(1, twin.y_m) == 1 or twin.y_m < 0  # never written as -0.0
         mounts = mounts[0::2]
-    assert design.least <= len(mounts) <= design.most
+    assert design.min_number <= len(mounts) <= design.max_number
     assert all(inside(mount, space) and mount.sensor in design.sensors for mount in mounts)
     assert list(decoded.values) == [gene.key for gene in design.genes.values()]
     for gene in design.genes.values():
@@ -154,12 +154,12 @@ def test_blocks_hold_every_gene_once(name: str) -> None:
 def test_every_gene_can_change_the_design_and_no_other_block(name: str) -> None:
     space = SPACES[name]
     base = np.full(space.size, 0.999)  # all sensors are there, no category is the first
-    before = space.values(base)
+    before = space.to_row(base)
     for block in space.blocks:
         for gene in block.genes:
             changed = base.copy()
             changed[gene] = 0.01
-            after = space.values(changed)
+            after = space.to_row(changed)
             differs = [key for key in before if before[key] != after[key] and key in after]
             if block.name == "number":
                 assert "number" in differs
@@ -190,7 +190,7 @@ def test_the_case_study_evolves_three_mirrored_sonars_in_five_regions() -> None:
         ("angle", 0, 1),
     ]
     uniform = np.random.default_rng(0).random((5000, space.size))
-    regions = [space.values(genome)["sensor1_region"] for genome in uniform]
+    regions = [space.to_row(genome)["sensor1_region"] for genome in uniform]
     for name in space.regions:  # five equal shares, four standard deviations
         assert abs(regions.count(name) - 1000) < 4 * math.sqrt(5000 * 0.2 * 0.8)
     mount = space.decode(uniform[0]).mounts[0]
@@ -204,7 +204,7 @@ def test_a_number_that_evolves_is_uniform_and_hides_the_last_sensors() -> None:
     assert set(numbers) == set(range(7))
     assert all(abs(numbers.count(n) - 500) < 4 * math.sqrt(3500 * 6 / 49) for n in range(7))
     genome = uniform[numbers.index(2)]
-    values = space.values(genome)
+    values = space.to_row(genome)
     assert values["number"] == 2
     for slot in range(6):
         assert (values[f"sensor{slot}_region"] != "") == (slot < 2)
@@ -215,7 +215,7 @@ def test_a_number_that_evolves_is_uniform_and_hides_the_last_sensors() -> None:
 def test_the_table_says_what_is_mounted(name: str) -> None:
     space = SPACES[name]
     for genome in np.random.default_rng(3).random((50, space.size)):
-        values, design = space.values(genome), space.decode(genome)
+        values, design = space.to_row(genome), space.decode(genome)
         mounts = design.mounts[:: 2 if space.design.mirrored else 1]
         (one,) = space.design.sensors if len(space.design.sensors) == 1 else ("",)
         poses = ("x_m", "y_m", "yaw_deg")
@@ -244,7 +244,7 @@ def test_genomes_are_the_same_where_only_absent_sensors_differ(name: str) -> Non
     space, rng = SPACES[name], np.random.default_rng(7)
     hidden = 0
     for genome in rng.random((100, space.size)):
-        number = space.values(genome).get("number", space.design.most)
+        number = space.to_row(genome).get("number", space.design.max_number)
         for block in space.blocks:
             other = genome.copy()
             other[list(block.genes)] = rng.random(len(block.genes))
@@ -255,11 +255,11 @@ def test_genomes_are_the_same_where_only_absent_sensors_differ(name: str) -> Non
             elif block.name not in ("number", "votes"):  # those have few values
                 assert not space.same(genome, other)
         assert space.same(genome, genome.copy())
-    assert bool(hidden) == (space.design.least < space.design.most)
+    assert bool(hidden) == (space.design.min_number < space.design.max_number)
 
 
 def test_a_whole_number_that_stays_is_the_same_design() -> None:
-    space = SensorDesign({}, {}, 0, False, {"votes": VOTES}).space(ROBOT)
+    space = SensorDesign({}, {}, 0, False, {"votes": VOTES}).bind(ROBOT)
     for one in np.linspace(0, 1, 41):
         for other in np.linspace(0, 1, 41):
             equal = VOTES.value(one) == VOTES.value(other)
@@ -268,11 +268,11 @@ def test_a_whole_number_that_stays_is_the_same_design() -> None:
 
 def test_constants_have_no_gene() -> None:
     fixed = Region(x_m=0.2, y_m=0, yaw_deg=0)
-    space = SensorDesign({"sonar": Sonar()}, {"nose": fixed}, 2, False).space(ROBOT)
+    space = SensorDesign({"sonar": Sonar()}, {"nose": fixed}, 2, False).bind(ROBOT)
     assert (space.size, space.blocks) == (0, ())
     assert [mount.x_m for mount in space.decode(np.zeros(0)).mounts] == [0.2, 0.2]
     held = Gene("controller.held", 2, 2)
-    only = SensorDesign({}, {}, 0, True, {"held": held, "avoid": AVOID}).space(ROBOT)
+    only = SensorDesign({}, {}, 0, True, {"held": held, "avoid": AVOID}).bind(ROBOT)
     assert [block.name for block in only.blocks] == ["avoid"]
     assert only.decode(np.ones(1)).values == {"controller.held": 2, AVOID.key: 4}
 
@@ -447,7 +447,7 @@ def test_a_region_away_from_the_robot_is_refused(
 ) -> None:
     design = SensorDesign({"sonar": Sonar()}, {"front": region}, 1, mirrored)
     with pytest.raises(InputError, match=message) as caught:
-        design.space(ROBOT)
+        design.bind(ROBOT)
     assert "\n" not in str(caught.value)
 
 
@@ -462,7 +462,7 @@ def test_a_region_away_from_the_robot_is_refused(
 )
 def test_a_region_may_stand_out_by_a_bracket(region: Region) -> None:
     def size(region: Region) -> int:
-        return SensorDesign({"sonar": Sonar()}, {"edge": region}, 1, True).space(ROBOT).size
+        return SensorDesign({"sonar": Sonar()}, {"edge": region}, 1, True).bind(ROBOT).size
 
     assert size(region) > 0
     with pytest.raises(InputError, match=r"at most 0\.049 m"):
@@ -473,15 +473,15 @@ def test_the_default_place_of_a_sensor_may_be_above_what_touches_obstacles() -> 
     flat = replace(ROBOT, height_m=0.07)
     for z_m in (None, 0.166, 0.2):
         region = Region(0, 0, [-1, 1], z_m=z_m)
-        assert SensorDesign({"sonar": Sonar()}, {"top": region}, 1, True).space(flat).size == 1
+        assert SensorDesign({"sonar": Sonar()}, {"top": region}, 1, True).bind(flat).size == 1
     with pytest.raises(InputError, match=r"not -0\.1"):
-        FRONT.on(replace(ROBOT, mount_z_m=-0.1), True, "design.regions.front")
+        FRONT.bind(replace(ROBOT, mount_z_m=-0.1), True, "design.regions.front")
 
 
 def test_a_region_that_is_on_the_robot_may_have_its_twin_off_it() -> None:
     # y from -0.05 to 0.25 m
     lopsided = replace(ROBOT, outline=ROBOT.outline + np.array([0, 0.1]))
     left = {"left": Region(x_m=0, y_m=[0.1, 0.2], yaw_deg=90)}
-    assert SensorDesign({"sonar": Sonar()}, left, 1, False).space(lopsided).size == 1
+    assert SensorDesign({"sonar": Sonar()}, left, 1, False).bind(lopsided).size == 1
     with pytest.raises(InputError, match=r"not -0\.2 to 0\.2"):
-        SensorDesign({"sonar": Sonar()}, left, 1, True).space(lopsided)
+        SensorDesign({"sonar": Sonar()}, left, 1, True).bind(lopsided)

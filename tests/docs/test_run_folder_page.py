@@ -29,7 +29,7 @@ def test_the_columns_of_generations_are_documented_in_order() -> None:
     design = ["+sensor@design.sensors.other=sonar", "design.number=[1,2]"]
     ranges = ["+design.regions.front.z_m=[0.1,0.2]", "+design.regions.front.pitch_deg=[0,10]"]
     space = compose([*design, *ranges]).build().space
-    known = list(space.values(np.zeros(space.size)))
+    known = list(space.to_row(np.zeros(space.size)))
     assert [name.replace("N", "1") for name in decoded] == [
         name for name in known if name.startswith("sensor1_")
     ]

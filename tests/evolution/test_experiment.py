@@ -10,7 +10,7 @@ from evoros.base.console import DONE
 from evoros.base.errors import InputError
 from evoros.cli.run import evoros
 from evoros.config.compose import compose
-from evoros.design.genes import FEW, Gene, corners
+from evoros.design.genes import MAX_EXHAUSTIVE, Gene, enumerate_corners
 from evoros.fitness.scoring import fitness_of
 from evoros.mission.outcome import TRAJECTORY, Outcome
 from evoros.mission.rollout import run_mission
@@ -162,10 +162,10 @@ def test_groups_of_parts_combine(failure: str, controller: str) -> None:
     assert differs.distance_m != flown.distance_m
 
 
-@pytest.mark.parametrize("count", [0, 1, 3, FEW, FEW + 1])
+@pytest.mark.parametrize("count", [0, 1, 3, MAX_EXHAUSTIVE, MAX_EXHAUSTIVE + 1])
 def test_the_corners_have_each_gene_at_both_ends_beside_all_others(count: int) -> None:
-    found = set(corners(count))
-    assert len(found) == (2**count if count <= FEW else 2 * (count + 1))
+    found = set(enumerate_corners(count))
+    assert len(found) == (2**count if count <= MAX_EXHAUSTIVE else 2 * (count + 1))
     for gene in range(count):
         for end in (0.0, 1.0):
             alone = tuple(end if i == gene else 1.0 - end for i in range(count))

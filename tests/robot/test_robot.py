@@ -416,7 +416,7 @@ def test_names_must_be_free_and_plain() -> None:
     mount = dataclasses.replace(some_mounts(1)[0], sensor='"/><evil')
     with pytest.raises(InputError, match="letters"):
         rover().with_sensors([mount], {mount.sensor: Whisker()})
-    taken = dataclasses.replace(rover(), taken=frozenset({"sonar_0"}))
+    taken = dataclasses.replace(rover(), reserved_names=frozenset({"sonar_0"}))
     with pytest.raises(InputError, match="sonar_0"):
         taken.with_sensors(some_mounts(1), SENSORS)
 
