@@ -1,13 +1,11 @@
-"""The vocabulary of evoros: what the parts say to each other.
+"""The arrays that parts exchange: the state, the leg, the command, and the arrays of a rule.
 
-Imports numpy and the standard library only, so that every part can import it.
-
-Descriptions (robots, worlds, filters, controllers ...) are frozen. ``start()`` and ``open()``
-give the fresh, mutable thing. What runs inside a mission is a *rule*: a plain function of
-arrays, with its parameters and its memory as float64 arrays. A rule never allocates, never
-raises and never keeps anything outside its arrays, so that the same source can be called step
-by step or compiled. Write ``x * x`` and ``math.sqrt`` in rules; ``x ** 2``, ``math.hypot`` and
-numpy reductions do not give the same bits when compiled.
+Parts (robots, worlds, filters, controllers ...) are frozen descriptions. Their ``start()`` or
+``open()`` makes the mutable state of one mission. During a mission a *rule* runs: a plain function
+of arrays, whose parameters and memory are float64 arrays. A rule never allocates, never raises and
+keeps nothing outside its arrays, so that the same source can be interpreted or compiled. Write
+``x * x`` and ``math.sqrt`` in rules; compiled, ``x ** 2``, ``math.hypot`` and numpy reductions give
+other bits.
 
 Units are SI: metres, seconds, radians, kilograms; a name that ends in ``_deg`` is in degrees.
 World frame: z up. Robot frame: x forward, y left, yaw positive to the left.
@@ -20,18 +18,23 @@ from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 
+RuleArrays: TypeAlias = tuple[Array, Array]
+"""The parameters and the memory of a rule in one mission."""
+NO_PARAMETERS: Array = np.zeros(0)
+NO_MEMORY: Array = np.zeros(0)
+
 # The state of the robot: a float64 array of STATE_SIZE values, world frame.
 X, Y, YAW, SPEED, YAW_RATE, CONTACT = range(6)
-"""x [m], y [m], yaw [rad], forward speed [m/s], yaw rate [rad/s], touches an obstacle (0 or 1)."""
+"""x [m], y [m], yaw [rad], forward speed [m/s], yaw rate [rad/s], 1 if it touches an obstacle."""
 STATE_SIZE = 6
 POSE_SIZE = 4
-"""The first values of the state are what a localization reports: x, y, yaw and speed."""
+"""A localization reports the first values of the state: x, y, yaw and speed."""
 
-# The leg of the route that is being driven: a float64 array of LEG_SIZE values.
+# The current leg of the route: a float64 array of LEG_SIZE values [m].
 FROM_X, FROM_Y, TO_X, TO_Y = range(4)
 LEG_SIZE = 4
 
 # The command of a controller: a float64 array of COMMAND_SIZE values.
 DRIVE_SPEED, STEERING = range(2)
-"""Speed [m/s] of the rear axle's centre; steering [rad] of the bicycle model, left positive."""
+"""Speed [m/s] of the rear axle's centre; steering angle [rad] of the bicycle model, left > 0."""
 COMMAND_SIZE = 2

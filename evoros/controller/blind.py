@@ -1,45 +1,33 @@
 """No obstacle avoidance: the baseline that shows what the sensors are worth."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import ClassVar
 
-import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import Array
-from evoros.controller.protocol import LayerRule
-
-if TYPE_CHECKING:
-    from evoros.robot.model import Robot
-
-
-def never(
-    parameters: Array,
-    memory: Array,
-    state: Array,
-    leg: Array,
-    readings: Array,
-    time: float,
-    command: Array,
-) -> bool:
-    """Leave every decision to the layers behind."""
-    return False
+from evoros.base.arrays import NO_MEMORY, NO_PARAMETERS, Array, RuleArrays
+from evoros.robot.model import Robot
 
 
 @dataclass(frozen=True)
 class Blind:
     """A layer that never decides, so that the robot navigates whatever its sensors read."""
 
-    @property
-    def mode(self) -> str:
-        """Never reached."""
-        return "avoiding"
+    mode: ClassVar[str] = "avoiding"
 
-    @property
-    def rule(self) -> LayerRule:
-        """Never decides."""
-        return never
+    def start(self, robot: Robot, period: float, rng: Generator) -> RuleArrays:
+        """Return no parameters and no memory."""
+        return NO_PARAMETERS, NO_MEMORY
 
-    def start(self, robot: "Robot", period: float, rng: Generator) -> tuple[Array, Array]:
-        """Neither parameters nor memory."""
-        return np.zeros(0), np.zeros(0)
+    @staticmethod
+    def rule(
+        parameters: Array,
+        memory: Array,
+        state: Array,
+        leg: Array,
+        readings: Array,
+        time: float,
+        command: Array,
+    ) -> bool:
+        """Leave every decision to the layers behind."""
+        return False

@@ -7,7 +7,7 @@ new nonlinear guidance logic for trajectory tracking", AIAA 2004-4900; the steer
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.random import Generator
@@ -23,14 +23,13 @@ from evoros.base.arrays import (
     YAW,
     YAW_RATE,
     Array,
+    RuleArrays,
     X,
     Y,
 )
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
-from evoros.controller.protocol import LayerRule
-
-if TYPE_CHECKING:
-    from evoros.robot.model import Robot
+from evoros.base.compilation import compilable
+from evoros.robot.model import Robot
 
 # The rule's parameters: a yaw rate [rad/s] becomes an output [deg], and LOCK makes it steering.
 (
@@ -45,7 +44,7 @@ if TYPE_CHECKING:
     INTEGRAL_LIMIT,  # [deg]
     OUTPUT_LIMIT,  # [deg]
     LOCK,  # [rad/deg]
-    LEAST_SPEED,  # [m/s]
+    MIN_SPEED,  # [m/s]
     INTERRUPTION,  # [s]
     AXLE,  # [m]
 ) = range(14)
@@ -56,42 +55,106 @@ CROSSTRACK, INTEGRAL, LAST_OUTPUT, LAST_TIME = range(4)
 
 STILL = 0.1  # [m/s], [m]: below, the speed and the look-ahead distance mean nothing
 CAPTURE = math.sqrt(0.5)  # sine of 45 deg, the steepest approach to the leg
-CONVERGED = math.radians(5.0)  # the crosstrack integral waits for Nu1 to be less
+CONVERGED = math.radians(5.0)  # the crosstrack integral waits for Nu1 to be smaller
 POINT = 1e-6  # [m]: a shorter leg has no direction
-BEYOND = 3.0  # [s]: so far past its end the leg no longer leads, but its end
+BEYOND = 3.0  # [s]: this far past the leg's end, the end itself leads
 DEGREES = 180.0 / math.pi
 TURN = 2.0 * math.pi
 
 
-def track(
-    parameters: Array,
-    memory: Array,
-    state: Array,
-    leg: Array,
-    readings: Array,
-    time: float,
-    command: Array,
-) -> bool:
-    """Decide always, except on a pose that is silent (NaN): then the last command stands.
+@dataclass(frozen=True)
+@checked
+class L1:
+    """ArduPilot's route following, with the names of its parameters at the fields.
 
-    One long function, for a rule calls no other.
+    The law was made for speeds above ``least_speed_mps``. On a slow robot with a late pose the
+    heading swings by some 30 deg, which is the serpentine of the 2018 paper (Evo-ROS); with an
+    exact pose the robot goes straight. The yaw rate is a gyroscope's, which no localization delays.
+    The law leads the centre of the rear axle along the route, because that point moves as the robot
+    heads; a point ahead of it would notice every turn before the robot has made it.
+
+    Raises:
+        InputError: a value is out of range.
     """
-    speed = max(float(state[SPEED]), STILL)
-    look_ahead = float(parameters[LOOK_AHEAD]) * speed
-    yaw = float(state[YAW])
-    axle = float(parameters[AXLE])
-    x = float(state[X]) + axle * math.cos(yaw) - float(leg[FROM_X])
-    y = float(state[Y]) + axle * math.sin(yaw) - float(leg[FROM_Y])
-    distance = math.sqrt(x * x + y * y)
-    if math.isnan(distance + yaw + speed):
-        return False
-    if time - float(memory[LAST_TIME]) > float(parameters[INTERRUPTION]):
-        memory[CROSSTRACK] = 0.0
-        memory[INTEGRAL] = 0.0
-        memory[LAST_OUTPUT] = 0.0
-    memory[LAST_TIME] = time
 
-    # Guidance: (aim_x, aim_y) is where to go, nu1 how far from there the leg pulls to itself.
+    mode: ClassVar[str] = "navigating"
+    speed_mps: Annotated[float, POSITIVE] = 0.29
+    period_s: Annotated[float, POSITIVE] = 6.0
+    damping: Annotated[float, POSITIVE] = 0.75
+    crosstrack_gain: Annotated[float, NOT_NEGATIVE] = 0.02
+    crosstrack_limit: Annotated[float, NOT_NEGATIVE] = 0.1
+    p: Annotated[float, NOT_NEGATIVE] = 1.8
+    i: Annotated[float, NOT_NEGATIVE] = 0.2
+    d: Annotated[float, NOT_NEGATIVE] = 0.005
+    tau_s: Annotated[float, POSITIVE] = 0.75
+    integral_limit_deg: Annotated[float, NOT_NEGATIVE] = 15.0
+    output_limit_deg: Annotated[float, POSITIVE] = 45.0
+    least_speed_mps: Annotated[float, POSITIVE] = 1.0
+    interruption_s: Annotated[float, NOT_NEGATIVE] = 1.0  # after which the integrals start afresh
+
+    def start(self, robot: Robot, period: float, rng: Generator) -> RuleArrays:
+        """Return the gains for this control period, and empty integrals as memory."""
+        parameters = np.zeros(AXLE + 1)
+        parameters[CRUISE] = self.speed_mps
+        parameters[LOOK_AHEAD] = self.damping * self.period_s / math.pi
+        parameters[K_L1] = 4.0 * self.damping * self.damping
+        parameters[CROSSTRACK_STEP] = self.crosstrack_gain * period
+        parameters[CROSSTRACK_LIMIT] = self.crosstrack_limit
+        parameters[KP] = max((self.p - self.i * self.tau_s) * self.tau_s - self.d, 0.0) * 45.0
+        parameters[KD] = 4.0 * self.d
+        parameters[KI_STEP] = self.i * self.tau_s * 45.0 * period
+        parameters[INTEGRAL_LIMIT] = self.integral_limit_deg
+        parameters[OUTPUT_LIMIT] = self.output_limit_deg
+        parameters[LOCK] = robot.drive.steering_limit / self.output_limit_deg
+        parameters[MIN_SPEED] = self.least_speed_mps
+        # The integrals are out of date once avoidance has driven for a while.
+        parameters[INTERRUPTION] = max(self.interruption_s, 1.5 * period)
+        parameters[AXLE] = robot.drive.rear_axle_x_m
+        memory = np.zeros(LAST_TIME + 1)
+        memory[LAST_TIME] = -math.inf
+        return parameters, memory
+
+    @staticmethod
+    def rule(
+        parameters: Array,
+        memory: Array,
+        state: Array,
+        leg: Array,
+        readings: Array,
+        time: float,
+        command: Array,
+    ) -> bool:
+        """Decide always, except if the pose is silent (NaN): the last command stands then."""
+        speed = max(float(state[SPEED]), STILL)
+        yaw = float(state[YAW])
+        axle = float(parameters[AXLE])
+        x = float(state[X]) + axle * math.cos(yaw) - float(leg[FROM_X])
+        y = float(state[Y]) + axle * math.sin(yaw) - float(leg[FROM_Y])
+        if math.isnan(math.sqrt(x * x + y * y) + yaw + speed):
+            return False
+        if time - float(memory[LAST_TIME]) > float(parameters[INTERRUPTION]):
+            memory[CROSSTRACK] = 0.0
+            memory[INTEGRAL] = 0.0
+            memory[LAST_OUTPUT] = 0.0
+        memory[LAST_TIME] = time
+        acceleration = guide(parameters, memory, leg, x, y, yaw, speed)
+        output = steer(parameters, memory, acceleration, float(state[YAW_RATE]), speed)
+        command[DRIVE_SPEED] = parameters[CRUISE]
+        command[STEERING] = output * float(parameters[LOCK])
+        return True
+
+
+@compilable
+def guide(
+    parameters: Array, memory: Array, leg: Array, x: float, y: float, yaw: float, speed: float
+) -> float:
+    """Return the lateral acceleration [m/s2] that leads the point (x, y) [m] to the leg.
+
+    The point is relative to the leg's start. (aim_x, aim_y) is where to go, and nu1 the angle by
+    which the leg attracts the point.
+    """
+    distance = math.sqrt(x * x + y * y)
+    look_ahead = float(parameters[LOOK_AHEAD]) * speed
     aim_x = float(leg[TO_X]) - float(leg[FROM_X])
     aim_y = float(leg[TO_Y]) - float(leg[FROM_Y])
     length = math.sqrt(aim_x * aim_x + aim_y * aim_y)
@@ -109,17 +172,25 @@ def track(
         nu1 = math.asin(min(max(sine, -CAPTURE), CAPTURE))
         if abs(nu1) < CONVERGED:
             limit = float(parameters[CROSSTRACK_LIMIT])
-            pull = float(memory[CROSSTRACK]) + float(parameters[CROSSTRACK_STEP]) * nu1
-            memory[CROSSTRACK] = min(max(pull, -limit), limit)
+            integral = float(memory[CROSSTRACK]) + float(parameters[CROSSTRACK_STEP]) * nu1
+            memory[CROSSTRACK] = min(max(integral, -limit), limit)
         nu1 += float(memory[CROSSTRACK])
     nu2 = (math.atan2(aim_y, aim_x) - yaw + math.pi) % TURN - math.pi
     nu = min(max(nu1 + nu2, -0.5 * math.pi), 0.5 * math.pi)
-    acceleration = float(parameters[K_L1]) * speed * speed / look_ahead * math.sin(nu)
+    return float(parameters[K_L1]) * speed * speed / look_ahead * math.sin(nu)
 
-    # Steering: ArduPilot mixes units, the error is in degrees and the demand in radians.
-    scale = 1.0 / max(speed, float(parameters[LEAST_SPEED]))
+
+@compilable
+def steer(
+    parameters: Array, memory: Array, acceleration: float, yaw_rate: float, speed: float
+) -> float:
+    """Return the output [deg] of the yaw rate's controller for a lateral acceleration [m/s2].
+
+    ArduPilot mixes units: the error is in degrees per second, the demand in radians per second.
+    """
+    scale = 1.0 / max(speed, float(parameters[MIN_SPEED]))
     rate = acceleration * scale
-    error = (rate - float(state[YAW_RATE])) * DEGREES * scale
+    error = (rate - yaw_rate) * DEGREES * scale
     step = error * float(parameters[KI_STEP]) * scale
     limit = float(parameters[OUTPUT_LIMIT])
     last = float(memory[LAST_OUTPUT])
@@ -127,73 +198,9 @@ def track(
         step = max(step, 0.0)
     elif last > limit:
         step = min(step, 0.0)
-    most = float(parameters[INTEGRAL_LIMIT])
-    integral = min(max(float(memory[INTEGRAL]) + step, -most), most)
+    integral_limit = float(parameters[INTEGRAL_LIMIT])
+    integral = min(max(float(memory[INTEGRAL]) + step, -integral_limit), integral_limit)
     output = error * float(parameters[KD]) + rate * float(parameters[KP]) * scale + integral
     memory[INTEGRAL] = integral
     memory[LAST_OUTPUT] = output
-    command[DRIVE_SPEED] = parameters[CRUISE]
-    command[STEERING] = min(max(output, -limit), limit) * float(parameters[LOCK])
-    return True
-
-
-@dataclass(frozen=True)
-@checked
-class L1:
-    """ArduPilot's route following, with the names of its parameters at the fields.
-
-    It was made for speeds above ``least_speed_mps``: on a slow robot with a late pose the heading
-    swings by some 30 deg, the serpentine of the 2018 paper (Evo-ROS); with an exact pose it goes
-    straight. The yaw rate is a gyroscope's, which no localization delays. What is led along the
-    route is the point that moves as the robot heads, the centre of the rear axle: a point ahead of
-    it would know of every turn before the robot has made it.
-
-    Raises:
-        InputError: a value outside of its range.
-    """
-
-    speed_mps: Annotated[float, POSITIVE] = 0.29
-    period_s: Annotated[float, POSITIVE] = 6.0
-    damping: Annotated[float, POSITIVE] = 0.75
-    crosstrack_gain: Annotated[float, NOT_NEGATIVE] = 0.02
-    crosstrack_limit: Annotated[float, NOT_NEGATIVE] = 0.1
-    p: Annotated[float, NOT_NEGATIVE] = 1.8
-    i: Annotated[float, NOT_NEGATIVE] = 0.2
-    d: Annotated[float, NOT_NEGATIVE] = 0.005
-    tau_s: Annotated[float, POSITIVE] = 0.75
-    integral_limit_deg: Annotated[float, NOT_NEGATIVE] = 15.0
-    output_limit_deg: Annotated[float, POSITIVE] = 45.0
-    least_speed_mps: Annotated[float, POSITIVE] = 1.0
-    interruption_s: Annotated[float, NOT_NEGATIVE] = 1.0  # after which the integrals start afresh
-
-    @property
-    def mode(self) -> str:
-        """Following the route."""
-        return "navigating"
-
-    @property
-    def rule(self) -> LayerRule:
-        """Steers along the leg."""
-        return track
-
-    def start(self, robot: "Robot", period: float, rng: Generator) -> tuple[Array, Array]:
-        """Parameters with the gains for this control period; memory with empty integrals."""
-        parameters = np.zeros(AXLE + 1)
-        parameters[CRUISE] = self.speed_mps
-        parameters[LOOK_AHEAD] = self.damping * self.period_s / math.pi
-        parameters[K_L1] = 4.0 * self.damping * self.damping
-        parameters[CROSSTRACK_STEP] = self.crosstrack_gain * period
-        parameters[CROSSTRACK_LIMIT] = self.crosstrack_limit
-        parameters[KP] = max((self.p - self.i * self.tau_s) * self.tau_s - self.d, 0.0) * 45.0
-        parameters[KD] = 4.0 * self.d
-        parameters[KI_STEP] = self.i * self.tau_s * 45.0 * period
-        parameters[INTEGRAL_LIMIT] = self.integral_limit_deg
-        parameters[OUTPUT_LIMIT] = self.output_limit_deg
-        parameters[LOCK] = robot.drive.steering_limit / self.output_limit_deg
-        parameters[LEAST_SPEED] = self.least_speed_mps
-        # What has been integrated is out of date once avoidance has driven for a while.
-        parameters[INTERRUPTION] = max(self.interruption_s, 1.5 * period)
-        parameters[AXLE] = robot.drive.rear_axle_x_m
-        memory = np.zeros(LAST_TIME + 1)
-        memory[LAST_TIME] = -math.inf
-        return parameters, memory
+    return min(max(output, -limit), limit)

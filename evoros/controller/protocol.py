@@ -3,21 +3,19 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, TypeAlias, runtime_checkable
+from typing import Protocol, TypeAlias, runtime_checkable
 
 from numpy.random import Generator
 
-from evoros.base.arrays import Array
+from evoros.base.arrays import Array, RuleArrays
 from evoros.base.checks import instance_of
 from evoros.filter.protocol import Filter
-
-if TYPE_CHECKING:
-    from evoros.robot.model import Robot
+from evoros.robot.model import Robot
 
 LayerRule: TypeAlias = Callable[[Array, Array, Array, Array, Array, float, Array], bool]
 """(parameters, memory, state, leg, readings [m], time [s], command) -> took the decision?
 
-``state`` is as localized; the rule fills ``command`` only where it returns True.
+``state`` is as localized; the rule fills ``command`` only if it returns True.
 """
 
 
@@ -27,16 +25,22 @@ class Layer(Protocol):
 
     @property
     def mode(self) -> str:
-        """What the robot does while this layer decides: ``avoiding``, ``navigating`` ..."""
+        """What the robot does while this layer decides: ``avoiding``, ``navigating`` ...
+
+        The share of the decisions in the mode ``avoiding`` is a column of ``missions.csv``.
+        """
         ...
 
     @property
     def rule(self) -> LayerRule:
-        """How it decides."""
+        """Decide; a static method, so that numba can compile it."""
         ...
 
-    def start(self, robot: "Robot", period: float, rng: Generator) -> tuple[Array, Array]:
-        """Parameters and memory for one mission; ``period`` is the controller's [s]."""
+    def start(self, robot: Robot, period: float, rng: Generator) -> RuleArrays:
+        """Return the parameters and the memory of ``rule`` for one mission.
+
+        ``period`` is the controller's [s].
+        """
         ...
 
 
@@ -44,7 +48,6 @@ class Layer(Protocol):
 class StartedLayer:
     """A layer in a mission: its rule with its own parameters and memory."""
 
-    mode: str
     rule: LayerRule
     parameters: Array
     memory: Array
@@ -65,14 +68,22 @@ class Controller(Protocol):
 
     @property
     def localization(self) -> Mapping[str, Filter]:
-        """By name, applied in order to the pose (x, y, yaw, speed) before the layers see it."""
+        """The filters, by name, that act in order on the pose before the layers see it."""
+        ...
+
+    @property
+    def modes(self) -> Sequence[str]:
+        """The mode of each layer that ``open`` gives, in the same order."""
         ...
 
     def open(
-        self, robot: "Robot", rng: Callable[[str], Generator]
+        self, robot: Robot, rng: Callable[[str], Generator]
     ) -> AbstractContextManager[Sequence[StartedLayer]]:
-        """``rng(name)`` gives the named part's own generator for this mission."""
+        """Start the layers for one mission.
+
+        ``rng(name)`` returns the generator of the named part for this mission.
+        """
         ...
 
 
-A_CONTROLLER = instance_of(Controller, "a controller (period_s, localization and open)")
+A_CONTROLLER = instance_of(Controller, "a controller (period_s, localization, modes and open)")

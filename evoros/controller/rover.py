@@ -3,16 +3,14 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from numpy.random import Generator
 
 from evoros.base.checks import POSITIVE, checked, instance_of
 from evoros.controller.protocol import Layer, StartedLayer
 from evoros.filter.protocol import FILTERS, Filter
-
-if TYPE_CHECKING:
-    from evoros.robot.model import Robot
+from evoros.robot.model import Robot
 
 A_LAYER = instance_of(Layer, "a layer of a controller (mode, rule and start)")
 
@@ -20,13 +18,13 @@ A_LAYER = instance_of(Layer, "a layer of a controller (mode, rule and start)")
 @dataclass(frozen=True)
 @checked
 class Rover:
-    """Two layers: ``avoidance`` decides where it sees an obstacle, else ``navigation`` does.
+    """Two layers: ``avoidance`` decides if it sees an obstacle, otherwise ``navigation`` does.
 
-    ``localization`` stands between the true pose and both layers, applied in the order of the
-    mapping; empty means that the pose is known exactly.
+    The filters of ``localization`` stand between the true pose and both layers, in the order of the
+    mapping. Without any, the pose is known exactly.
 
     Raises:
-        InputError: a part of the wrong kind, or a period that is not positive.
+        InputError: a part is of the wrong kind, or the period is not positive.
     """
 
     avoidance: Annotated[Layer, A_LAYER]
@@ -34,13 +32,18 @@ class Rover:
     period_s: Annotated[float, POSITIVE] = 0.1
     localization: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)
 
+    @property
+    def modes(self) -> tuple[str, str]:
+        """The modes of the layers in order of precedence."""
+        return self.avoidance.mode, self.navigation.mode
+
     @contextmanager
     def open(
-        self, robot: "Robot", rng: Callable[[str], Generator]
+        self, robot: Robot, rng: Callable[[str], Generator]
     ) -> Iterator[Sequence[StartedLayer]]:
-        """The layers in order of precedence, started afresh for one mission."""
+        """Start the layers, in order of precedence, for one mission."""
         layers = {"avoidance": self.avoidance, "navigation": self.navigation}
         yield [
-            StartedLayer(layer.mode, layer.rule, *layer.start(robot, self.period_s, rng(name)))
+            StartedLayer(layer.rule, *layer.start(robot, self.period_s, rng(name)))
             for name, layer in layers.items()
         ]

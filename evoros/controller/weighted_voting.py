@@ -2,58 +2,21 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
+from evoros.base.arrays import DRIVE_SPEED, NO_MEMORY, STEERING, Array, RuleArrays
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_number
-from evoros.controller.protocol import LayerRule
-
-if TYPE_CHECKING:
-    from evoros.robot.model import Robot
+from evoros.robot.model import Robot
 
 # The rule's parameters; the direction of each sensor's vote follows (1: left, -1: right).
 RANGE, MAX_RANGE, SPEED, FULL_LOCK, DEADLOCK_DIFFERENCE, DEADLOCK_SUM, DIRECTIONS = range(7)
 
 HALF_TURN = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v) and 0 <= v < 180)
 ROUNDING = 1e-9
-"""[rad]: a mount at exactly ``ahead_deg`` is ahead, though its yaw has been through rotations."""
-
-
-def vote(
-    parameters: Array,
-    memory: Array,
-    state: Array,
-    leg: Array,
-    readings: Array,
-    time: float,
-    command: Array,
-) -> bool:
-    """Take the decision when a sensor reads less than the threshold; silence (NaN) is no vote."""
-    threshold = float(parameters[RANGE])
-    left = 0.0
-    right = 0.0
-    seen = False
-    for i in range(len(readings)):
-        reading = float(readings[i])
-        if reading < threshold:
-            seen = True
-            if parameters[DIRECTIONS + i] > 0.0:
-                left += threshold - reading
-            else:
-                right += threshold - reading
-    if not seen:
-        return False
-    surplus = left - right
-    turn = min(max(surplus / float(parameters[MAX_RANGE]), -1.0), 1.0)
-    enough = float(parameters[DEADLOCK_SUM])
-    if left > enough and right > enough and abs(surplus) <= float(parameters[DEADLOCK_DIFFERENCE]):
-        turn = 1.0
-    command[DRIVE_SPEED] = parameters[SPEED]
-    command[STEERING] = turn * float(parameters[FULL_LOCK])
-    return True
+"""[rad]: a mount at exactly ``ahead_deg`` is ahead, despite the rounding of its yaw."""
 
 
 @dataclass(frozen=True)
@@ -64,14 +27,15 @@ class WeightedVoting:
     A reading below ``range_m`` is a vote of weight ``range_m - reading``: for the left from a
     sensor that faces right or ahead (within ``ahead_deg``, itself included), for the right from
     one that faces left. The robot steers towards the greater sum by ``|difference| /
-    max_range_m`` of full lock, at most full lock (Eq. 2); equal sums go straight on. Where the
-    sums differ by at most ``deadlock_difference_m`` and both exceed ``deadlock_sum_m``, the
-    obstacle lies right ahead: hard left.
+    max_range_m`` of full lock, at most full lock (Eq. 2); equal sums go straight on. If the sums
+    differ by at most ``deadlock_difference_m`` and both exceed ``deadlock_sum_m``, the obstacle is
+    straight ahead and the robot turns hard left.
 
     Raises:
-        InputError: a value outside of its range.
+        InputError: a value is out of range.
     """
 
+    mode: ClassVar[str] = "avoiding"
     range_m: Annotated[float, POSITIVE] = 2.0
     max_range_m: Annotated[float, POSITIVE] = 2.0
     speed_mps: Annotated[float, POSITIVE] = 0.3175
@@ -79,25 +43,16 @@ class WeightedVoting:
     deadlock_difference_m: Annotated[float, NOT_NEGATIVE] = 1.0
     deadlock_sum_m: Annotated[float, NOT_NEGATIVE] = 1.5
 
-    @property
-    def mode(self) -> str:
-        """Keeping off an obstacle."""
-        return "avoiding"
-
-    @property
-    def rule(self) -> LayerRule:
-        """Counts the votes."""
-        return vote
-
-    def start(self, robot: "Robot", period: float, rng: Generator) -> tuple[Array, Array]:
-        """Parameters with each sensor's direction, from where it is mounted; no memory.
+    def start(self, robot: Robot, period: float, rng: Generator) -> RuleArrays:
+        """Return the parameters, with the direction of each mounted sensor; no memory.
 
         Raises:
-            InputError: a sensor that sees nothing would cast a vote, for it reads its range.
+            InputError: ``range_m`` exceeds the range of a sensor, so that the sensor would vote
+                even if it sees nothing.
         """
         shortest = min((robot.sensors[m.sensor].range_max_m for m in robot.mounts), default=np.inf)
         if self.range_m > shortest:
-            rule = f"must be at most the least range_max_m of the sensors, which is {shortest:g}"
+            rule = f"must be at most the smallest range_max_m of the sensors, which is {shortest:g}"
             raise invalid(self, "range_m", self.range_m, rule, "lower it to less than that")
         ahead = math.radians(self.ahead_deg) + ROUNDING
         yaws = [math.atan2(math.sin(yaw), math.cos(yaw)) for yaw in robot.sensor_poses()[:, 3]]
@@ -112,4 +67,39 @@ class WeightedVoting:
                 *(1.0 if yaw <= ahead else -1.0 for yaw in yaws),
             ]
         )
-        return parameters, np.zeros(0)
+        return parameters, NO_MEMORY
+
+    @staticmethod
+    def rule(
+        parameters: Array,
+        memory: Array,
+        state: Array,
+        leg: Array,
+        readings: Array,
+        time: float,
+        command: Array,
+    ) -> bool:
+        """Decide if a sensor reads less than the threshold; silence (NaN) is no vote."""
+        threshold = float(parameters[RANGE])
+        left = 0.0
+        right = 0.0
+        seen = False
+        for i in range(len(readings)):
+            reading = float(readings[i])
+            if reading < threshold:
+                seen = True
+                if parameters[DIRECTIONS + i] > 0.0:
+                    left += threshold - reading
+                else:
+                    right += threshold - reading
+        if not seen:
+            return False
+        surplus = left - right
+        turn = min(max(surplus / float(parameters[MAX_RANGE]), -1.0), 1.0)
+        balanced = abs(surplus) <= float(parameters[DEADLOCK_DIFFERENCE])
+        deadlock_sum = float(parameters[DEADLOCK_SUM])
+        if balanced and left > deadlock_sum and right > deadlock_sum:
+            turn = 1.0
+        command[DRIVE_SPEED] = parameters[SPEED]
+        command[STEERING] = turn * float(parameters[FULL_LOCK])
+        return True

@@ -11,18 +11,24 @@ from evoros.filter.protocol import Channels, Filter
 
 @dataclass(frozen=True)
 class Fault:
-    """A filter that acts on each channel from its own time on.
+    """A filter that acts on each channel from that channel's onset on.
 
-    The random draws of a fault go by its name; faults of one name are numbered in their order.
+    The fault's name selects the stream of its random draws; faults with equal names are numbered in
+    order.
     """
 
     filter: Filter
     onset: Array  # (n,) [s], infinity: never
-    name: str = ""  # empty: that of the filter's class
+    name: str = ""  # empty: the filter's name
 
     def __post_init__(self) -> None:
         if not self.name:
-            object.__setattr__(self, "name", type(self.filter).__name__)
+            object.__setattr__(self, "name", self.filter.name)
+
+    @property
+    def effect(self) -> str:
+        """What it does to a sensor, as the column ``failed_by`` names it."""
+        return self.filter.name.lower()
 
 
 @runtime_checkable
@@ -30,5 +36,5 @@ class Failure(Protocol):
     """Chooses which sensors fail and when."""
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """The faults of one mission; ``channels`` covers all sensors of the robot."""
+        """Return the faults of one mission; ``channels`` covers all sensors of the robot."""
         ...

@@ -1,52 +1,47 @@
-"""A systematic error of a sensor: too long or too short by the same amount all the time."""
+"""A systematic error of a sensor: all its readings are too long, or too short, by one amount."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import Array
+from evoros.base.arrays import NO_MEMORY, Array, RuleArrays
 from evoros.base.checks import NOT_NEGATIVE, NUMBER, checked
-from evoros.filter.protocol import Channels, FilterRule
+from evoros.filter.protocol import Channels
 
 
 @dataclass(frozen=True)
 @checked
 class Bias:
-    """Adds an offset to each channel, constant during a mission, and keeps it within the limits.
+    """Adds a constant offset to each channel and clips the sum to the channel's limits.
 
-    The offset is ``offset_m`` plus a normal deviate drawn for each channel at the start. A value
-    that is not below ``high`` stays as it is: the sensor sees nothing.
+    The offset is ``offset_m`` plus a normal deviate, drawn for each channel at the start of the
+    mission. A value that is not below ``high`` stays as it is, because it means that the sensor
+    sees nothing.
     """
 
+    name: ClassVar[str] = "Bias"
     offset_m: Annotated[float, NUMBER] = 0.0  # in the unit of the values
     sd_m: Annotated[float, NOT_NEGATIVE] = 0.02  # between channels, in the unit of the values
 
-    @property
-    def rule(self) -> FilterRule:
-        """Adds the offsets."""
-        return add_offset
-
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
-        """Parameters: the offset, ``onset``, ``low`` and ``high`` of the n channels."""
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
+        """Return the offsets, ``onset``, ``low`` and ``high``, each (n,); no memory."""
         offsets = self.offset_m + self.sd_m * rng.standard_normal(channels.size)
-        return np.concatenate((offsets, onset, channels.low, channels.high)), np.zeros(0)
+        return np.concatenate((offsets, onset, channels.low, channels.high)), NO_MEMORY
 
-
-def add_offset(
-    parameters: Array, memory: Array, rng: Generator, values: Array, time: float
-) -> None:
-    """Add each channel's own offset."""
-    n = len(values)
-    for i in range(n):
-        value = values[i]
-        high = parameters[3 * n + i]
-        if value < high and time >= parameters[n + i]:
-            value = value + parameters[i]
-            low = parameters[2 * n + i]
-            if value < low:
-                value = low
-            elif value > high:
-                value = high
-            values[i] = value
+    @staticmethod
+    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+        """Add to each channel its own offset."""
+        n = len(values)
+        for i in range(n):
+            value = values[i]
+            high = parameters[3 * n + i]
+            if value < high and time >= parameters[n + i]:
+                value = value + parameters[i]
+                low = parameters[2 * n + i]
+                if value < low:
+                    value = low
+                elif value > high:
+                    value = high
+                values[i] = value

@@ -6,22 +6,22 @@ from typing import Protocol, TypeAlias, runtime_checkable
 
 from numpy.random import Generator
 
-from evoros.base.arrays import Array
+from evoros.base.arrays import Array, RuleArrays
 from evoros.base.checks import instance_of, mapping_of
 
 
 @dataclass(frozen=True)
 class Channels:
-    """What a filter may know of the n values that it filters."""
+    """What a filter may know about the n values that it filters."""
 
-    low: Array  # (n,) least value, -inf where there is none
-    high: Array  # (n,) greatest value: the range of a sensor that sees nothing
-    position: Array  # (n, 3) where on the robot [m], zeros for a pose
+    low: Array  # (n,) minimum value, -inf if there is none
+    high: Array  # (n,) maximum value: what a range sensor reports if it sees nothing
+    position: Array  # (n, 3) place on the robot [m], zeros for a pose
     period: float  # time between two samples [s]
 
     @property
     def size(self) -> int:
-        """How many values."""
+        """The number of values."""
         return len(self.low)
 
 
@@ -31,18 +31,26 @@ FilterRule: TypeAlias = Callable[[Array, Array, Generator, Array, float], None]
 
 @runtime_checkable
 class Filter(Protocol):
-    """Stands between a source (sensors, localization) and the controller: noise, delay, faults."""
+    """Noise, a delay or a fault between a source (sensors, localization) and the controller."""
+
+    @property
+    def name(self) -> str:
+        """Names the filter in the random streams of faults and in the column ``failed_by``.
+
+        Runs depend on it, so it stays the same if the class is renamed.
+        """
+        ...
 
     @property
     def rule(self) -> FilterRule:
-        """What it does to each sample."""
+        """Change each sample; a static method, so that numba can compile it."""
         ...
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
-        """Parameters and memory for one mission.
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
+        """Return the parameters and the memory of ``rule`` for one mission.
 
         ``onset`` (n,) is the time [s] from which the filter acts on each channel: zeros for an
-        ordinary filter, infinity for a channel that it leaves alone.
+        ordinary filter, infinity for a channel that it does not act on.
         """
         ...
 

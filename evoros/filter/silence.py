@@ -1,31 +1,29 @@
-"""A sensor that says nothing any more."""
+"""A sensor that no longer reports anything."""
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import Array
-from evoros.filter.protocol import Channels, FilterRule
+from evoros.base.arrays import NO_MEMORY, Array, RuleArrays
+from evoros.filter.protocol import Channels
 
 
 @dataclass(frozen=True)
 class Silence:
-    """Gives NaN, which is no reading, from the onset on."""
+    """Replaces every value since the onset by NaN, which means that there is no reading."""
 
-    @property
-    def rule(self) -> FilterRule:
-        """Silences the channels."""
-        return silence
+    name: ClassVar[str] = "Silence"
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
-        """Parameters: ``onset`` (n,)."""
-        return onset.astype(np.float64), np.zeros(0)
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
+        """Return ``onset`` (n,); no memory."""
+        return onset.astype(np.float64), NO_MEMORY
 
-
-def silence(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
-    """NaN from the onset on."""
-    for i in range(len(values)):
-        if time >= parameters[i]:
-            values[i] = math.nan
+    @staticmethod
+    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+        """Write NaN from the onset on."""
+        for i in range(len(values)):
+            if time >= parameters[i]:
+                values[i] = math.nan

@@ -82,7 +82,7 @@ def progress(position: Array, visited: int, route: Array, acceptance: float) -> 
 def failed_sensors(faults: tuple[Fault, ...], end: float) -> list[tuple[int, float, str]]:
     """(sensor, onset [s], effect) of every fault that began before the mission's end."""
     return sorted(
-        (index, float(onset), type(fault.filter).__name__.lower())
+        (index, float(onset), fault.effect)
         for fault in faults
         for index, onset in enumerate(fault.onset)
         if onset <= end

@@ -9,7 +9,6 @@ from numpy.random import Generator
 from evoros.base.arrays import COMMAND_SIZE, POSE_SIZE, STATE_SIZE, Array
 from evoros.base.errors import InputError, SimulationError
 from evoros.base.rng import generator
-from evoros.controller.protocol import StartedLayer
 from evoros.mission import outcome as result
 from evoros.mission.compiled_loop import Loop, prepare
 from evoros.mission.loop import (
@@ -113,7 +112,7 @@ def _run(scenario: Scenario, mission: Mission, prepare: Prepare) -> tuple[Outcom
             arrays,
             modes := np.zeros(len(layers) + 1),
         )
-    flight = _rollout(count, timing, arrays.trajectory, _avoiding(layers, modes))
+    flight = _rollout(count, timing, arrays.trajectory, _avoiding(controller.modes, modes))
     return measure(flight, robot, world, route, faults), flight.trajectory
 
 
@@ -166,7 +165,8 @@ def _rollout(count: LoopResult, timing: Timing, trajectory: Array, avoiding: flo
     )
 
 
-def _avoiding(layers: Sequence[StartedLayer], modes: Array) -> float:
-    """The share of the decisions that were taken by layers that avoid."""
-    avoided = sum(float(modes[i + 1]) for i, layer in enumerate(layers) if layer.mode == AVOIDING)
-    return avoided / max(float(modes.sum()), 1.0)
+def _avoiding(modes: Sequence[str], decisions: Array) -> float:
+    """Return the share of the decisions (1 + layers,) that the avoiding layers took."""
+    counts = zip(modes, decisions[1:].tolist(), strict=True)
+    avoiding = sum(count for mode, count in counts if mode == AVOIDING)
+    return avoiding / max(float(decisions.sum()), 1.0)

@@ -142,8 +142,6 @@ def _numbers(raw: Any, count: int) -> tuple[Any, ...]:
 def describe_experiment(experiment: "Experiment") -> FigureContext:
     """Describe an experiment for figures."""
     robot, regions = experiment.robot, experiment.space.regions
-    with experiment.controller.open(robot, lambda name: generator("setting", name)) as layers:
-        modes = tuple(layer.mode for layer in layers)
     return FigureContext(
         robot=robot.name,
         parts=tuple(_parts(robot)),
@@ -152,7 +150,7 @@ def describe_experiment(experiment: "Experiment") -> FigureContext:
         regions={name: _area(region, robot) for name, region in regions.items()},
         mirrored=experiment.design.mirrored,
         rings=tuple(_rings(experiment.failure)),
-        modes=modes,
+        modes=tuple(experiment.controller.modes),
         courses={name: world.course for name, world in experiment.world.items()},
     )
 

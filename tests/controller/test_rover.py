@@ -259,8 +259,9 @@ def rng(name: str) -> Generator:
 
 
 def test_avoidance_comes_first_and_each_layer_draws_from_its_own_generator() -> None:
-    with Rover(WeightedVoting(), Serpentine()).open(robot(0.0), rng) as layers:
-        assert [layer.mode for layer in layers] == ["avoiding", "navigating"]
+    rover = Rover(WeightedVoting(), Serpentine())
+    assert rover.modes == ("avoiding", "navigating")
+    with rover.open(robot(0.0), rng) as layers:
         phase = layers[1].parameters[3]
     assert phase == rng("navigation").uniform(0.0, 2.0 * math.pi)
     with Rover(Blind(), Serpentine()).open(robot(), rng) as others:
@@ -347,6 +348,7 @@ class External:
     started: list[Autopilot]
     period_s: float = 0.0025
     localization: dict[str, object] = field(default_factory=dict)
+    modes: Sequence[str] = ("navigating",)
 
     @contextmanager
     def open(
@@ -356,7 +358,7 @@ class External:
         self.started.append(autopilot)
         rule: LayerRule = autopilot.steer
         try:
-            yield [StartedLayer("navigating", rule, np.zeros(0), np.zeros(0))]
+            yield [StartedLayer(rule, NO_PARAMETERS, NO_MEMORY)]
         finally:
             autopilot.running = False
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -12,16 +12,28 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import Generator
 
-from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, TO_X, TO_Y, YAW, Array, X, Y
+from evoros.base.arrays import (
+    CONTACT,
+    DRIVE_SPEED,
+    NO_MEMORY,
+    SPEED,
+    TO_X,
+    TO_Y,
+    YAW,
+    Array,
+    RuleArrays,
+    X,
+    Y,
+)
 from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.controller.blind import Blind
-from evoros.controller.protocol import LayerRule, StartedLayer
+from evoros.controller.protocol import StartedLayer
 from evoros.controller.rover import Rover
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.filter.gaussian_noise import GaussianNoise
-from evoros.filter.protocol import Channels, FilterRule
+from evoros.filter.protocol import Channels
 from evoros.mission import outcome as result
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import HEADING, MODE, TIME, TRAJECTORY
@@ -76,16 +88,16 @@ class Pilot:
     period_s: float = 0.1
     stands: tuple[float, float] = (math.inf, math.inf)
     localization: Mapping[str, Any] = field(default_factory=dict)
+    modes: Sequence[str] = ("avoiding", "navigating")
     calls: list[Array] = field(default_factory=list)
 
     @contextmanager
     def open(self, robot: Robot, rng: Any) -> Iterator[Sequence[StartedLayer]]:
         self.calls.append(np.zeros(1))
-        rules: list[tuple[str, LayerRule, Array, Array]] = [
-            ("avoiding", shy, np.array(self.stands), np.zeros(0)),
-            ("navigating", head, np.array([PACE]), self.calls[-1]),
+        yield [
+            StartedLayer(shy, np.array(self.stands), NO_MEMORY),
+            StartedLayer(head, np.array([PACE]), self.calls[-1]),
         ]
-        yield [StartedLayer(*rule) for rule in rules]
 
 
 @dataclass
@@ -323,22 +335,19 @@ def test_a_time_limit_is_a_multiple_of_the_control_period(
 class Spy:
     """A filter that notes what it could have drawn, and draws ``extra`` numbers first."""
 
+    name: ClassVar[str] = "Spy"
     noted: list[float] = field(default_factory=list)
     extra: int = 0
 
-    @property
-    def rule(self) -> FilterRule:
-        return nothing
-
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
         rng.random(self.extra)
         self.noted.append(rng.random())
-        return np.zeros(0), np.zeros(0)
+        return NO_MEMORY, NO_MEMORY
 
-
-def nothing(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
-    """Only draws."""
-    rng.random()
+    @staticmethod
+    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+        """Only draws."""
+        rng.random()
 
 
 def test_a_new_filter_does_not_shift_the_draws_of_others(experiment: Experiment) -> None:

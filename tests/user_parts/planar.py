@@ -11,15 +11,26 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import CONTACT, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
+from evoros.base.arrays import (
+    CONTACT,
+    NO_MEMORY,
+    SPEED,
+    STEERING,
+    YAW,
+    YAW_RATE,
+    Array,
+    RuleArrays,
+    X,
+    Y,
+)
 from evoros.base.checks import POSITIVE, TEXT, checked, invalid
 from evoros.base.errors import SimulationError
-from evoros.filter.protocol import Channels, FilterRule
+from evoros.filter.protocol import Channels
 from evoros.robot.model import Robot
 from evoros.world.model import World
 
@@ -90,21 +101,18 @@ class Plane:
 
 @dataclass(frozen=True)
 class Picky:
-    """A filter that does nothing, and refuses values in the middle of a range."""
+    """A filter that does nothing and refuses values in the middle of a range."""
 
+    name: ClassVar[str] = "Picky"
     x: float = 1.0
 
     def __post_init__(self) -> None:
         if 2 < self.x < 4:
             raise invalid(self, "x", self.x, "must not be between 2 and 4")
 
-    @property
-    def rule(self) -> FilterRule:
-        return leave
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
+        return NO_MEMORY, NO_MEMORY
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
-        return np.zeros(0), np.zeros(0)
-
-
-def leave(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
-    pass
+    @staticmethod
+    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+        pass
