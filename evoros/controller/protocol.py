@@ -2,8 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from numpy.random import Generator
 
@@ -44,8 +43,7 @@ class Layer(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class StartedLayer:
+class StartedLayer(NamedTuple):
     """A layer in a mission: its rule with its own parameters and memory."""
 
     rule: LayerRule

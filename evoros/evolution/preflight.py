@@ -10,16 +10,17 @@ from evoros.base.arrays import POSE_SIZE
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER
 from evoros.base.rng import generator
+from evoros.controller.protocol import StartedLayer
 from evoros.design.design import Design
 from evoros.design.genes import check_genes
 from evoros.evolution.experiment import Experiment
 from evoros.mission.compiled_loop import explain_interpreted, prepare
-from evoros.mission.loop import FilterStage, LayerStage, LoopInputs, loop_inputs
+from evoros.mission.loop import FilterStage, LoopInputs, loop_inputs
 from evoros.mission.pipeline import Draws, localization_chain, sensor_chain, sensor_channels
 from evoros.mission.scenario import Scenario
 from evoros.simulator.protocol import RuleSimulation, RuleSimulator
 
-Stages = tuple[Sequence[FilterStage], Sequence[FilterStage], Sequence[LayerStage]]
+Stages = tuple[Sequence[FilterStage], Sequence[FilterStage], Sequence[StartedLayer]]
 
 
 def preflight(experiment: Experiment) -> None:
@@ -65,9 +66,14 @@ def _start_stages(scenario: Scenario, draws: Draws) -> Stages:
     localization = localization_chain(controller.localization, pose, period, draws)
     try:
         with controller.open(robot, draws) as opened:
-            layers = [LayerStage(each.rule, each.parameters, each.memory) for each in opened]
+            layers = list(opened)
     except InputError as error:
         raise InputError(f"controller: {error}") from None
+    if len(controller.modes) != len(layers):
+        raise InputError(
+            f"controller.modes: must name one mode for each of the {len(layers)} layers, not "
+            f"{list(controller.modes)}; correct {type(controller).__name__}"
+        )
     return filters, localization, layers
 
 

@@ -27,10 +27,10 @@ from evoros.base.compilation import (
     compiling,
     try_compile,
 )
+from evoros.controller.protocol import StartedLayer
 from evoros.mission.loop import (
     Arrays,
     FilterStage,
-    LayerStage,
     LoopInputs,
     LoopResult,
     Timing,
@@ -38,7 +38,7 @@ from evoros.mission.loop import (
     run_loop,
 )
 
-Part = TypeVar("Part", FilterStage, LayerStage)
+Part = TypeVar("Part", FilterStage, StartedLayer)
 
 Loop = Callable[..., LoopResult]
 
@@ -100,7 +100,7 @@ def _compile_stage(link: FilterStage) -> FilterStage:
     return link._replace(rule=_compile_if_possible(link.rule, FILTER))
 
 
-def _compile_layer(step: LayerStage) -> LayerStage:
+def _compile_layer(step: StartedLayer) -> StartedLayer:
     return step._replace(rule=_compile_if_possible(step.rule, LAYER))
 
 
@@ -135,17 +135,17 @@ def _no_layer(
 
 
 @cache
-def _pads() -> tuple[FilterStage, LayerStage]:
+def _pads() -> tuple[FilterStage, StartedLayer]:
     empty = np.zeros(0)
     link = _compile_stage(FilterStage(0, _no_filter, empty, empty, np.random.default_rng(0), empty))
-    return link, _compile_layer(LayerStage(_no_layer, empty, empty))
+    return link, _compile_layer(StartedLayer(_no_layer, empty, empty))
 
 
 @cache
 def _loop(filters: int, localization: int, layers: int) -> Loop:
     """``run_loop`` for so many links and layers."""
     link = types.NamedTuple((I8, types.FunctionType(FILTER), A1, A1, RNG, A1), FilterStage)
-    step = types.NamedTuple((types.FunctionType(LAYER), A1, A1), LayerStage)
+    step = types.NamedTuple((types.FunctionType(LAYER), A1, A1), StartedLayer)
     signature = types.NamedUniTuple(I8, len(LoopResult._fields), LoopResult)(
         *map(types.FunctionType, SIMULATION_RULES),
         A1,

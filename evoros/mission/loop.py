@@ -13,7 +13,7 @@ from numpy.random import Generator
 
 from evoros.base.arrays import CONTACT, SPEED, STEERING, YAW, Array, X, Y
 from evoros.base.errors import InputError
-from evoros.controller.protocol import LayerRule
+from evoros.controller.protocol import StartedLayer
 from evoros.filter.protocol import FilterRule
 from evoros.simulator.protocol import (
     AdvanceRule,
@@ -46,14 +46,6 @@ class FilterStage(NamedTuple):
     memory: Array
     rng: Generator
     values: Array  # view of the values that it changes
-
-
-class LayerStage(NamedTuple):
-    """One layer of the controller."""
-
-    rule: LayerRule
-    parameters: Array
-    memory: Array
 
 
 class Arrays(NamedTuple):
@@ -89,14 +81,14 @@ class LoopInputs(NamedTuple):
     memory: Array
     filters: tuple[FilterStage, ...]
     localization: tuple[FilterStage, ...]
-    layers: tuple[LayerStage, ...]
+    layers: tuple[StartedLayer, ...]
 
 
 def loop_inputs(
     simulation: Simulation,
     filters: Sequence[FilterStage],
     localization: Sequence[FilterStage],
-    layers: Sequence[LayerStage],
+    layers: Sequence[StartedLayer],
 ) -> LoopInputs:
     """The parts of a mission; a live engine's methods take the place of rules.
 
@@ -155,7 +147,7 @@ def run_loop(
     memory: Array,
     filters: tuple[FilterStage, ...],
     localization: tuple[FilterStage, ...],
-    layers: tuple[LayerStage, ...],
+    layers: tuple[StartedLayer, ...],
     route: Array,  # (legs, 2) waypoints in order [m]
     acceptance: float,  # [m]
     end_on_collision: bool,

@@ -17,7 +17,6 @@ from evoros.mission.loop import (
     NOT_FINITE,
     TIME_LIMIT,
     Arrays,
-    LayerStage,
     LoopInputs,
     LoopResult,
     Timing,
@@ -101,8 +100,7 @@ def _run(scenario: Scenario, mission: Mission, prepare: Prepare) -> tuple[Outcom
         controller.open(robot, lambda name: draws(f"controller.{name}")) as layers,
         scenario.simulator.open(robot, world) as simulation,
     ):
-        steps = tuple(LayerStage(layer.rule, layer.parameters, layer.memory) for layer in layers)
-        fly, parts = prepare(loop_inputs(simulation, chain, localization, steps))
+        fly, parts = prepare(loop_inputs(simulation, chain, localization, layers))
         count = fly(
             *parts,
             route,
@@ -167,6 +165,6 @@ def _rollout(count: LoopResult, timing: Timing, trajectory: Array, avoiding: flo
 
 def _avoiding(modes: Sequence[str], decisions: Array) -> float:
     """Return the share of the decisions (1 + layers,) that the avoiding layers took."""
-    counts = zip(modes, decisions[1:].tolist(), strict=True)
-    avoiding = sum(count for mode, count in counts if mode == AVOIDING)
+    counts = zip(modes, decisions[1:], strict=True)
+    avoiding = sum(float(count) for mode, count in counts if mode == AVOIDING)
     return avoiding / max(float(decisions.sum()), 1.0)

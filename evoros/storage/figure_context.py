@@ -15,7 +15,6 @@ import numpy as np
 
 from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.intervals import bounds
-from evoros.base.rng import generator
 from evoros.design.region import Region
 from evoros.failure.protocol import Failure
 from evoros.geometry.footprint import project_shape, top_height

@@ -1,6 +1,7 @@
 """Bad input is found before anything is written, and not while an experiment is built."""
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -146,3 +147,16 @@ def test_the_rules_of_both_simulators_are_compiled_once_before_the_run(
     longest = max((len(parts.filters) for parts in met), default=0)
     whole = [tuple(parts[:3]) for parts in met if len(parts.filters) == longest]
     assert whole == [tuple(Planar().rules)] * compiled
+
+
+class Unnamed(Rover):
+    modes = ("navigating",)  # type: ignore[assignment]
+
+
+def test_a_controller_must_name_the_modes_of_all_its_layers() -> None:
+    experiment = build(compose(["simulator=planar", "executor=serial"]))
+    rover = experiment.controller
+    assert isinstance(rover, Rover)
+    preflight(experiment)
+    with pytest.raises(InputError, match=r"^controller\.modes: must name one mode for each of"):
+        preflight(replace(experiment, controller=Unnamed(rover.avoidance, rover.navigation)))
