@@ -55,5 +55,5 @@ class Filter(Protocol):
         ...
 
 
-A_FILTER = instance_of(Filter, "a filter")
-FILTERS = mapping_of(Filter, "filters")
+A_FILTER = instance_of(Filter, "a filter (name, rule and start)")
+FILTERS = mapping_of(Filter, "filters (name, rule and start)")

@@ -154,7 +154,7 @@ class Unnamed(Rover):
 
 
 def test_a_controller_must_name_the_modes_of_all_its_layers() -> None:
-    experiment = build(compose(["simulator=planar", "executor=serial"]))
+    experiment = compose(["simulator=planar", "executor=serial"]).build()
     rover = experiment.controller
     assert isinstance(rover, Rover)
     preflight(experiment)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 from inspect import isbuiltin
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -18,13 +18,14 @@ from helpers import content
 from numpy.random import Generator
 
 from evoros.base import compilation as compiled
-from evoros.base.arrays import Array
+from evoros.base.arrays import NO_PARAMETERS, Array, RuleArrays
 from evoros.base.compilation import FILTER, LAYER, CompiledRule, NotCompilable
 from evoros.base.errors import InputError
 from evoros.base.resources import PACKAGE
 from evoros.cli.run import evoros
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
+from evoros.evolution.preflight import preflight
 from evoros.filter.protocol import Channels, FilterRule
 from evoros.mission.compiled_loop import prepare, prepare_interpreted
 from evoros.mission.loop import LoopInputs, loop_inputs
@@ -119,9 +120,10 @@ class Smooth:
     """A user's filter: the mean of the value and the one before, by a rule of some kind."""
 
     rule: FilterRule
+    name: ClassVar[str] = "Smooth"
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
-        return np.zeros(0), np.full(channels.size, math.nan)
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
+        return NO_PARAMETERS, np.full(channels.size, math.nan)
 
 
 def smooth(p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
@@ -181,9 +183,10 @@ def test_a_plain_python_rule_works_and_is_named(
     rule: FilterRule, name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     """It gives the bits of the same rule compiled, and a line says that it is slower."""
-    compilable = with_filter(smooth)
+    compilable, interpreted = with_filter(smooth), with_filter(rule)
+    preflight(compilable)
     assert "not compiled" not in caplog.text
-    interpreted = with_filter(rule)
+    preflight(interpreted)
     (line,) = [r.getMessage() for r in caplog.records if "not compiled" in r.getMessage()]
     assert line.startswith(f"{name} is not compiled: ")
     assert "slower" in line
@@ -203,15 +206,16 @@ def test_a_plain_python_rule_works_and_is_named(
 )
 def test_other_arrays_than_rules_work_on_are_refused(memory: Any) -> None:
     class Careless(Smooth):
-        def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Array, Array]:
-            return np.zeros(0), memory
+        def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
+            return NO_PARAMETERS, memory
 
     experiment = experiment_of()
     sonar = experiment.design.sensors["sonar"]
     filters = {**sonar.filters, "careless": Careless(smooth)}
     sensors = {"sonar": replace(sonar, filters=filters)}  # type: ignore[type-var]
+    careless = replace(experiment, design=replace(experiment.design, sensors=sensors))
     with pytest.raises(InputError, match=r"memory.*contiguous and writeable array of one dim"):
-        replace(experiment, design=replace(experiment.design, sensors=sensors))
+        preflight(careless)
 
 
 def test_so_are_those_of_a_simulation() -> None:
@@ -382,11 +386,10 @@ def test_a_change_of_any_source_selects_another_folder_for_compiled_code(
 
 
 ANYWHERE = """
-import numpy as np
-from evoros.base import compilation as compiled
+from evoros.base import compilation
 from evoros.filter.silence import Silence
-print(compiled._cache_folder())
-compiled.compile_rule(Silence().rule, compiled.FILTER)
+print(compilation._cache_folder())
+compilation.compile_rule(Silence().rule, compilation.FILTER)
 """
 
 
