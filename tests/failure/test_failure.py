@@ -346,3 +346,34 @@ def test_bad_value_is_named_in_one_line(kind: Any, field: str, values: dict[str,
     assert message.startswith(f"{kind.__name__}.{field}: must ")
     assert str(values[field]) in message
     assert "\n" not in message
+
+
+# Names of faults
+
+
+@pytest.mark.parametrize(
+    ("name", "stream"),
+    [
+        ("bias", "Bias"),
+        ("delay", "Delay"),
+        ("dropout", "Dropout"),
+        ("gaussian_noise", "GaussianNoise"),
+        ("hold", "Hold"),
+        ("pose_noise", "PoseNoise"),
+        ("silence", "Silence"),
+        ("stuck", "Stuck"),
+    ],
+)
+def test_the_stream_and_the_column_of_a_fault_keep_their_names(name: str, stream: str) -> None:
+    """They decide what a run draws and records, so they are part of its format."""
+    failure = configured("+failure=random", f"filter@failure.effect={name}")
+    (fault,) = failure.draw(row(0.0, 0.1), generator("key", "failure"))
+    assert (fault.name, fault.effect) == (stream, stream.lower())
+
+
+def test_a_class_can_be_renamed_without_another_run() -> None:
+    class Renamed(Silence):
+        pass
+
+    assert Fault(Renamed(), np.zeros(1)).name == "Silence"
+    assert Fault(Renamed(), np.zeros(1), "front.Silence").effect == "silence"

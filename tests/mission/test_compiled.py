@@ -172,9 +172,9 @@ def with_filter(rule: FilterRule) -> Experiment:
 @pytest.mark.parametrize(
     ("rule", "name"),
     [
-        (smooth_in_python, "test_compiled.smooth_in_python"),
-        (Live().smooth, "test_compiled.Live.smooth"),
-        (Called(), "test_compiled.Called"),
+        (smooth_in_python, f"{__name__}.smooth_in_python"),
+        (Live().smooth, f"{__name__}.Live.smooth"),
+        (Called(), f"{__name__}.Called"),
         (partial(smooth), "functools.partial"),
     ],
     ids=["python", "method", "object", "partial"],
