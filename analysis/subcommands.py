@@ -6,10 +6,10 @@ Light on purpose: nothing that draws is imported before a subcommand is chosen.
 import argparse
 from collections.abc import Mapping, Sequence
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, Protocol, cast
 
+from evoros import __version__
 from evoros.base.errors import InputError
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 
     chosen = [name for name in SUBCOMMANDS if name in arguments[:1]]
     parser = _Parser(NAME, description=ABOUT, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--version", action="version", version=f"{NAME} {version('evoros')}")
+    parser.add_argument("--version", action="version", version=f"{NAME} {__version__}")
     below = parser.add_subparsers(dest="subcommand", metavar="SUBCOMMAND", required=True)
     for name in chosen or SUBCOMMANDS:
         module = module_of(name)

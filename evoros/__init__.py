@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from evoros.session.replay import replay
     from evoros.storage.reading import Run, load_run
 
+__version__ = "0.1.0"
+
 __all__ = [
     "Evaluator",
     "EvorosError",

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from evoros import __version__
 from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED, print_result
 from evoros.base.errors import EvorosError, InputError, RunStopped, single_line
 from evoros.base.log import LOGGER, log_to_terminal
@@ -56,9 +57,7 @@ def _execute(command: Command, arguments: list[str], signals: Signals) -> int:
 
     options = parse_options(arguments)
     if options.version:
-        from importlib.metadata import version
-
-        print(f"{command.name} {version('evoros')}")
+        print(f"{command.name} {__version__}")
         return DONE
     if options.config_dir:
         from evoros.config.compose import add_config_dir

@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from evoros import __version__
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER
 from evoros.base.resources import PACKAGE
@@ -153,6 +154,8 @@ def _sha256(text: str) -> str:
 
 
 def _version(package: str) -> str | None:
+    if package == "evoros":  # a clone that is not installed has no metadata
+        return __version__
     try:
         return version(package)
     except PackageNotFoundError:

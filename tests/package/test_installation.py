@@ -1,0 +1,236 @@
+"""Every way to get evoros works: a clone, ``pip install .``, ``pip install -e .`` and the wheel.
+
+No environment gets more than what evoros requires: it is linked from the one that runs the tests,
+so that only the build backend is downloaded. All paths have spaces.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+import venv
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import Distribution, distribution
+from pathlib import Path
+
+import pytest
+from helpers import ROOT, USER_PARTS
+from packaging.requirements import Requirement
+
+pytestmark = pytest.mark.timeout(900)
+
+CHECK = """
+import json, sys
+import evoros
+
+assert all(hasattr(evoros, name) for name in evoros.__all__)
+assert evoros.compose([]).values["seed"] == 0
+overrides = ["experiment=tiny", "executor=serial", "optimizer.generations=1"]
+tiny = evoros.compose([*overrides, "figures=[overlay,fitness,mission]"], sys.argv[1])
+evoros.run(tiny, sys.argv[2])
+run = evoros.load_run(sys.argv[2])
+figures = sorted(file.name for file in run.path.glob("figures/*.pdf"))
+print(json.dumps([evoros.__file__, run.status["state"], len(run.missions), figures]))
+"""
+FIGURES = ["fitness.pdf", "mission.pdf", "overlay.pdf"]
+
+
+def execute(command: list[str | Path], folder: Path, **variables: str) -> str:
+    """Run a command and return its standard output; no setting of the tests reaches it."""
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "VIRTUAL"))}
+    done = subprocess.run(
+        [str(part) for part in command],
+        cwd=folder,
+        env=environment | variables,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def copy_source(folder: Path) -> Path:
+    """A clone as git would make it, with changes that are not committed yet."""
+    listed = execute(["git", "ls-files", "--cached", "--others", "--exclude-standard"], ROOT)
+    for name in listed.splitlines():
+        if (ROOT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes((ROOT / name).read_bytes())
+    return folder
+
+
+def add_required(requirements: Iterable[str], known: dict[str, Distribution]) -> None:
+    """Add all distributions that are required on this machine, with what these require in turn."""
+    for requirement in map(Requirement, requirements):
+        if requirement.marker and not requirement.marker.evaluate({"extra": ""}):
+            continue
+        if requirement.name not in known:
+            known[requirement.name] = distribution(requirement.name)
+            add_required(known[requirement.name].requires or (), known)
+
+
+@pytest.fixture(scope="module")
+def libraries(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that links to what evoros requires, and to nothing else."""
+    folder = tmp_path_factory.mktemp("the libraries")
+    known: dict[str, Distribution] = {}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    add_required(project["dependencies"], known)
+    for found in known.values():
+        for top in {file.parts[0] for file in found.files or ()} - {"..", "__pycache__"}:
+            if not (folder / top).exists():
+                (folder / top).symlink_to(Path(str(found.locate_file(top))))
+    return folder
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way to get evoros: its Python, and where the package must come from."""
+
+    python: Path
+    package: Path
+    root: Path | None = None  # of the clone, if there is one
+    search_path: str = ""  # PYTHONPATH outside of the clone
+
+    def check(self, folder: Path, run: Path) -> Path:
+        """Use the whole interface in a current folder; returns where evoros was found."""
+        variables = {"PYTHONPATH": self.search_path} if self.search_path else {}
+        command: list[str | Path] = [self.python, "-c", CHECK, USER_PARTS, run]
+        printed = execute(command, folder, **variables).splitlines()[-1]
+        found, state, missions, figures = json.loads(printed)
+        assert (state, figures) == ("finished", FIGURES)
+        assert missions > 0
+        return Path(found).parent
+
+
+def make_environment(folder: Path, libraries: Path) -> Path:
+    """An environment without pip and evoros; returns its Python."""
+    venv.create(folder, symlinks=True)
+    (site,) = folder.glob("lib/python*/site-packages")
+    (site / "libraries.pth").write_text(f"{libraries}\n")
+    return folder / "bin" / "python"
+
+
+def install(python: Path, *what: str | Path) -> Path:
+    """Install evoros without what it requires; returns where the package was put."""
+    pip: list[str | Path] = [sys.executable, "-m", "pip", "--python", python, "install", "-q"]
+    execute([*pip, "--no-deps", *what], python.parent)
+    return Path(
+        execute([python, "-c", "import evoros; print(evoros.__path__[0])"], python.parent).strip()
+    )
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return copy_source(tmp_path_factory.mktemp("a clone") / "of evoros")
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel that is built from the source distribution; all source is deleted."""
+    folder = tmp_path_factory.mktemp("a build")
+    source = copy_source(folder / "source")
+    execute([sys.executable, "-m", "build", "--outdir", folder, source], folder)
+    shutil.rmtree(source)
+    (sdist,) = folder.glob("*.tar.gz")
+    sdist.unlink()
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+@pytest.fixture(scope="module", params=["clone", "install", "editable", "wheel"])
+def way(
+    request: pytest.FixtureRequest,
+    libraries: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[Way]:
+    python = make_environment(tmp_path_factory.mktemp(f"an environment {request.param}"), libraries)
+    if request.param == "wheel":
+        yield Way(python, install(python, request.getfixturevalue("wheel")))
+        return
+    root: Path = request.getfixturevalue("clone")
+    if request.param == "clone":
+        yield Way(python, root / "evoros", root, str(root))
+    elif request.param == "install":
+        yield Way(python, install(python, root), root)
+    else:
+        yield Way(python, install(python, "-e", root), root)
+
+
+def test_the_interface_works_from_elsewhere(way: Way, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "some where"
+    elsewhere.mkdir()
+    assert way.check(elsewhere, tmp_path / "a run") == way.package
+
+
+def test_the_interface_works_in_the_root_of_the_clone(way: Way, tmp_path: Path) -> None:
+    """Python finds the clone's own package there first."""
+    if way.root is None:
+        pytest.skip("there is no clone")
+    assert way.check(way.root, tmp_path / "a run") == way.root / "evoros"
+
+
+def test_the_commands_work_everywhere(way: Way, tmp_path: Path) -> None:
+    if way.search_path:
+        pytest.skip("nothing is installed")
+    for folder in (tmp_path, way.root or tmp_path):
+        printed = execute([way.python.with_name("evoros"), "--cfg", "job"], folder)
+        assert "_target_: evoros.evolution.experiment.Experiment" in printed
+        assert "report" in execute([way.python.with_name("evoros-analyze"), "--help"], folder)
+
+
+def test_where_the_package_is(way: Way) -> None:
+    installed = way.root is None or way.root not in way.package.parents
+    assert installed == ("site-packages" in way.package.parts)
+    if installed:
+        folders = ("conf", "robots", "worlds", "analysis/report/web")
+        for folder in folders:
+            assert files(ROOT / folder) == files(way.package / folder), folder
+        names = ("conf", "robots", "worlds", "analysis", "tests", "benchmarks")
+        assert not any((way.package.parent / name).exists() for name in names)
+
+
+def test_the_wheel_of_the_source_distribution_is_that_of_the_clone(
+    wheel: Path, clone: Path, libraries: Path, tmp_path: Path
+) -> None:
+    packages = []
+    for name, what in (("from wheel", wheel), ("from clone", clone)):
+        python = make_environment(tmp_path / name, libraries)
+        packages.append(install(python, what))
+    first, second = (
+        {str(file): (package / file).read_bytes() for file in files(package)}
+        for package in packages
+    )
+    assert first == second
+
+
+def files(folder: Path) -> set[Path]:
+    """Relative paths, without what Python has compiled."""
+    found = (path.relative_to(folder) for path in folder.rglob("*.*") if path.is_file())
+    return {path for path in found if "__pycache__" not in path.parts}
+
+
+def test_a_run_from_any_folder_uses_only_the_wheel(
+    wheel: Path, libraries: Path, tmp_path: Path
+) -> None:
+    python = make_environment(tmp_path / "environment", libraries)
+    install(python, wheel)
+    printed = execute(
+        [
+            python.with_name("evoros"),
+            "experiment=quickstart",
+            "world=blocks",
+            "optimizer.population_size=2",
+            "optimizer.generations=1",
+            "hydra.run.dir=here",
+        ],
+        tmp_path,
+    )
+    assert "best fitness" in printed
+    assert "here/champion" in printed
+    assert (tmp_path / "here" / "champion" / "trajectory_blocks.csv").is_file()
+    assert str(ROOT) not in (tmp_path / "here" / "manifest.json").read_text()
