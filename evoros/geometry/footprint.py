@@ -135,7 +135,7 @@ def _turns_left(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> b
 
 
 def contains(footprint: Footprint, point: Sequence[float]) -> bool:
-    """Tell whether a point [x, y] lies in a footprint or on its border."""
+    """Return whether a point [x, y] lies in a footprint or on its border."""
     points = np.array([[point[0], point[1]]], dtype=np.float64)
     return bool(_polygon_distances(footprint.vertices, points)[0] <= footprint.radius)
 

@@ -61,7 +61,7 @@ class Robot:
         for name, mount in self._sensor_names():
             sensor = self.sensors[mount.sensor]
             elements = sensor_elements(name, mount, sensor)
-            parts += [f"  {etree.tostring(each, encoding='unicode')}\n" for each in elements]
+            parts += [f"  {etree.tostring(e, encoding='unicode')}\n" for e in elements]
             parts.append(f'  <gazebo reference="{name}">{sensor.gazebo(name)}</gazebo>\n')
         return "".join((*parts, "</robot>\n"))
 

@@ -110,7 +110,7 @@ def report_ignored(root: Element) -> None:
 
 
 def _has_effect(element: Element) -> bool:
-    """Tell whether an element holds more than zeros and false, or a mu2 that differs from mu."""
+    """Return whether an element holds more than zeros and false, or a mu2 that differs from mu."""
     if element.tag == "plugin":
         return True
     words = " ".join(str(text) for text in element.itertext()).split()

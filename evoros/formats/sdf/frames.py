@@ -146,13 +146,12 @@ def _read_frame_pose(element: Element) -> RelativePose:
 
 def read_pose(element: Element) -> RelativePose:
     """Read the ``<pose>`` of an element, by default that of the frame around it."""
-    found = find_child(element, "pose")
-    if found is None:
+    pose = find_child(element, "pose")
+    if pose is None:
         return RelativePose(Pose(), "", element)
-    base = (found.get("relative_to") or found.get("frame") or "").strip()
-    if not len(found) and not (found.text or "").strip():
-        return RelativePose(Pose(), base, found)
-    return RelativePose(_parse_pose(found), base, found)
+    base = (pose.get("relative_to") or pose.get("frame") or "").strip()
+    is_empty = not len(pose) and not (pose.text or "").strip()
+    return RelativePose(Pose() if is_empty else _parse_pose(pose), base, pose)
 
 
 def _parse_pose(element: Element) -> Pose:
