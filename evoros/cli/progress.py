@@ -114,7 +114,7 @@ class SweepProgress:
         return self._begun[-1]
 
     @contextmanager
-    def paused(self) -> Iterator[None]:
+    def pause(self) -> Iterator[None]:
         """Remove the line while results are printed."""
         if self._live:
             self._live.stop()

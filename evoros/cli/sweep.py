@@ -173,5 +173,5 @@ class Sweep:
 
     def _conclude(self, folder: Path, result: JobResult) -> None:
         self.statuses.append(result.status)
-        with self._display.paused():
+        with self._display.pause():
             self._report(folder, result)

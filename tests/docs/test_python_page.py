@@ -1,5 +1,6 @@
 """docs/python.md names the whole interface, and its examples run."""
 
+import dataclasses
 import inspect
 import re
 import sys
@@ -30,6 +31,11 @@ def test_every_public_name_is_documented_and_no_other() -> None:
 def test_every_attribute_of_a_run_is_documented() -> None:
     public = {name for name in dir(evoros.Run) if not name.startswith("_")} | {"path"}
     assert {row[0].split("(")[0] for row in table(text("python"), "attribute")} == public
+
+
+def test_every_field_of_a_configuration_is_documented() -> None:
+    public = {field.name for field in dataclasses.fields(Configuration)} - {"designs"}
+    assert {row[0] for row in table(text("python"), "field")} == public
 
 
 class Cma:
