@@ -1,4 +1,4 @@
-"""One mission of one design, and the key of its random draws."""
+"""A mission of a design, and the key of its random draws."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from evoros.design.design import Design
 
 @dataclass(frozen=True)
 class Mission:
-    """A design in a world under given draws; with a scenario, it determines the outcome."""
+    """A design in a world under given draws. With a scenario it determines the outcome."""
 
     generation: int
     design_id: int
@@ -19,7 +19,7 @@ class Mission:
 
     @property
     def key(self) -> "MissionKey":
-        """What identifies the mission in its run."""
+        """Identifies the mission in its run."""
         return (self.generation, self.design_id, self.world, self.trial)
 
 

@@ -27,12 +27,12 @@ TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJE
 class Outcome:
     """The metrics of one mission, in the order of the columns of ``missions.csv``.
 
-    A mission whose simulation failed, whose worker was lost, or whose design some part refused,
-    has done nothing: progress 0, and NaN where nothing was measured.
+    If the simulation failed, the worker was lost, or a part refused the design, then the progress
+    is 0 and every metric that was not measured is NaN.
     """
 
-    ended: str  # completed, collision, time_limit, or one of NOT_FLOWN
-    reason: str  # of a failure; otherwise empty
+    ended: str  # completed, collision, time_limit, or one of NOT_RUN
+    reason: str  # why the mission was not run; otherwise empty
     completed: bool
     progress: float  # 0..1
     time_s: float
@@ -53,8 +53,8 @@ class Outcome:
 
     @classmethod
     def failure(cls, ended: str, reason: str, time_limit: float, sensors: int) -> "Outcome":
-        """Nothing done, because of ``reason``."""
-        empty: dict[str, Any] = {
+        """Create the outcome of a mission that was not run because of ``reason``."""
+        known: dict[str, Any] = {
             "ended": ended,
             "reason": " ".join(reason.split()),
             "time_limit_s": time_limit,
@@ -62,5 +62,5 @@ class Outcome:
         }
         blank: dict[Any, Any] = {bool: False, int: 0, float: float("nan"), str: ""}
         for field in fields(cls):
-            empty.setdefault(field.name, blank.get(field.type, ()))
-        return cls(**(empty | {"progress": 0.0, "time_s": 0.0, "distance_m": 0.0}))
+            known.setdefault(field.name, blank.get(field.type, ()))
+        return cls(**(known | {"progress": 0.0, "time_s": 0.0, "distance_m": 0.0}))

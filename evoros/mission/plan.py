@@ -1,4 +1,4 @@
-"""Which missions score a design, and under which random draws."""
+"""Plans the missions that score a design, and the keys of their random draws."""
 
 from dataclasses import dataclass, replace
 
@@ -13,18 +13,22 @@ STOP, WORST = "stop", "worst"
 
 @dataclass(frozen=True)
 class Plan:
-    """Which missions score a design, and the key of each one's draws."""
+    """Plans the missions of designs.
+
+    The missions of one trial differ in their world only. Missions with equal keys of draws meet
+    the same failures, noise and generated worlds.
+    """
 
     seed: int
     worlds: tuple[str, ...]
     trials: int
     validation_trials: int
-    policy: str  # who meets the same draws: a generation, an individual only, or the whole run
+    policy: str  # one of POLICIES: selection repeats its draws within it
 
     def missions(
         self, purpose: str, generation: int, design_id: int, design: Design
     ) -> list[Mission]:
-        """Return the missions of a design for a purpose."""
+        """Return the missions of a design for a purpose, for example ``SELECTION``."""
         plans = {
             SELECTION: self.selection,
             VALIDATION: self.validation,
@@ -34,18 +38,18 @@ class Plan:
         return plans[purpose](generation, design_id, design)
 
     def selection(self, generation: int, design_id: int, design: Design) -> list[Mission]:
-        """The missions that give a design its fitness."""
-        parts = {
+        """Return the missions that give a design its fitness."""
+        groups = {
             "generation": f"{generation}",
             "individual": f"{generation}:{design_id}",
             "run": "all",
         }
         return self._missions(
-            generation, design_id, design, SELECTION, parts[self.policy], range(self.trials)
+            generation, design_id, design, SELECTION, groups[self.policy], range(self.trials)
         )
 
     def validation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
-        """Missions under draws that never enter selection: the same ones for every design.
+        """Return missions under draws that no selection uses, the same for every design.
 
         Their trials are numbered after those of the selection.
         """
@@ -53,7 +57,7 @@ class Plan:
         return self._missions(generation, design_id, design, VALIDATION, "all", trials)
 
     def confirmation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
-        """The missions of the selection again, under the same draws, for another simulator.
+        """Return the missions of the selection, with the same draws, for another simulator.
 
         Their trials are numbered after those of the validation.
         """
@@ -64,7 +68,7 @@ class Plan:
         ]
 
     def evaluation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
-        """Missions outside a run, under draws that no run is selected or validated on."""
+        """Return missions under draws that no run uses for selection or validation."""
         return self._missions(
             generation, design_id, design, EVALUATION, f"{generation}", range(self.trials)
         )
@@ -75,9 +79,10 @@ class Plan:
         design_id: int,
         design: Design,
         purpose: str,
-        part: str,
+        group: str,
         trials: range,
     ) -> list[Mission]:
+        """Return missions in all worlds; those of one ``group`` have the same draws."""
         return [
             Mission(
                 generation,
@@ -86,7 +91,7 @@ class Plan:
                 world,
                 trial,
                 purpose,
-                f"{self.seed}/{purpose}/{part}/{world}/{trial}",
+                f"{self.seed}/{purpose}/{group}/{world}/{trial}",
             )
             for trial in trials
             for world in self.worlds
@@ -94,7 +99,7 @@ class Plan:
 
 
 def describe(mission: Mission) -> str:
-    """For messages: which mission."""
+    """Name a mission in a message."""
     return (
         f"the mission of design {mission.design_id} in {mission.world}, "
         f"generation {mission.generation}, trial {mission.trial}"

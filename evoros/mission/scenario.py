@@ -1,4 +1,4 @@
-"""What a mission needs besides its design and draws: the parts, and that they fit together."""
+"""The parts that all missions of an experiment share, checked to fit together."""
 
 import math
 from collections.abc import Mapping
@@ -20,10 +20,10 @@ from evoros.world.model import World
 @dataclass(frozen=True, eq=False)  # so it can be the key of what is computed from it once
 @checked
 class Scenario:
-    """All that a mission needs besides the design, the world's name and the draws.
+    """Everything that a mission needs besides its design, the name of its world and its draws.
 
-    The field names are the groups of the configuration, so that the key of an evolved value
-    (``controller.avoidance.range_m``) is its place in here.
+    The fields are named like the groups of the configuration, so that the key of an evolved value,
+    for example ``controller.avoidance.range_m``, is also its path in a scenario.
 
     Raises:
         InputError: a part of the wrong kind, a period that is no multiple of the time step, or a
@@ -53,9 +53,9 @@ class Scenario:
             self._check_limit(name, world.course.time_limit_s)
 
     def _check_limit(self, world: str, limit: float) -> None:
-        """A mission that ended later than its limit would have used more time than there is.
+        """Require that a mission can end at its time limit and not after it.
 
-        Every tick of a mission's clock divides the controller's period, whatever sensors it has.
+        The tick of every mission divides the controller's period, whatever sensors a design has.
         """
         period = self.controller.period_s
         count = max(1, round(limit / period))
@@ -67,10 +67,10 @@ class Scenario:
             )
 
     def steps_of(self, key: str, period: float) -> int:
-        """How many time steps a period has.
+        """Return the number of time steps in a period [s], which ``key`` names in messages.
 
         Raises:
-            InputError: it is no whole multiple.
+            InputError: the period is no whole multiple of the time step.
         """
         step = self.simulator.time_step
         count = round(period / step)
