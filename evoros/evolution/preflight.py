@@ -15,8 +15,14 @@ from evoros.design.design import Design
 from evoros.design.genes import check_genes
 from evoros.evolution.experiment import Experiment
 from evoros.mission.compiled_loop import explain_interpreted, prepare
-from evoros.mission.loop import FilterStage, LoopInputs, loop_inputs
-from evoros.mission.pipeline import Draws, localization_chain, sensor_chain, sensor_channels
+from evoros.mission.loop import FilterStage, LoopInputs
+from evoros.mission.loop_inputs import collect_inputs
+from evoros.mission.pipeline import (
+    Draws,
+    describe_sensors,
+    start_localization,
+    start_sensor_filters,
+)
 from evoros.mission.scenario import Scenario
 from evoros.simulator.protocol import RuleSimulation, RuleSimulator
 
@@ -42,7 +48,7 @@ def preflight(experiment: Experiment) -> None:
     motions = [each.rules for each in simulators if isinstance(each, RuleSimulator)]
     for motion in dict.fromkeys(motions):
         simulation = RuleSimulation(motion, np.zeros(0), np.zeros(0))
-        _compile(loop_inputs(simulation, *stages))
+        _compile(collect_inputs(simulation, *stages))
 
 
 def _try_design(experiment: Experiment) -> Scenario:
@@ -59,11 +65,10 @@ def _try_design(experiment: Experiment) -> Scenario:
 def _start_stages(scenario: Scenario, draws: Draws) -> Stages:
     """Start the filters of sensors and localization, and the controller's layers."""
     robot, controller = scenario.robot, scenario.controller
-    faults = scenario.failure.draw(sensor_channels(robot), draws("failure"))
+    faults = scenario.failure.draw(describe_sensors(robot), draws("failure"))
     readings, tick = np.zeros(len(robot.mounts)), scenario.simulator.time_step
-    filters = sensor_chain(robot, faults, readings, readings, tick, draws)
-    pose, period = np.zeros(POSE_SIZE), controller.period_s
-    localization = localization_chain(controller.localization, pose, period, draws)
+    filters = start_sensor_filters(robot, faults, readings, readings, tick, draws)
+    localization = start_localization(controller, np.zeros(POSE_SIZE), draws)
     try:
         with controller.open(robot, draws) as opened:
             layers = list(opened)

@@ -1,7 +1,7 @@
-"""Missions compiled from start to end, where all rules can be compiled.
+"""Compiles whole missions whose rules can all be compiled.
 
 Each rule is compiled by itself, with the one signature of its kind, and passed to the compiled loop
-as a function of that type: so one compiled loop serves every combination of parts.
+as a function of that type. So one compiled loop serves every combination of parts.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numba import njit, types
 
-from evoros.base.arrays import Array
+from evoros.base.arrays import NO_MEMORY, NO_PARAMETERS, Array
 from evoros.base.compilation import (
     A1,
     A2,
@@ -31,63 +31,55 @@ from evoros.controller.protocol import StartedLayer
 from evoros.mission.loop import (
     Arrays,
     FilterStage,
+    Goal,
     LoopInputs,
     LoopResult,
     Timing,
-    rule_name,
     run_loop,
 )
+from evoros.mission.loop_inputs import name_rule
+from evoros.simulator.protocol import SimulationRules
 
-Part = TypeVar("Part", FilterStage, StartedLayer)
+Stage = TypeVar("Stage", FilterStage, StartedLayer)
 
-Loop = Callable[..., LoopResult]
-
-
-def prepare_interpreted(parts: LoopInputs) -> tuple[Loop, LoopInputs]:
-    """The interpreted loop with rules as they are."""
-    return run_loop, parts
+Loop = Callable[[LoopInputs, Goal, Timing, Arrays], LoopResult]
 
 
-def prepare(parts: LoopInputs) -> tuple[Loop, LoopInputs]:
-    """The compiled loop where all rules can be compiled, else the interpreted one.
+def prepare_interpreted(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
+    """Return the interpreted loop, and the rules as they are."""
+    return run_loop, inputs
 
-    That one calls what is compiled of a simulation that is made of rules and of the other parts; a
-    live engine's mission stays as it is.
+
+def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
+    """Return the compiled loop if all rules can be compiled, else the interpreted loop.
+
+    The interpreted loop calls those rules of a ``RuleSimulation``'s mission that can be compiled.
+    The mission of a live engine is not changed.
     """
-    observe, sense, advance = (
-        _compile_if_possible(rule, kind)
-        for rule, kind in zip(parts[:3], SIMULATION_RULES, strict=True)
+    motion = SimulationRules(*map(_compile_if_possible, inputs[:3], SIMULATION_RULES))
+    if not all(isinstance(rule, CompiledRule) for rule in motion):
+        return run_loop, inputs
+    filters, localization = (
+        tuple(_compile_stage(stage, FILTER) for stage in stages)
+        for stages in (inputs.filters, inputs.localization)
     )
-    if not all(isinstance(rule, CompiledRule) for rule in (observe, sense, advance)):
-        return run_loop, parts
-    filters = tuple(map(_compile_stage, parts.filters))
-    localization = tuple(map(_compile_stage, parts.localization))
-    layers = tuple(map(_compile_layer, parts.layers))
-    rules = [link.rule for link in (*filters, *localization)], [step.rule for step in layers]
+    layers = tuple(_compile_stage(layer, LAYER) for layer in inputs.layers)
     loop: Loop = run_loop
-    if all(isinstance(rule, CompiledRule) for chain in rules for rule in chain):
-        no_link, no_step = _pads()
-        filters, localization = _pad(filters, no_link), _pad(localization, no_link)
-        layers = _pad(layers, no_step)
-        loop = _loop(len(filters), len(localization), len(layers))
-    return loop, LoopInputs(
-        observe,
-        sense,
-        advance,
-        parts.parameters,
-        parts.memory,
-        filters,
-        localization,
-        layers,
-    )
+    if all(map(_is_compiled, filters + localization)) and all(map(_is_compiled, layers)):
+        no_filter, no_layer = _padding()
+        filters, localization = _pad(filters, no_filter), _pad(localization, no_filter)
+        layers = _pad(layers, no_layer)
+        loop = _compile_loop(len(filters), len(localization), len(layers))
+    arrays = inputs.parameters, inputs.memory
+    return loop, LoopInputs(*motion, *arrays, filters, localization, layers)
 
 
-def explain_interpreted(parts: LoopInputs) -> list[str]:
-    """What of a simulation that is made of rules is not compiled, and why: a line a rule."""
-    rules: list[tuple[Any, Any]] = [*zip(parts[:3], SIMULATION_RULES, strict=True)]
-    rules += [(link.rule, FILTER) for link in (*parts.filters, *parts.localization)]
-    rules += [(step.rule, LAYER) for step in parts.layers]
-    answers = [(rule_name(rule), try_compile(rule, kind)) for rule, kind in rules]
+def explain_interpreted(inputs: LoopInputs) -> list[str]:
+    """Explain in one line a rule why rules of a ``RuleSimulation``'s mission are not compiled."""
+    rules: list[tuple[Any, Any]] = [*zip(inputs[:3], SIMULATION_RULES, strict=True)]
+    rules += [(stage.rule, FILTER) for stage in (*inputs.filters, *inputs.localization)]
+    rules += [(layer.rule, LAYER) for layer in inputs.layers]
+    answers = [(name_rule(rule), try_compile(rule, kind)) for rule, kind in rules]
     reasons = {
         f"{name} is not compiled: {reason}": None
         for name, reason in answers
@@ -96,12 +88,8 @@ def explain_interpreted(parts: LoopInputs) -> list[str]:
     return list(reasons)
 
 
-def _compile_stage(link: FilterStage) -> FilterStage:
-    return link._replace(rule=_compile_if_possible(link.rule, FILTER))
-
-
-def _compile_layer(step: StartedLayer) -> StartedLayer:
-    return step._replace(rule=_compile_if_possible(step.rule, LAYER))
+def _compile_stage(stage: Stage, kind: Any) -> Stage:
+    return stage._replace(rule=_compile_if_possible(stage.rule, kind))
 
 
 def _compile_if_possible(rule: Any, kind: Any) -> Any:
@@ -109,60 +97,63 @@ def _compile_if_possible(rule: Any, kind: Any) -> Any:
     return answer if isinstance(answer, CompiledRule) else rule
 
 
-def _pad(parts: tuple[Part, ...], pad: Part) -> tuple[Part, ...]:
-    """To the next power of two: few lengths have to be compiled."""
+def _is_compiled(stage: FilterStage | StartedLayer) -> bool:
+    return isinstance(stage.rule, CompiledRule)
+
+
+def _pad(stages: tuple[Stage, ...], padding: Stage) -> tuple[Stage, ...]:
+    """Extend stages to the next power of two, so that few lengths have to be compiled."""
     length = 1
-    while length < len(parts):
+    while length < len(stages):
         length *= 2
-    return parts + (pad,) * (length - len(parts))
+    return stages + (padding,) * (length - len(stages))
 
 
-def _no_filter(constants: Array, kept: Array, rng: Any, values: Array, time: float) -> None:
-    """Never called."""
+def _no_filter(parameters: Array, memory: Array, rng: Any, values: Array, time: float) -> None:
+    """Pads a pipeline; never called."""
 
 
 def _no_layer(
-    constants: Array,
-    kept: Array,
+    parameters: Array,
+    memory: Array,
     state: Array,
     leg: Array,
     readings: Array,
     time: float,
     command: Array,
 ) -> bool:
-    """Never decides."""
+    """Never decide."""
     return False
 
 
 @cache
-def _pads() -> tuple[FilterStage, StartedLayer]:
-    empty = np.zeros(0)
-    link = _compile_stage(FilterStage(0, _no_filter, empty, empty, np.random.default_rng(0), empty))
-    return link, _compile_layer(StartedLayer(_no_layer, empty, empty))
+def _padding() -> tuple[FilterStage, StartedLayer]:
+    rng, nothing = np.random.default_rng(0), np.zeros(0)
+    stage = FilterStage(0, _no_filter, NO_PARAMETERS, NO_MEMORY, rng, nothing)
+    layer = StartedLayer(_no_layer, NO_PARAMETERS, NO_MEMORY)
+    return _compile_stage(stage, FILTER), _compile_stage(layer, LAYER)
 
 
 @cache
-def _loop(filters: int, localization: int, layers: int) -> Loop:
-    """``run_loop`` for so many links and layers."""
-    link = types.NamedTuple((I8, types.FunctionType(FILTER), A1, A1, RNG, A1), FilterStage)
-    step = types.NamedTuple((types.FunctionType(LAYER), A1, A1), StartedLayer)
-    signature = types.NamedUniTuple(I8, len(LoopResult._fields), LoopResult)(
-        *map(types.FunctionType, SIMULATION_RULES),
-        A1,
-        A1,
-        types.UniTuple(link, filters),
-        types.UniTuple(link, localization),
-        types.UniTuple(step, layers),
-        A2,
-        F8,
-        types.boolean,
-        types.NamedTuple((F8, I8, I8, I8, I8), Timing),
-        types.NamedTuple((*(A1,) * 6, A2), Arrays),
-        A1,
+def _compile_loop(filters: int, localization: int, layers: int) -> Loop:
+    """Compile ``run_loop`` for these numbers of filters and layers."""
+    stage = types.NamedTuple((I8, types.FunctionType(FILTER), A1, A1, RNG, A1), FilterStage)
+    layer = types.NamedTuple((types.FunctionType(LAYER), A1, A1), StartedLayer)
+    rules = map(types.FunctionType, SIMULATION_RULES)
+    pipelines = (
+        types.UniTuple(stage, filters),
+        types.UniTuple(stage, localization),
+        types.UniTuple(layer, layers),
     )
-    with compiling() as kept:
-        loop = njit(signature, cache=kept, **NJIT_OPTIONS)(run_loop)
-    # Without numba's look at the type of every argument, which costs as much as all else that a
-    # mission does in Python: parts_of has checked what parts provide.
+    signature = types.NamedUniTuple(I8, len(LoopResult._fields), LoopResult)(
+        types.NamedTuple((*rules, A1, A1, *pipelines), LoopInputs),
+        types.NamedTuple((A2, F8, types.boolean), Goal),
+        types.NamedTuple((F8, I8, I8, I8, I8), Timing),
+        types.NamedTuple((*(A1,) * 7, A2), Arrays),
+    )
+    with compiling() as cached:
+        loop = njit(signature, cache=cached, **NJIT_OPTIONS)(run_loop)
+    # The entry point skips numba's inspection of every argument's type, which takes as long as all
+    # other Python code of a mission. ``collect_inputs`` has checked the arrays.
     entry: Loop = loop.get_compile_result(signature).entry_point
     return entry

@@ -1,34 +1,57 @@
-"""The mission loop: observe, sense, filter, decide, advance, until the mission is over.
+"""The mission loop: observe, sense, filter, decide, advance, until the mission ends.
 
-One plain function of plain arguments: functions, tuples and float64 arrays. Nothing here knows an
-engine, a configuration or a file.
+It is one plain function of functions, numbers and float64 arrays. It knows no engine, configuration
+or file.
 """
 
 import math
-from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import CONTACT, SPEED, STEERING, YAW, Array, X, Y
-from evoros.base.errors import InputError
 from evoros.controller.protocol import StartedLayer
 from evoros.filter.protocol import FilterRule
-from evoros.simulator.protocol import (
-    AdvanceRule,
-    ObserveRule,
-    RuleSimulation,
-    SenseRule,
-    Simulation,
-)
+from evoros.simulator.protocol import AdvanceRule, ObserveRule, SenseRule
 
 RUNNING, COMPLETED, COLLISION, TIME_LIMIT, NOT_FINITE = range(5)
 """How the loop ended."""
 
 
+class FilterStage(NamedTuple):
+    """A filter that is started for one mission, for the sensors of one type or the localization."""
+
+    every: int  # ticks between two samples; 0: padding, which ends the pipeline
+    rule: FilterRule
+    parameters: Array
+    memory: Array
+    rng: Generator
+    values: Array  # a view of the values that the filter changes
+
+
+class LoopInputs(NamedTuple):
+    """The rules of a mission, with their parameters and memory."""
+
+    observe: ObserveRule
+    sense: SenseRule
+    advance: AdvanceRule
+    parameters: Array  # of the simulation
+    memory: Array  # of the simulation
+    filters: tuple[FilterStage, ...]
+    localization: tuple[FilterStage, ...]
+    layers: tuple[StartedLayer, ...]
+
+
+class Goal(NamedTuple):
+    """What ends a mission besides its time limit."""
+
+    route: Array  # (legs, 2) waypoints in order [m]
+    acceptance: float  # distance [m] from a waypoint at which it is reached
+    end_on_collision: bool
+
+
 class Timing(NamedTuple):
-    """Periods in ticks; a tick is the greatest common divisor of all periods."""
+    """Periods in ticks, of which each is the greatest common divisor of all periods."""
 
     tick: float  # [s]
     sense_every: int
@@ -37,19 +60,8 @@ class Timing(NamedTuple):
     limit: int  # ticks until the time limit
 
 
-class FilterStage(NamedTuple):
-    """One filter of the chain, started for the sensors of one type."""
-
-    every: int  # ticks; 0: neither this link nor those behind it do anything
-    rule: FilterRule
-    parameters: Array
-    memory: Array
-    rng: Generator
-    values: Array  # view of the values that it changes
-
-
 class Arrays(NamedTuple):
-    """What the loop works on; all float64."""
+    """The arrays that the loop changes; all float64."""
 
     state: Array  # (STATE_SIZE,) true
     pose: Array  # (STATE_SIZE,) as localized
@@ -57,112 +69,36 @@ class Arrays(NamedTuple):
     command: Array  # (COMMAND_SIZE,)
     raw: Array  # (sensors,) true ranges [m]
     readings: Array  # (sensors,) after the filters
+    decisions: Array  # (1 + layers,) how many each layer took; first: how many no layer took
     trajectory: Array  # (rows, columns + sensors)
 
 
 class LoopResult(NamedTuple):
-    """What the loop counted."""
+    """How the loop ended, and what it counted."""
 
     ended: int
     ticks: int
     rows: int
     visited: int
     collisions: int
-    first_collision: int  # tick, -1: none
-
-
-class LoopInputs(NamedTuple):
-    """The first arguments of ``run_loop``: all rules, with their parameters and memory."""
-
-    observe: ObserveRule
-    sense: SenseRule
-    advance: AdvanceRule
-    parameters: Array  # of the simulation
-    memory: Array
-    filters: tuple[FilterStage, ...]
-    localization: tuple[FilterStage, ...]
-    layers: tuple[StartedLayer, ...]
-
-
-def loop_inputs(
-    simulation: Simulation,
-    filters: Sequence[FilterStage],
-    localization: Sequence[FilterStage],
-    layers: Sequence[StartedLayer],
-) -> LoopInputs:
-    """The parts of a mission; a live engine's methods take the place of rules.
-
-    Raises:
-        InputError: parameters or memory of a part are not what rules work on.
-    """
-    for link in (*filters, *localization):
-        _check_arrays(link.rule, link.parameters, link.memory)
-    for step in layers:
-        _check_arrays(*step)
-    chains = tuple(filters), tuple(localization), tuple(layers)
-    if isinstance(simulation, RuleSimulation):
-        _check_arrays(simulation.rules.advance, simulation.parameters, simulation.memory)
-        return LoopInputs(*simulation.rules, simulation.parameters, simulation.memory, *chains)
-
-    def observe(parameters: Array, memory: Array, state: Array) -> None:
-        simulation.observe(state)
-
-    def sense(parameters: Array, memory: Array, readings: Array) -> None:
-        simulation.sense(readings)
-
-    def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
-        simulation.advance(command, duration)
-
-    nothing = np.zeros(0)
-    return LoopInputs(observe, sense, advance, nothing, nothing, *chains)
-
-
-def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array) -> None:
-    """Compiled rules take these arrays without another look."""
-    for name, array in (("parameters", parameters), ("memory", memory)):
-        fits = isinstance(array, np.ndarray) and array.dtype == np.dtype(float) and array.ndim == 1
-        if not (fits and array.flags.c_contiguous and array.flags.writeable):
-            raise InputError(
-                f"{rule_name(rule)}: its {name} must be a contiguous and writeable array of one "
-                f"dimension of float64, not {array!r}; make it with np.array(..., dtype=float)"
-            )
-
-
-def rule_name(rule: Callable[..., object]) -> str:
-    """For messages: where the rule is defined; of an object that is called, its class."""
-    defined = rule if hasattr(rule, "__qualname__") else type(rule)
-    return f"{defined.__module__}.{defined.__qualname__}"
+    first_collision: int  # tick; -1: none
 
 
 def publish(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
-    """The first link of every chain: a sensor publishes what it measured."""
+    """Copy the true ranges, the memory, to the readings; the first stage of every sensor type."""
     values[:] = memory
 
 
-def run_loop(
-    observe: ObserveRule,
-    sense: SenseRule,
-    advance: AdvanceRule,
-    parameters: Array,
-    memory: Array,
-    filters: tuple[FilterStage, ...],
-    localization: tuple[FilterStage, ...],
-    layers: tuple[StartedLayer, ...],
-    route: Array,  # (legs, 2) waypoints in order [m]
-    acceptance: float,  # [m]
-    end_on_collision: bool,
-    timing: Timing,
-    arrays: Arrays,
-    modes: Array,  # (layers + 1,) counts the decisions of each layer; the first: of none
-) -> LoopResult:
-    """Fly one mission; ``arrays.leg`` starts with home as its first point.
+def run_loop(inputs: LoopInputs, goal: Goal, timing: Timing, arrays: Arrays) -> LoopResult:
+    """Run a mission. At the start, ``arrays.leg`` begins at home.
 
-    ``parameters`` and ``memory`` are the simulation's. One long function: as one it is compiled
-    whole (``evoros.base.compilation``), and read from top to bottom.
+    This is one long function so that numba compiles it as one (``evoros.base.compilation``).
     """
+    observe, sense, advance, parameters, memory, filters, localization, layers = inputs
+    route, acceptance, end_on_collision = goal
     tick, sense_every, decide_every, record_every, limit = timing
-    state, pose, leg, command, raw, readings, trajectory = arrays
-    legs, reach = len(route), acceptance * acceptance
+    state, pose, leg, command, raw, readings, decisions, trajectory = arrays
+    legs, reach_squared = len(route), acceptance * acceptance
     visited = collisions = mode = rows = 0
     first_collision, touching, ended = -1, False, RUNNING
     goal_x, goal_y = float(route[0, 0]), float(route[0, 1])
@@ -176,7 +112,7 @@ def run_loop(
         if not math.isfinite(x + y + yaw + speed):
             ended = NOT_FINITE
             break
-        if (goal_x - x) * (goal_x - x) + (goal_y - y) * (goal_y - y) <= reach:
+        if (goal_x - x) * (goal_x - x) + (goal_y - y) * (goal_y - y) <= reach_squared:
             visited += 1
             if visited == legs:
                 ended = COMPLETED
@@ -199,23 +135,23 @@ def run_loop(
         if ended == RUNNING:
             if k % sense_every == 0:
                 sense(parameters, memory, raw)
-                for every, change, constants, kept, rng, values in filters:
+                for every, change, stage_parameters, stage_memory, rng, values in filters:
                     if every == 0:
                         break
                     if k % every == 0:
-                        change(constants, kept, rng, values, time)
+                        change(stage_parameters, stage_memory, rng, values, time)
             if k % decide_every == 0:
                 pose[:] = state
-                for every, change, constants, kept, rng, values in localization:
+                for every, change, stage_parameters, stage_memory, rng, values in localization:
                     if every == 0:
                         break
-                    change(constants, kept, rng, values, time)
+                    change(stage_parameters, stage_memory, rng, values, time)
                 mode = 0
-                for number, (decide, constants, kept) in enumerate(layers):
-                    if decide(constants, kept, pose, leg, readings, time, command):
+                for number, (decide, layer_parameters, layer_memory) in enumerate(layers):
+                    if decide(layer_parameters, layer_memory, pose, leg, readings, time, command):
                         mode = number + 1
                         break
-                modes[mode] += 1.0
+                decisions[mode] += 1.0
         if k % record_every == 0 or ended != RUNNING:
             row = trajectory[rows]
             row[0] = time

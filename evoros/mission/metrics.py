@@ -1,5 +1,6 @@
-"""Computes the metrics of a mission from its trajectory, once for all simulators."""
+"""Computes the metrics of a mission from its trajectory, alike for all simulators."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,72 +16,67 @@ from evoros.world.obstacles import outlines
 
 @dataclass(frozen=True)
 class Rollout:
-    """What the mission loop leaves: how it ended, what it counted, and its trajectory."""
+    """The result of the mission loop in SI units."""
 
     ended: str
     time: float  # [s]
     visited: int
     collisions: int
     first_collision: float  # [s], NaN: none
-    avoiding: float  # share of the decisions
+    avoiding: float  # share of the decisions, 0..1
     trajectory: Array  # (rows, len(TRAJECTORY) + sensors)
 
 
 def measure(
-    flight: Rollout,
-    robot: Robot,
-    world: World,
-    route: Array,
-    faults: tuple[Fault, ...],
+    rollout: Rollout, robot: Robot, world: World, route: Array, faults: Sequence[Fault]
 ) -> Outcome:
-    """The metrics of a flight along ``route`` (n, 2)."""
-    track = flight.trajectory
+    """Compute the outcome of a rollout along ``route``, (legs, 2) [m]."""
+    track = rollout.trajectory
     course, areas = world.course, outlines(world, robot.height_m)
-    places = np.array([*course.waypoints, course.home[:2]], dtype=np.float64)
+    points = np.array([*course.waypoints, course.home[:2]], dtype=np.float64)
     # Until the first collision every obstacle stands where the world has put it.
-    untouched = int((~(track[:, TIME] > flight.first_collision)).sum())
-    summary = summarize_track(track[:, AT_X : HEADING + 1], untouched, robot.outline, areas, places)
-    hurt = failed_sensors(faults, flight.time)
+    untouched = int((~(track[:, TIME] > rollout.first_collision)).sum())
+    summary = summarize_track(track[:, AT_X : HEADING + 1], untouched, robot.outline, areas, points)
+    end = track[-1, [AT_X, AT_Y]]
+    failures = list_failures(faults, rollout.time)
     return Outcome(
-        ended=flight.ended,
+        ended=rollout.ended,
         reason="",
-        completed=flight.ended == COMPLETED,
-        progress=progress(
-            track[-1, [AT_X, AT_Y]], flight.visited, route, world.course.acceptance_m
-        ),
-        time_s=flight.time,
-        time_limit_s=world.course.time_limit_s,
+        completed=rollout.ended == COMPLETED,
+        progress=compute_progress(end, rollout.visited, route, course.acceptance_m),
+        time_s=rollout.time,
+        time_limit_s=course.time_limit_s,
         sensors=len(robot.mounts),
-        visited=flight.visited,
-        mean_speed_mps=summary.length / flight.time if flight.time > 0 else 0.0,
+        visited=rollout.visited,
+        mean_speed_mps=summary.length / rollout.time if rollout.time > 0 else 0.0,
         max_speed_mps=float(np.abs(track[:, PACE]).max()),
         distance_m=summary.length,
         least_waypoint_distances_m=summary.point_distances,
-        collisions=flight.collisions,
-        first_collision_s=flight.first_collision,
-        avoiding=flight.avoiding,
+        collisions=rollout.collisions,
+        first_collision_s=rollout.first_collision,
+        avoiding=rollout.avoiding,
         least_clearance_m=summary.clearance if len(areas.rows) else float("nan"),
-        failed_sensors=tuple(index for index, _, _ in hurt),
-        failed_at_s=tuple(onset for _, onset, _ in hurt),
-        failed_by=tuple(effect for _, _, effect in hurt),
+        failed_sensors=tuple(index for index, _, _ in failures),
+        failed_at_s=tuple(onset for _, onset, _ in failures),
+        failed_by=tuple(effect for _, _, effect in failures),
     )
 
 
-def progress(position: Array, visited: int, route: Array, acceptance: float) -> float:
-    """Share of the mission that is done, 0..1.
+def compute_progress(position: Array, visited: int, route: Array, acceptance: float) -> float:
+    """Compute the share of the mission that is completed, 0..1.
 
-    Each of the n waypoints counts 1/n; the one that is being approached counts 1/n divided by
-    the distance [m] that is left to its circle, at most 1/n; at most 0.99 until all are reached
-    (the study's ``10 visited + 10 / max(distance - 1, 1)`` percent for its ten waypoints).
+    Each of the n waypoints that is reached counts 1/n. The next one counts 1/n divided by the
+    distance [m] to its circle, at most 1/n. The progress is at most 0.99 until all are reached.
+    This is the study's ``10 visited + 10 / max(distance - 1, 1)`` percent for ten waypoints.
     """
     if visited == len(route):
         return 1.0
-    left = float(np.sqrt(((route[visited] - position) ** 2).sum())) - acceptance
-    return min(0.99, (visited + 1.0 / max(left, 1.0)) / len(route))
+    distance = float(np.sqrt(((route[visited] - position) ** 2).sum())) - acceptance
+    return min(0.99, (visited + 1.0 / max(distance, 1.0)) / len(route))
 
 
-def failed_sensors(faults: tuple[Fault, ...], end: float) -> list[tuple[int, float, str]]:
-    """(sensor, onset [s], effect) of every fault that began before the mission's end."""
+def list_failures(faults: Sequence[Fault], end: float) -> list[tuple[int, float, str]]:
+    """List the sensor, onset [s] and effect of every fault that begins until ``end`` [s]."""
     return sorted(
         (index, float(onset), fault.effect)
         for fault in faults

@@ -46,9 +46,9 @@ class Scenario:
                     f"world.{name}: must be a world, and some of its keys are missing; choose it "
                     f"with world=[...], or remove world.{name}"
                 )
-        self.steps_of("controller.period_s", self.controller.period_s)
+        self.count_steps("controller.period_s", self.controller.period_s)
         for name, sensor in self.design.sensors.items():
-            self.steps_of(f"design.sensors.{name}.period_s", sensor.period_s)
+            self.count_steps(f"design.sensors.{name}.period_s", sensor.period_s)
         for name, world in self.world.items():
             self._check_limit(name, world.course.time_limit_s)
 
@@ -66,7 +66,7 @@ class Scenario:
                 f"{count * period:g}"
             )
 
-    def steps_of(self, key: str, period: float) -> int:
+    def count_steps(self, key: str, period: float) -> int:
         """Return the number of time steps in a period [s], which ``key`` names in messages.
 
         Raises:

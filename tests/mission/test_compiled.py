@@ -28,7 +28,8 @@ from evoros.evolution.experiment import Experiment
 from evoros.evolution.preflight import preflight
 from evoros.filter.protocol import Channels, FilterRule
 from evoros.mission.compiled_loop import prepare, prepare_interpreted
-from evoros.mission.loop import LoopInputs, loop_inputs
+from evoros.mission.loop import LoopInputs
+from evoros.mission.loop_inputs import collect_inputs
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.simulator.planar import Planar
@@ -222,7 +223,7 @@ def test_so_are_those_of_a_simulation() -> None:
     rules = Planar().rules
     careless = RuleSimulation(rules, np.zeros(3), np.zeros(3, dtype=np.int64))
     with pytest.raises(InputError, match=r"planar_rules\.advance: its memory must be a contiguous"):
-        loop_inputs(careless, (), (), ())
+        collect_inputs(careless, (), (), ())
 
 
 def divide(p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:

@@ -16,7 +16,7 @@ from evoros.failure.random import RandomFailure
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Channels, Filter
 from evoros.filter.silence import Silence
-from evoros.mission.pipeline import sensor_chain, sensor_channels
+from evoros.mission.pipeline import describe_sensors, start_sensor_filters
 
 
 def failing(effect: Filter, count: int = 1) -> RandomFailure:
@@ -44,9 +44,9 @@ def heard(experiment: Experiment, failure: Failure, seconds: float = 3.0) -> Arr
     design = space.decode(np.full(space.size, 0.5))
     robot = experiment.robot.with_sensors(design.mounts, experiment.design.sensors)
     draws = partial(generator, "test")
-    faults = failure.draw(sensor_channels(robot), draws("failure"))
+    faults = failure.draw(describe_sensors(robot), draws("failure"))
     raw, readings = np.full(len(robot.mounts), 2.0), np.zeros(len(robot.mounts))
-    chain = sensor_chain(robot, faults, raw, readings, 0.1, draws)
+    chain = start_sensor_filters(robot, faults, raw, readings, 0.1, draws)
     rows = []
     for tick in range(round(10 * seconds)):
         for _, rule, parameters, memory, rng, values in chain:

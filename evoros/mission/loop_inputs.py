@@ -1,0 +1,61 @@
+"""Collects the inputs of the mission loop from the parts that are started for a mission."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from evoros.base.arrays import NO_MEMORY, NO_PARAMETERS, Array
+from evoros.base.errors import InputError
+from evoros.controller.protocol import StartedLayer
+from evoros.mission.loop import FilterStage, LoopInputs
+from evoros.simulator.protocol import RuleSimulation, Simulation
+
+
+def collect_inputs(
+    simulation: Simulation,
+    filters: Sequence[FilterStage],
+    localization: Sequence[FilterStage],
+    layers: Sequence[StartedLayer],
+) -> LoopInputs:
+    """Collect the rules of a mission; the methods of a live engine take the place of rules.
+
+    Raises:
+        InputError: the parameters or the memory of a rule are not as rules need them.
+    """
+    for stage in (*filters, *localization):
+        _check_arrays(stage.rule, stage.parameters, stage.memory)
+    for layer in layers:
+        _check_arrays(*layer)
+    stages = tuple(filters), tuple(localization)
+    if isinstance(simulation, RuleSimulation):
+        arrays = simulation.parameters, simulation.memory
+        _check_arrays(simulation.rules.advance, *arrays)
+        return LoopInputs(*simulation.rules, *arrays, *stages, tuple(layers))
+
+    def observe(parameters: Array, memory: Array, state: Array) -> None:
+        simulation.observe(state)
+
+    def sense(parameters: Array, memory: Array, readings: Array) -> None:
+        simulation.sense(readings)
+
+    def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
+        simulation.advance(command, duration)
+
+    return LoopInputs(observe, sense, advance, NO_PARAMETERS, NO_MEMORY, *stages, tuple(layers))
+
+
+def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array) -> None:
+    """Check the arrays of a rule, because compiled code does not."""
+    for name, array in (("parameters", parameters), ("memory", memory)):
+        fits = isinstance(array, np.ndarray) and array.dtype == np.dtype(float) and array.ndim == 1
+        if not (fits and array.flags.c_contiguous and array.flags.writeable):
+            raise InputError(
+                f"{name_rule(rule)}: its {name} must be a contiguous and writeable array of one "
+                f"dimension of float64, not {array!r}; make it with np.array(..., dtype=float)"
+            )
+
+
+def name_rule(rule: Callable[..., object]) -> str:
+    """Name the place of a rule's definition in a message, or the class of a callable object."""
+    definition = rule if hasattr(rule, "__qualname__") else type(rule)
+    return f"{definition.__module__}.{definition.__qualname__}"
