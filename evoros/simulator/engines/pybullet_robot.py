@@ -1,7 +1,7 @@
 """A robot in PyBullet: which links collide, which joints its motors move."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -64,19 +64,12 @@ def load_robot(
     urdf = merge_fixed_links(robot.urdf_elements(), drive.caster_links)
     body = load_urdf(bullet, client, urdf, frame, flags)
     joints = _read_joints(bullet, client, body)
-    friction = _rolling_friction(joints, drive, wheel_friction)
-    links = range(-1, len(joints))
-    _set_up_links(bullet, client, body, links, friction)
     steering, steering_forces = _motors(joints, drive.steering_joints)
     wheels, wheel_forces = _motors(joints, drive.wheel_joints)
     center = bullet.getDynamicsInfo(body, -1, physicsClientId=client)[3:5]
     return LoadedRobot(
         body=body,
-        touching=tuple(
-            link
-            for link in links
-            if link not in friction and bullet.getCollisionShapeData(body, link, client)
-        ),
+        touching=_set_up_links(bullet, client, body, joints, drive, wheel_friction),
         joints=tuple(joint.number for joint in joints if not joint.fixed),
         steering=steering,
         steering_forces=steering_forces,
@@ -88,16 +81,12 @@ def load_robot(
 
 
 def _read_joints(bullet: Any, client: int, body: int) -> list[_Joint]:
-    infos = [
-        bullet.getJointInfo(body, joint, physicsClientId=client)
-        for joint in range(bullet.getNumJoints(body, physicsClientId=client))
-    ]
-    return [
-        _Joint(
-            info[0], info[1].decode(), info[12].decode(), info[2] == bullet.JOINT_FIXED, info[10]
-        )
-        for info in infos
-    ]
+    joints = []
+    for number in range(bullet.getNumJoints(body, physicsClientId=client)):
+        info = bullet.getJointInfo(body, number, physicsClientId=client)
+        name, link, fixed = info[1].decode(), info[12].decode(), info[2] == bullet.JOINT_FIXED
+        joints.append(_Joint(number, name, link, fixed, info[10]))
+    return joints
 
 
 def _motors(
@@ -119,17 +108,27 @@ def _rolling_friction(
 
 
 def _set_up_links(
-    bullet: Any, client: int, body: int, links: Sequence[int], friction: Mapping[int, float]
-) -> None:
+    bullet: Any,
+    client: int,
+    body: int,
+    joints: Sequence[_Joint],
+    drive: Drive,
+    wheel_friction: float,
+) -> tuple[int, ...]:
+    """Set friction, damping and collision masks; returns the links that can touch obstacles."""
+    rolling = _rolling_friction(joints, drive, wheel_friction)
+    links = range(-1, len(joints))
     for link in links:
-        meets = GROUND if link in friction else GROUND | FIXED | MOVABLE
+        meets = GROUND if link in rolling else GROUND | FIXED | MOVABLE
         bullet.setCollisionFilterGroupMask(body, link, ROBOT, meets, physicsClientId=client)
         bullet.changeDynamics(
             body,
             link,
-            lateralFriction=friction.get(link, CHASSIS_FRICTION),
+            lateralFriction=rolling.get(link, CHASSIS_FRICTION),
             linearDamping=0,
             angularDamping=0,
             jointDamping=0,
             physicsClientId=client,
         )
+    shapes = (link for link in links if bullet.getCollisionShapeData(body, link, client))
+    return tuple(link for link in shapes if link not in rolling)
