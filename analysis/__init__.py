@@ -1,1 +1,1 @@
-"""Figures, tables, videos and reports from run folders; never runs a part of the user's."""
+"""Figures, tables, videos and reports from run folders; no code of a run is imported."""

@@ -11,18 +11,18 @@ from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.log import LOGGER, log_to_terminal
 
 from .drawing.style import save
-from .product import Product
-from .subcommands import NAME, module_of, parse
+from .product import Product, to_csv
+from .subcommands import NAME, import_subcommand, parse
 from .tables.study import Study, load_study
 
 
 def main() -> None:
-    """Entry point of the console script."""
+    """Run the console script."""
     sys.exit(evoros_analyze(sys.argv[1:]))
 
 
 def evoros_analyze(arguments: Sequence[str]) -> int:
-    """Run the command; returns its exit status."""
+    """Run the command and return its exit status."""
     with log_to_terminal():
         try:
             options = parse(arguments)
@@ -38,17 +38,17 @@ def evoros_analyze(arguments: Sequence[str]) -> int:
 
 
 def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
-    """Write the files of a subcommand, and say what is to be said; returns their paths.
+    """Write the files of a subcommand, print its messages, and return the paths.
 
     Raises:
-        InputError: nothing whole is there, an option does not fit, or a file cannot be written.
+        InputError: no folder is complete, an option does not fit, or a file cannot be written.
     """
     folders = [path.expanduser() for path in options.folders]
     if options.output is None:
         options.output = folders[0] / "figures"
     study = study or load_study(folders)
-    made = module_of(options.subcommand).product(study, options)
-    files = _files(options.subcommand, made, options.format)
+    product = import_subcommand(options.subcommand).make_product(study, options)
+    files = _render(options.subcommand, product, options.format)
     try:
         options.output.mkdir(parents=True, exist_ok=True)
         for name, content in files.items():
@@ -57,13 +57,13 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
         raise InputError(
             f"--output {options.output}: cannot be written ({error.strerror}); choose another"
         ) from error
-    for line in made.said:
-        print_result(line)
+    for message in product.messages:
+        print_result(message)
     return [options.output / name for name in files]
 
 
 def _write(path: Path, content: bytes) -> None:
-    """The file has its old content or the new one, also where the disk is full."""
+    """Replace a file atomically, so that it is never cut short."""
     draft = path.with_name(f".{path.name}.part")
     try:
         draft.write_bytes(content)
@@ -72,13 +72,13 @@ def _write(path: Path, content: bytes) -> None:
         draft.unlink(missing_ok=True)
 
 
-def _files(name: str, made: Product, kind: str) -> dict[str, bytes]:
-    """All before any is written: what fails leaves nothing behind."""
+def _render(name: str, product: Product, kind: str) -> dict[str, bytes]:
+    """Render all files before one is written, so that an error leaves no files."""
     files: dict[str, bytes] = {}
-    if made.figure is not None:
+    if product.figure is not None:
         picture = io.BytesIO()
-        save(made.figure, picture, kind)
+        save(product.figure, picture, kind)
         files[f"{name}.{kind}"] = picture.getvalue()
-    if made.table is not None:
-        files[f"{name}.csv"] = made.table.to_csv(index=False, lineterminator="\n").encode()
-    return {**files, **made.files}
+    if product.table is not None:
+        files[f"{name}.csv"] = to_csv(product.table)
+    return {**files, **product.files}

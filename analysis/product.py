@@ -1,4 +1,4 @@
-"""What a subcommand of ``evoros-analyze`` makes."""
+"""The results of a subcommand of ``evoros-analyze``."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,9 +9,14 @@ from matplotlib.figure import Figure
 
 @dataclass(frozen=True, eq=False)
 class Product:
-    """A figure, the numbers behind it, what is to be said of it, and other files."""
+    """A figure, the numbers behind it, messages, and other files."""
 
     table: pd.DataFrame | None = None  # becomes SUBCOMMAND.csv
     figure: Figure | None = None  # becomes SUBCOMMAND.FORMAT
-    said: Sequence[str] = ()  # lines for standard output
+    messages: Sequence[str] = ()  # lines for standard output
     files: Mapping[str, bytes] = field(default_factory=dict)  # by name
+
+
+def to_csv(table: pd.DataFrame) -> bytes:
+    """Return the content of a table's CSV file."""
+    return table.to_csv(index=False, lineterminator="\n").encode()

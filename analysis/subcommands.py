@@ -1,6 +1,6 @@
-"""The subcommands of ``evoros-analyze``: their names, their modules and their options.
+"""The subcommands of ``evoros-analyze``: names, modules and options.
 
-Light on purpose: nothing that draws is imported before a subcommand is chosen.
+Modules that draw are imported when their subcommand is chosen.
 """
 
 import argparse
@@ -37,16 +37,19 @@ SUBCOMMANDS: Mapping[str, str] = {
     "report": ".report.page",
     "replay": ".video.replay",
 }
-"""The module of each subcommand, which is imported when it is needed."""
+"""The module of each subcommand."""
 
 
 class Subcommand(Protocol):
-    """What a module of a subcommand has; ``arguments`` and ``FORMATS`` it may leave out."""
+    """The module of a subcommand.
+
+    It may also have ``FORMATS``, instead of those of figures, and ``add_arguments(parser)``.
+    """
 
     HELP: str  # one line
 
-    def product(self, study: "Study", options: argparse.Namespace) -> "Product":
-        """What it makes of a study."""
+    def make_product(self, study: "Study", options: argparse.Namespace) -> "Product":
+        """Make the figure, tables and files for a study."""
         ...
 
 
@@ -56,26 +59,26 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """The options of one subcommand: also those that it alone has.
+    """Parse a subcommand and its options.
 
     Raises:
-        InputError: there is no such subcommand or option.
+        InputError: the subcommand or an option does not exist.
     """
     from .drawing.style import KINDS
 
     chosen = [name for name in SUBCOMMANDS if name in arguments[:1]]
     parser = _Parser(NAME, description=ABOUT, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--version", action="version", version=f"{NAME} {__version__}")
-    below = parser.add_subparsers(dest="subcommand", metavar="SUBCOMMAND", required=True)
+    subparsers = parser.add_subparsers(dest="subcommand", metavar="SUBCOMMAND", required=True)
     for name in chosen or SUBCOMMANDS:
-        module = module_of(name)
-        each = below.add_parser(name, help=module.HELP, description=module.HELP)
-        _add_arguments(each, getattr(module, "FORMATS", KINDS), KINDS)
-        getattr(module, "arguments", lambda parser: None)(each)
+        module = import_subcommand(name)
+        subparser = subparsers.add_parser(name, help=module.HELP, description=module.HELP)
+        _add_common_arguments(subparser, getattr(module, "FORMATS", KINDS), KINDS)
+        getattr(module, "add_arguments", lambda parser: None)(subparser)
     return parser.parse_args(list(arguments))
 
 
-def _add_arguments(
+def _add_common_arguments(
     parser: argparse.ArgumentParser, kinds: Sequence[str], figure_kinds: Sequence[str]
 ) -> None:
     parser.add_argument(
@@ -85,15 +88,15 @@ def _add_arguments(
         "--output",
         type=Path,
         metavar="FOLDER",
-        help="where the files go, and replace earlier ones; figures/ in the first folder",
+        help="where the files go, replacing earlier ones; figures/ in the first folder",
     )
     parser.add_argument("--format", choices=kinds, default=kinds[0], help=f"{kinds[0]}")
     if set(kinds) <= set(figure_kinds):
         parser.add_argument(
-            "--columns", type=int, choices=(1, 2), help="how many columns of a page it spans"
+            "--columns", type=int, choices=(1, 2), help="the figure's width in columns of a page"
         )
 
 
-def module_of(name: str) -> Subcommand:
-    """The module of a subcommand; matplotlib is imported only with it."""
+def import_subcommand(name: str) -> Subcommand:
+    """Import the module of a subcommand, and matplotlib with it."""
     return cast(Subcommand, import_module(SUBCOMMANDS[name], __package__))

@@ -1,1 +1,1 @@
-"""What several figures share: style, the robot from above, tables as pictures."""
+"""What figures share: style, pages of panels, tables of text, robots and worlds from above."""

@@ -1,34 +1,71 @@
-"""A small table of text below a panel, at the same places at any width of the figure."""
+"""Panels with a small table of text below each, at the same places at any width of the figure."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import ceil
 
-from matplotlib.figure import SubFigure
+from matplotlib.figure import Figure, SubFigure
+
+from .style import COLUMN_IN
 
 SMALL_PT = 6.5
-LINE_IN, WIDE_IN, EDGE_IN = 0.13, 3.38, 0.06
+LINE_IN, TABLE_IN, EDGE_IN = 0.13, 3.38, 0.06
+"""Height of a line, width of a table, and its minimum distance from the edge."""
 Heads = Mapping[str, tuple[float, str]]
-"""Columns: where they are, of the table's width, and which side of them is there."""
+"""Columns: position as a share of the table's width, and horizontal alignment there."""
 
 
-def height_in(rows: int, note: bool = False) -> float:
-    """What so many rows need below their heads, with a note or without."""
+def table_height(rows: int, note: bool = False) -> float:
+    """Return the height [in] of a table with its heads, and a note if it has one."""
     return LINE_IN * (rows + 2 + note)
 
 
-def write(
+@dataclass(frozen=True)
+class Layout:
+    """Panels with a table below each; all lengths in inches."""
+
+    count: int
+    width: float  # of the figure, which has two columns if it is wide
+    panel: float  # height
+    table: float  # height; 0: no tables
+
+    @property
+    def _columns(self) -> int:
+        return min(self.count, 2) if self.width > 1.5 * COLUMN_IN else 1
+
+    @property
+    def table_size(self) -> tuple[float, float]:
+        """Width and height of the subfigure of a table."""
+        return self.width / self._columns, self.table
+
+    def make_figure(self) -> tuple[Figure, list[tuple[SubFigure, SubFigure]]]:
+        """Make an empty figure with the subfigures of each panel and its table."""
+        rows = ceil(self.count / self._columns)
+        height = (self.panel + self.table) * rows
+        figure = Figure(figsize=(self.width, height), layout="constrained")
+        cells = figure.subfigures(rows, self._columns, squeeze=False).ravel()
+        ratios = [self.panel, self.table or 1e-6]
+        halves = [
+            cell.subfigures(2, 1, squeeze=False, height_ratios=ratios).ravel()
+            for cell in cells[: self.count]
+        ]
+        return figure, [(top, bottom) for top, bottom in halves]
+
+
+def write_table(
     figure: SubFigure,
     heads: Heads,
     rows: Sequence[Sequence[str]],
     size_in: tuple[float, float],
     note: str = "",
 ) -> None:
-    """Write heads, rows and a note from the top of a part of a figure of that size, centred."""
+    """Write heads, rows and a note from the top of a subfigure of that size, centred."""
     width, height = size_in
-    left = max(EDGE_IN, (width - WIDE_IN) / 2)
+    left = max(EDGE_IN, (width - TABLE_IN) / 2)
 
     def put(x: float, line: int, text: str, side: str = "left", weight: str = "normal") -> None:
-        at = (left + WIDE_IN * x) / width, 1 - (line + 0.5) * LINE_IN / height
-        figure.text(*at, text, ha=side, va="center", fontsize=SMALL_PT, weight=weight)
+        place = (left + TABLE_IN * x) / width, 1 - (line + 0.5) * LINE_IN / height
+        figure.text(*place, text, ha=side, va="center", fontsize=SMALL_PT, weight=weight)
 
     for head, (x, side) in heads.items():
         put(x, 0, head, side, "bold")

@@ -1,6 +1,6 @@
-"""Panels on a page, placed to the inch: for equally scaled axes, whose shape is given.
+"""Panels at exact positions on a page, for axes with equal scales, whose shape is given.
 
-Matplotlib's layouts would fit such panels into cells of other shapes, and leave them unaligned.
+Matplotlib's layouts would fit such panels into cells of other shapes and leave them unaligned.
 """
 
 from collections.abc import Sequence
@@ -31,21 +31,25 @@ class Sheet:
 
     @property
     def height(self) -> float:
-        """Of the page."""
+        """The height of the page."""
         return sum(self.heads) + self.panel * sum(self.ratios) + self.bottom
 
-    def figure(self) -> Figure:
-        """An empty page."""
+    def make_figure(self) -> Figure:
+        """Make an empty page."""
         return Figure(figsize=(self.width, self.height))
 
-    def axes(self, figure: Figure, row: int, column: int) -> Axes:
-        """The axes of one panel, added to the page."""
-        tall = self.ratios[row] * self.panel
+    def add_panel(self, figure: Figure, row: int, column: int) -> Axes:
+        """Add the axes of one panel to the page."""
+        panel_height = self.ratios[row] * self.panel
         below = sum(self.heads[row + 1 :]) + sum(self.ratios[row + 1 :]) * self.panel
-        across = self.left + column * (self.panel + self.gap)
-        return self.box(figure, (across, self.bottom + below), (self.panel, tall))
+        x = self.left + column * (self.panel + self.gap)
+        return self.add_box(figure, (x, self.bottom + below), (self.panel, panel_height))
 
-    def box(self, figure: Figure, corner: tuple[float, float], size: tuple[float, float]) -> Axes:
-        """Axes anywhere on the page, from its lower left."""
-        wide, tall = self.width, self.height
-        return figure.add_axes((corner[0] / wide, corner[1] / tall, size[0] / wide, size[1] / tall))
+    def add_box(
+        self, figure: Figure, corner: tuple[float, float], size: tuple[float, float]
+    ) -> Axes:
+        """Add axes anywhere on the page; ``corner`` is their lower left."""
+        (x, y), (width, height) = corner, size
+        return figure.add_axes(
+            (x / self.width, y / self.height, width / self.width, height / self.height)
+        )

@@ -1,4 +1,4 @@
-"""Worlds from above: obstacles by their height, the course, and the tracks of robots."""
+"""Worlds from above: obstacles coloured by height, the course, and the tracks of robots."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,29 +15,28 @@ from evoros.geometry.footprint import project_shape, top_height
 from evoros.world.course import Course
 from evoros.world.model import World
 
-from .robot import hull  # relative: installed, this is evoros.analysis
-from .style import COLUMN_IN, STYLE
+from ..measures.cones import dilate
+from .style import COLUMN_IN, STYLE, VERMILLION
 
 HEIGHTS_M = Normalize(0.0, 1.0)
-TRACK = "#d55e00"
 
 
-def worlds(
-    each: Mapping[str, World],
+def draw_worlds(
+    worlds: Mapping[str, World],
     tracks: Mapping[str, Sequence[Array]] | None = None,
     width: float = 2 * COLUMN_IN,
 ) -> Figure:
-    """A panel a world, side by side; ``width`` is in inches.
+    """Draw a panel for each world, side by side.
 
-    ``tracks`` (n, 2) [m] are drawn as lines, by the name of their world.
+    ``tracks`` (n, 2) [m], by the name of their world, are drawn as lines. ``width`` is in inches.
     """
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(width, 1.1 * width / len(each)), layout="constrained")
-        panels = figure.subplots(1, len(each), squeeze=False, sharex=True, sharey=True)[0]
-        for axes, (name, world) in zip(panels, each.items(), strict=True):
+        figure = Figure(figsize=(width, 1.1 * width / len(worlds)), layout="constrained")
+        panels = figure.subplots(1, len(worlds), squeeze=False, sharex=True, sharey=True)[0]
+        for axes, (name, world) in zip(panels, worlds.items(), strict=True):
             solids = draw_obstacles(axes, world)
             for track in (tracks or {}).get(name, ()):
-                axes.plot(*track.T, color=TRACK, lw=0.7, alpha=0.8)
+                axes.plot(*track.T, color=VERMILLION, lw=0.7, alpha=0.8)
             draw_course(axes, world.course)
             axes.set_title(name, fontsize=8)
             axes.set_xlabel("x [m]")
@@ -51,7 +50,7 @@ def worlds(
 def draw_obstacles(
     axes: Axes, world: World, cmap: str = "cividis_r", heights: Normalize = HEIGHTS_M
 ) -> PatchCollection:
-    """All that stands in a world, coloured by its height [m]."""
+    """Draw the obstacles of a world, coloured by their height [m]."""
     patches: list[Patch] = []
     tops: list[float] = []
     for body in world.obstacles:
@@ -60,8 +59,8 @@ def draw_obstacles(
             area = project_shape(shape, pose)
             if len(area.vertices) == 1:
                 patches.append(Circle((area.vertices[0, 0], area.vertices[0, 1]), area.radius))
-            else:  # a cylinder that leans, be it by rounding alone, has a segment and a radius
-                patches.append(Polygon(hull(area.vertices, area.radius)))
+            else:  # a cylinder that leans, even by rounding alone, has a segment and a radius
+                patches.append(Polygon(dilate(area.vertices, area.radius)))
             tops.append(top_height(shape, pose))
     solids = PatchCollection(patches, cmap=cmap, norm=heights, ec="black", lw=0.3)
     solids.set_array(np.array(tops))
@@ -71,7 +70,7 @@ def draw_obstacles(
 
 
 def draw_course(axes: Axes, course: Course) -> None:
-    """The route, the circles in which a corner counts as visited, and home, a star."""
+    """Draw the route, the circles in which waypoints count as visited, and home as a star."""
     route = np.array([course.home[:2], *course.waypoints, course.home[:2]])
     axes.plot(*route.T, color="0.5", lw=0.7, ls=":")
     for x, y in course.waypoints:

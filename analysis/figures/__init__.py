@@ -1,1 +1,1 @@
-"""The figures: one module for each subcommand that draws one."""
+"""The subcommands that draw figures."""

@@ -1,156 +1,233 @@
-"""Treatments side by side: every replicate, boxes, and what the statistics say of each pair."""
+"""Treatments side by side: every replicate, boxes, and tests of each pair."""
 
 import argparse
+import textwrap
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from itertools import combinations
 from typing import Any
 
+import matplotlib as mpl
+import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from evoros.base.arrays import Array
 
-from ..drawing.compare_figure import MEASURES, called, compare, p_text
-from ..drawing.style import width as width_of
-from ..measures.statistics import (
-    LEVEL,
-    a12,
-    holm,
-    least_p,
-    least_replicates,
-    magnitude,
-    mann_whitney,
-    median_interval,
-)
-from ..product import Product
-from ..tables.matching import conditions, differing
+from ..drawing.columns import SMALL_PT, Layout, table_height, write_table
+from ..drawing.style import COLUMN_IN, STYLE, assign_colours, figure_width, letter
+from ..measures.comparison import MEASURES, compare_treatments
+from ..measures.statistics import LEVEL, median_interval, minimum_replicates
+from ..product import Product, to_csv
+from ..tables.matching import find_differences, select_conditions
 from ..tables.study import Study
-from ..tables.treatments import repeated
-from ..tables.validated import BY_EVALUATION, BY_RUN, under, validations
+from ..tables.treatments import report_repeated
+from ..tables.validated import BY_EVALUATION, BY_RUN, score_under, validate_champions
 
 HELP = "treatments side by side: recorded and validated fitness, tests, effect sizes, intervals"
-SIDE = ("n", "median", "median_low", "median_high")
-COLUMNS = (
-    *("measure", "a", "b"),
-    *(f"{name}_{side}" for side in "ab" for name in SIDE),
-    *("p", "p_holm", "a12", "magnitude", "least_p_holm"),
-)
+MAX_TESTS = 30
+"""Maximum number of tests below the picture; more are in the table alone."""
+NAME_LENGTH = 10
+"""Maximum length of a treatment's name in the tests; longer ones are replaced by letters."""
+LINE_LENGTH = 20
+"""Characters of a line of a label."""
+BOX, DOTS = (-0.22, 0.24), (0.18, 0.3)
+"""Position of boxes and dots in a treatment's row: from its middle, and height."""
+ROW_IN = 0.36
+GOLDEN = 0.6180339887498949
+HEADS = {
+    "treatments": (0.0, "left"),
+    "p": (0.53, "right"),
+    "p (Holm)": (0.7, "right"),
+    "A12": (0.8, "right"),
+    "effect": (0.84, "left"),
+}
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
-    """Conditions that are the same for all."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the option for common conditions."""
     parser.add_argument(
         "--under",
         metavar="NAME",
-        help="compare the champions' scores in the evaluations of this name or treatment instead, "
+        help="compare the champions' scores in the evaluations with this name or label instead, "
         "under the same conditions for all",
     )
 
 
-def product(study: Study, options: argparse.Namespace) -> Product:
-    """The command's: the picture, the comparisons, the values of each run, and what they say."""
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Draw the comparison; its tables are the tests and the values of each run."""
     if options.under is None:
-        runs, measures = validations(study), list(MEASURES)
-        said = [*_validated_by(runs), *_own_conditions(study)]
+        runs, measures = validate_champions(study), list(MEASURES)
+        messages = [*_report_sources(runs), *_report_conditions(study)]
     else:
-        runs, measures = under(study, options.under), [f"under {options.under}"]
-        found = int(runs[measures[0]].notna().sum())
-        said = [f"fitness {measures[0]} is known of {found} of {len(runs)} champions"]
-    table = comparisons(runs, measures)
-    figure = compare(runs, table, width_of(options.columns))
-    files = {"compare_runs.csv": runs.to_csv(index=False, lineterminator="\n").encode()}
-    again = repeated(runs[["run", "treatment", "seed"]].itertuples(index=False, name=None))
-    return Product(table, figure, [*again, *said, *conclusions(table)], files)
+        measure = f"under {options.under}"
+        runs, measures = score_under(study, options.under), [measure]
+        known = int(runs[measure].notna().sum())
+        messages = [f"fitness {measure} is known for {known} of {len(runs)} champions"]
+    table = compare_treatments(runs, measures)
+    figure = draw_comparison(runs, table, figure_width(options.columns))
+    repeated = report_repeated(
+        runs[["run", "treatment", "seed"]].itertuples(index=False, name=None)
+    )
+    messages = [*repeated, *messages, *conclude(table)]
+    return Product(table, figure, messages, {"compare_runs.csv": to_csv(runs)})
 
 
-def comparisons(runs: pd.DataFrame, measures: Sequence[str] = MEASURES) -> pd.DataFrame:
-    """A row for each measure and pair of treatments ``a`` and ``b`` that have it.
-
-    ``runs`` has a row a run, with the column ``treatment`` and those of the measures. Of each side
-    ``n``, the median and its bootstrap interval; ``p`` of the Mann-Whitney test; ``p_holm``,
-    corrected for all pairs of the measure; ``a12``, how likely a run of ``a`` is the better one,
-    and its ``magnitude``; ``least_p_holm``, the least that so many runs can give. Where there is
-    one treatment, ``b`` and what compares are empty.
-    """
-    rows = [row for measure in measures for row in _measured(measure, values_of(runs, measure))]
-    return pd.DataFrame(rows, columns=list(COLUMNS))
-
-
-def values_of(runs: pd.DataFrame, measure: str) -> dict[str, Array]:
-    """The values of each treatment that has any, in the order of the runs."""
-    known = runs[runs[measure].notna()]
-    by_name = known.groupby("treatment", sort=False)[measure]
-    return {str(name): values.to_numpy(float) for name, values in by_name}
-
-
-def _measured(measure: str, values: Mapping[str, Array]) -> Iterator[dict[str, object]]:
-    if len(values) == 1:
-        ((name, alone),) = values.items()
-        yield {"measure": measure, "a": name, "b": "", **_side("a", alone)}
-    pairs = list(combinations(values, 2))
-    p = [mann_whitney(values[a], values[b]) for a, b in pairs]
-    least = [least_p(values[a].size, values[b].size) for a, b in pairs]
-    for i, (adjusted, floor) in enumerate(zip(holm(p), holm(least), strict=True)):
-        a, b = pairs[i]
-        effect = a12(values[a], values[b])
-        yield {
-            **{"measure": measure, "a": a, "b": b, "p": p[i], "p_holm": adjusted},
-            **_side("a", values[a]),
-            **_side("b", values[b]),
-            **{"a12": effect, "magnitude": magnitude(effect), "least_p_holm": floor},
-        }
-
-
-def _side(side: str, values: Array) -> dict[str, object]:
-    one = median_interval(values)
-    numbers = (values.size, one.value, one.low, one.high)
-    return {f"{name}_{side}": number for name, number in zip(SIDE, numbers, strict=True)}
-
-
-def conclusions(table: pd.DataFrame) -> list[str]:
-    """A sentence for each row of ``comparisons``."""
+def conclude(table: pd.DataFrame) -> list[str]:
+    """Return a conclusion, one sentence, for each row of ``compare_treatments``."""
     pairs = table.groupby("measure").size()
-    return [_conclusion(row, int(pairs[row["measure"]])) for row in table.to_dict("records")]
+    return [_conclude_pair(row, int(pairs[row["measure"]])) for row in table.to_dict("records")]
 
 
-def _conclusion(row: Mapping[Hashable, Any], pairs: int) -> str:
+def _conclude_pair(row: Mapping[Hashable, Any], pairs: int) -> str:
     a, b = row["a"], row["b"]
+    measure = _title(row["measure"])
     if not b:
-        return f"{called(row['measure'])}: all runs are of one treatment: nothing to compare"
-    head = f'{called(row["measure"])}, "{a}" against "{b}"'
+        return f"{measure}: all runs are of one treatment: nothing to compare"
+    head = f'{measure}, "{a}" against "{b}"'
     if row["least_p_holm"] >= LEVEL:
         return (
             f"{head}: too few replicates ({row['n_a']} and {row['n_b']}) for any conclusion: at "
-            f"least {least_replicates(pairs)} in each are needed"
+            f"least {minimum_replicates(pairs)} in each are needed"
         )
-    found = f"{p_text(row['p_holm'])} (Holm), A12 = {row['a12']:.2f} ({row['magnitude']})"
+    result = f"{_format_p(row['p_holm'])} (Holm), A12 = {row['a12']:.2f} ({row['magnitude']})"
     if row["p_holm"] >= LEVEL:
-        return f"{head}: no difference shown at the 5 % level: {found}"
-    return f'{head}: "{a if row["a12"] > 0.5 else b}" is higher: {found}'
+        return f"{head}: no difference shown at the 5 % level: {result}"
+    return f'{head}: "{a if row["a12"] > 0.5 else b}" is higher: {result}'
 
 
-def _validated_by(runs: pd.DataFrame) -> Iterator[str]:
-    """Where the validated fitness is from: the trials of a run are few."""
-    for by, column in ((BY_EVALUATION, "fresh_trials"), (BY_RUN, "in_run_trials")):
-        those = runs[runs["validated_by"] == by]
-        if len(those):
-            trials = ", ".join(f"{count:.0f}" for count in sorted(set(those[column])))
-            whose = "evaluations" if by == BY_EVALUATION else "the runs themselves"
-            share = f"{len(those)} of {len(runs)} runs"
-            yield f"validated fitness of {share}: by {whose}, {trials} trials"
+def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
+    """Report where the validated fitness is from; the runs themselves have few trials."""
+    for source, column in ((BY_EVALUATION, "fresh_trials"), (BY_RUN, "in_run_trials")):
+        rows = runs[runs["validated_by"] == source]
+        if len(rows):
+            trials = ", ".join(f"{count:.0f}" for count in sorted(set(rows[column])))
+            name = "evaluations" if source == BY_EVALUATION else "the runs themselves"
+            share = f"{len(rows)} of {len(runs)} runs"
+            yield f"validated fitness of {share}: by {name}, {trials} trials"
     if (runs["validated_by"] != BY_EVALUATION).any():
         yield (
-            "for a validation on more trials score the champions under the conditions of their "
-            "runs, and give that folder, too: evoros-evaluate designs=SWEEP trials=40 ..."
+            "for a validation on more trials, score the champions under the conditions of their "
+            "runs and give that folder, too: evoros-evaluate designs=SWEEP trials=40 ..."
         )
 
 
-def _own_conditions(study: Study) -> Iterator[str]:
-    """What else than the designs differs between treatments."""
-    each = [conditions(record) for record in study.records]
-    parts = dict.fromkeys(key.split(".")[0] for one in each for key in differing(one, each[0]))
+def _report_conditions(study: Study) -> Iterator[str]:
+    """Report which conditions differ between the runs."""
+    conditions = [select_conditions(record) for record in study.records]
+    keys = (key for values in conditions for key in find_differences(values, conditions[0]))
+    parts = dict.fromkeys(key.split(".")[0] for key in keys)
     if parts:
         yield (
             f"the runs differ in {' and '.join(parts)}, and each is measured under its own: a "
             f"difference may be of the conditions, not of the designs; --under NAME compares all "
             f"in one evaluation"
         )
+
+
+def draw_comparison(runs: pd.DataFrame, table: pd.DataFrame, width: float = COLUMN_IN) -> Figure:
+    """Draw a panel for each measure: a dot for each run below a box, then the tests.
+
+    ``table`` is that of ``compare_treatments`` for ``runs``; ``width`` is in inches. Boxes are
+    quartiles, and whiskers end at the last value within 1.5 times the box. Beside each box are the
+    median, its bootstrap interval and n.
+    """
+    names = list(dict.fromkeys(runs["treatment"].astype(str)))
+    labels = _labels(_shorten(names))
+    measures = list(dict.fromkeys(table["measure"]))
+    tests = {name: table[(table["measure"] == name) & (table["b"] != "")] for name in measures}
+    written = {name: rows for name, rows in tests.items() if 0 < len(rows) <= MAX_TESTS}
+    few = any(map(_too_few, written.values()))
+    row_in = max(ROW_IN, *(0.11 * (label.count("\n") + 1.5) for label in labels))
+    heights = (table_height(len(rows), few) for rows in written.values())
+    layout = Layout(len(measures), width, row_in * len(names) + 0.45, max(heights, default=0.0))
+    with mpl.rc_context(STYLE):
+        figure, parts = layout.make_figure()
+        for (top, bottom), measure in zip(parts, measures, strict=True):
+            axes = top.subplots()
+            axes.set_yticks(range(len(labels)), labels, fontsize=SMALL_PT)
+            _draw_panel(axes, runs, measure, names)
+            if measure in written:
+                rows = _table_rows(written[measure], _shorten(names))
+                note = _note(written[measure])
+                write_table(bottom, HEADS, rows, layout.table_size, note)
+    return figure
+
+
+def _shorten(names: list[str]) -> dict[str, str]:
+    """Map treatments to their names in the tests: letters if a name is too long."""
+    if max(map(len, names)) <= NAME_LENGTH:
+        return {name: name for name in names}
+    return {name: letter(i) for i, name in enumerate(names)}
+
+
+def _labels(letters: Mapping[str, str]) -> list[str]:
+    full = [name if short == name else f"{short}: {name}" for name, short in letters.items()]
+    return ["\n".join(textwrap.wrap(label, LINE_LENGTH)) for label in full]
+
+
+def _title(measure: str) -> str:
+    return f"{measure} fitness" if measure in MEASURES else f"fitness {measure}"
+
+
+def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[str]) -> None:
+    """Draw a row for each treatment."""
+    colours = assign_colours(names)
+    for row, name in enumerate(names):
+        values = runs[measure][runs["treatment"].astype(str) == name].dropna().to_numpy(float)
+        if values.size:
+            _draw_box(axes, row + BOX[0], values)
+            _draw_dots(axes, row + DOTS[0], values, colours[name])
+            _write_median(axes, row, values)
+    axes.set(xlabel=_title(measure), ylim=(len(names) - 0.45, -0.45))
+    axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+    axes.tick_params(axis="y", length=0)
+    axes.spines["left"].set_visible(False)
+
+
+def _draw_box(axes: Axes, y: float, values: Array) -> None:
+    """Draw quartiles, median and whiskers."""
+    q1, median, q3 = np.quantile(values, [0.25, 0.5, 0.75])
+    reach = 1.5 * (q3 - q1)
+    low, high = values[values >= q1 - reach].min(), values[values <= q3 + reach].max()
+    axes.hlines([y, y], [low, q3], [q1, high], color="0.4", lw=0.7, zorder=1)
+    axes.barh(y, q3 - q1, BOX[1], left=q1, color="0.9", ec="0.4", lw=0.7, zorder=1)
+    axes.vlines(median, y - BOX[1] / 2, y + BOX[1] / 2, color="black", lw=1.4, zorder=2)
+
+
+def _draw_dots(axes: Axes, y: float, values: Array, colour: str) -> None:
+    """Draw the values in ascending order, with neighbours apart."""
+    aside = (np.arange(values.size) * GOLDEN % 1 - 0.5) * DOTS[1]
+    axes.scatter(np.sort(values), y + aside, s=8, c=colour, lw=0, alpha=0.9, zorder=3)
+
+
+def _write_median(axes: Axes, y: float, values: Array) -> None:
+    median = median_interval(values)
+    bounds = f" [{median.low:.2f}, {median.high:.2f}]" if median.low <= median.high else ""
+    text = f"{median.value:.2f}{bounds}, n = {values.size}"
+    transform = axes.get_yaxis_transform()
+    axes.text(1.02, y, text, transform=transform, va="center", fontsize=SMALL_PT)
+
+
+def _table_rows(tests: pd.DataFrame, letters: Mapping[str, str]) -> list[tuple[str, ...]]:
+    rows = []
+    for row in tests.to_dict("records"):
+        mark = "*" if row["least_p_holm"] >= LEVEL else ""
+        pair = f"{letters[row['a']]} vs {letters[row['b']]}{mark}"
+        p = (_format_p(row[name]).removeprefix("p").removeprefix(" = ") for name in ("p", "p_holm"))
+        rows.append((pair, *map(str.strip, p), f"{row['a12']:.2f}", str(row["magnitude"])))
+    return rows
+
+
+def _note(tests: pd.DataFrame) -> str:
+    needed = minimum_replicates(len(tests))
+    note = f"*too few replicates for a conclusion: each needs {needed} or more"
+    return note if _too_few(tests) else ""
+
+
+def _too_few(tests: pd.DataFrame) -> bool:
+    return bool((tests["least_p_holm"] >= LEVEL).any())
+
+
+def _format_p(p: float) -> str:
+    return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"

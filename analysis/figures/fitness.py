@@ -1,4 +1,4 @@
-"""Fitness over the generations: the paper's Fig. 9 of one run, quartiles of several."""
+"""Fitness over the generations: every individual of one run (Fig. 9), quartiles of several."""
 
 import argparse
 import math
@@ -10,100 +10,49 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..drawing.style import COLUMN_IN, STYLE, VERMILLION
-from ..drawing.style import width as width_of
+from ..drawing.style import COLUMN_IN, STYLE, VERMILLION, figure_width
 from ..product import Product
+from ..tables.generations import compute_quartiles, list_individuals, trace_fitness
 from ..tables.study import Study
 
 HELP = "fitness over the generations: every individual of one run, quartiles of several"
-LINES = {"recorded": "best, recorded", "validated": "best, validated", "mean": "mean of pool"}
-DRAWN = {  # colour and dashes; recorded and validated differ in both, for print without colour
+LABELS = {"recorded": "best, recorded", "validated": "best, validated", "mean": "mean of pool"}
+STYLES = {  # colour and dashes; recorded and validated differ in both, for print without colour
     "recorded": ("black", "-"),
     "validated": (VERMILLION, (0, (4, 1))),
     "mean": ("0.45", (0, (1, 1.2))),
 }
-_PANEL_IN = 2.2  # the least width of a panel
+_PANEL_IN = 2.2  # minimum width of a panel
 _LETTERS_PER_IN = 13  # of a title
 
 
-def product(study: Study, options: argparse.Namespace) -> Product:
-    """The command's: points and lines of one run, or the quartiles of several."""
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Draw the individuals of one run, or the quartiles of several."""
     generations = study.generations
     several = generations["run"].nunique() > 1
     panels = generations["treatment"].nunique() if several else 1
-    wide = width_of(options.columns, 1 if panels == 1 else 2)
-    table = quartiles(generations) if several else points(generations)
-    return Product(table, fitness(generations, wide))
+    width = figure_width(options.columns, 1 if panels == 1 else 2)
+    table = compute_quartiles(generations) if several else list_individuals(generations)
+    return Product(table, draw_fitness(generations, width))
 
 
-def fitness(generations: pd.DataFrame, width: float = COLUMN_IN) -> Figure:
-    """Of one run a point an individual, the best and the mean; of several the quartiles.
+def draw_fitness(generations: pd.DataFrame, width: float = COLUMN_IN) -> Figure:
+    """Draw each individual, the best and the mean of one run, or the quartiles of several.
 
-    ``generations`` has the columns of a run's generation tables and, where it is of several runs,
-    ``run`` and ``treatment``, which gets a panel; ``width`` is in inches. Individuals that a
-    generation only kept are drawn in each generation in which they stand.
+    ``generations`` has the columns of a run's generation tables and, for several runs, ``run`` and
+    ``treatment``; each treatment has a panel. ``width`` is in inches. An individual is drawn in
+    each generation to which it belongs.
     """
     several = "run" in generations and generations["run"].nunique() > 1
     with mpl.rc_context(STYLE):
-        return _several(quartiles(generations), width) if several else _one(generations, width)
+        if several:
+            return _draw_several(compute_quartiles(generations), width)
+        return _draw_one(generations, width)
 
 
-def lines(generations: pd.DataFrame) -> pd.DataFrame:
-    """What a line of one run has at each generation, its index.
-
-    Columns ``recorded`` and ``validated``, fitness of the generation's best, and ``mean`` of its
-    pool.
-    """
-    best = bests(generations)
-    return pd.DataFrame(
-        {
-            "recorded": best["fitness"],
-            "validated": best["validated_fitness"],
-            "mean": generations.groupby("generation")["fitness"].mean(),
-        }
-    )
-
-
-def bests(generations: pd.DataFrame) -> pd.DataFrame:
-    """The row of the best candidate of each generation of one run, by generation.
-
-    As in the run: with a confirmation it is the fittest of those that were confirmed.
-    """
-    confirmed = generations["loss"].notna() if "loss" in generations else True
-    ranked = generations.assign(confirmed=confirmed).sort_values(
-        ["confirmed", "fitness"], ascending=False, kind="stable"
-    )
-    first = ranked.drop_duplicates("generation").drop(columns="confirmed")
-    return first.set_index("generation").sort_index()
-
-
-def points(generations: pd.DataFrame) -> pd.DataFrame:
-    """The numbers drawn of one run: a row a point, with the lines of its generation."""
-    names = {"recorded": "best_recorded", "validated": "best_validated"}
-    table = generations[["generation", "id", "operator", "fitness", "validated_fitness"]]
-    return table.join(lines(generations).rename(columns=names), on="generation")
-
-
-def quartiles(generations: pd.DataFrame) -> pd.DataFrame:
-    """The numbers drawn of several runs: a row for each treatment and generation.
-
-    ``replicates`` (``validated_replicates``) are the runs that have the generation (and validated
-    its best); then the quartiles over them, interpolated linearly, of the fitness of the best,
-    recorded and validated, and of the mean of the pool.
-    """
-    runs = generations.groupby(["treatment", "run"])[list(generations.columns)]
-    each = runs.apply(lines).groupby(["treatment", "generation"])
-    table = each["recorded"].count().to_frame("replicates")
-    table["validated_replicates"] = each["validated"].count()
-    for line in LINES:
-        for name, share in (("q1", 0.25), ("median", 0.5), ("q3", 0.75)):
-            table[f"{line}_{name}"] = each[line].quantile(share)
-    return table.loc[list(dict.fromkeys(generations["treatment"]))].reset_index()
-
-
-def _one(generations: pd.DataFrame, width: float) -> Figure:
+def _draw_one(generations: pd.DataFrame, width: float) -> Figure:
     figure = Figure(figsize=(width, min(0.72 * width, 3.2)), layout="constrained")
-    axes, drawn = figure.subplots(), lines(generations)
+    axes, traced = figure.subplots(), trace_fitness(generations)
     axes.scatter(
         generations["generation"],
         generations["fitness"],
@@ -113,17 +62,17 @@ def _one(generations: pd.DataFrame, width: float) -> Figure:
         alpha=0.6,
         linewidths=0,
     )
-    for name, label in LINES.items():
-        if drawn[name].notna().any():
-            color, dashes = DRAWN[name]
-            axes.plot(drawn[name], color=color, lw=1.2, ls=dashes, label=label)
+    for name, label in LABELS.items():
+        if traced[name].notna().any():
+            colour, dashes = STYLES[name]
+            axes.plot(traced[name], color=colour, lw=1.2, ls=dashes, label=label)
     axes.set(xlabel="generation", ylabel="fitness (Eq. 1)")
-    _dress(figure, [axes])
+    _finish(figure, [axes])
     return figure
 
 
-def _several(table: pd.DataFrame, width: float) -> Figure:
-    """A panel a treatment, on common axes."""
+def _draw_several(table: pd.DataFrame, width: float) -> Figure:
+    """Draw a panel for each treatment, on common axes."""
     treatments = list(dict.fromkeys(table["treatment"]))
     rows = math.ceil(len(treatments) / max(1, int(width / _PANEL_IN)))
     columns = math.ceil(len(treatments) / rows)
@@ -132,9 +81,9 @@ def _several(table: pd.DataFrame, width: float) -> Figure:
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     panels = list(grid.flat)
     for axes, treatment in zip(panels, treatments, strict=False):
-        _panel(axes, table[table["treatment"] == treatment])
-        runs = table["replicates"][table["treatment"] == treatment].max()
-        title = f"{treatment} (n = {runs})"
+        quartiles = table[table["treatment"] == treatment]
+        _draw_quartiles(axes, quartiles)
+        title = f"{treatment} (n = {quartiles['replicates'].max()})"
         axes.set_title(fill(title, int(_LETTERS_PER_IN * width / columns)))
         axes.tick_params(labelbottom=True)
     for axes in panels[len(treatments) :]:
@@ -143,25 +92,25 @@ def _several(table: pd.DataFrame, width: float) -> Figure:
         row[0].set_ylabel("fitness (Eq. 1)")
     for axes in panels[max(0, len(treatments) - columns) : len(treatments)]:
         axes.set_xlabel("generation")
-    _dress(figure, panels[: len(treatments)])
+    _finish(figure, panels[: len(treatments)])
     return figure
 
 
-def _panel(axes: Axes, table: pd.DataFrame) -> None:
-    """The quartiles of one treatment."""
-    for name, label in LINES.items():
-        drawn = table[table[f"{name}_median"].notna()]
-        if drawn.empty:
+def _draw_quartiles(axes: Axes, table: pd.DataFrame) -> None:
+    for name, label in LABELS.items():
+        known = table[table[f"{name}_median"].notna()]
+        if known.empty:
             continue
-        color, dashes = DRAWN[name]
-        at = drawn["generation"]
-        axes.plot(at, drawn[f"{name}_median"], color=color, lw=1.2, ls=dashes, label=label)
+        colour, dashes = STYLES[name]
+        generation = known["generation"]
+        median, low, high = (known[f"{name}_{end}"] for end in ("median", "q1", "q3"))
+        axes.plot(generation, median, color=colour, lw=1.2, ls=dashes, label=label)
         if name != "mean":
-            low, high = drawn[f"{name}_q1"], drawn[f"{name}_q3"]
-            axes.fill_between(at, low, high, color=color, alpha=0.2, lw=0)
+            axes.fill_between(generation, low, high, color=colour, alpha=0.2, lw=0)
 
 
-def _dress(figure: Figure, panels: list[Axes]) -> None:
+def _finish(figure: Figure, panels: list[Axes]) -> None:
+    """Set whole numbers as ticks of the generations, and add the legend."""
     for axes in panels:
         axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10]))
     handles, labels = panels[0].get_legend_handles_labels()

@@ -1,15 +1,16 @@
-"""Many champions on one robot: where their sensors are and what they see (the paper's Fig. 8).
+"""All champions on one robot: where their sensors are and what they see (the paper's Fig. 8).
 
-Half a metre of a cone shows how cones and places lie on a robot of half a metre, its whole range of
-4.5 m which directions are covered: both are drawn. Overlapping translucent cones would tell no
-number, so the shade of a place is a count: of the champions of which a sensor covers it. Of single
-champions the sensors are counted, which shows where cones of one robot overlap.
+Cones cut at half a metre show how cones and places lie on a robot of half a metre. The whole range
+of 4.5 m shows which directions are covered. Both are drawn. The shade of a place is a count,
+because overlapping translucent cones would not show numbers. The count is that of the champions
+with a sensor that covers the place; for single champions it is that of the sensors, which shows
+where the cones of one robot overlap.
 """
 
 import argparse
 import math
 from collections.abc import Mapping, Sequence
-from itertools import product as product_of
+from itertools import product
 
 import matplotlib as mpl
 import numpy as np
@@ -23,164 +24,147 @@ from matplotlib.ticker import MaxNLocator
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 
-from ..drawing.robot import (
-    AXES,
-    Window,
-    aspect,
-    draw_robot,
-    draw_sensors,
-    frame,
-    length,
-    markers_of,
-    type_handles,
-    window,
-)
+from ..drawing import robot
 from ..drawing.sheet import Sheet
-from ..drawing.style import COLUMN_IN, STYLE
-from ..drawing.style import width as width_of
-from ..measures.raster import cells, coverage, raster
-from ..product import Product
-from ..tables.designs import champion_or_none
+from ..drawing.style import COLUMN_IN, STYLE, figure_width
+from ..measures.cones import Window, fit_window, robot_length
+from ..measures.raster import cell_centres, count_coverage, rasterize
+from ..product import Product, to_csv
+from ..tables.designs import read_champion
 from ..tables.study import Study
-from ..tables.treatments import ALONE
+from ..tables.treatments import SINGLE
 
 HELP = "sensors and cones of the champions on one robot, darker where they coincide (Fig. 8)"
 Shades = tuple[ListedColormap, BoundaryNorm]
-PER_ROW_IN = 1.7  # a panel narrower than this tells nothing
+PER_ROW_IN = 1.7  # minimum width of a panel
 BAR_IN = 0.75  # room for the colour bar
 HEADS_IN = (0.38, 0.6)  # room above the first view and above the others
-SEEN = "whose cones cover a place"
+BAR_LABEL = "whose cones cover a place"
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
-    """The option of this subcommand."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the length of the near view's cones."""
     parser.add_argument(
         "--cut",
         type=float,
         metavar="M",
-        help="length of the cones in the nearer view [m]; about that of the robot",
+        help="length of the cones in the near view [m]; about the robot's length",
     )
 
 
-def product(study: Study, options: argparse.Namespace) -> Product:
-    """The command's: the counts as table, the sensors as one more."""
-    sensors = study.gather(champion_or_none)
-    settings = {
-        record.treatment: record.setting
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Draw the champions; the tables are the counts and the sensors."""
+    sensors = study.gather(read_champion)
+    contexts = {
+        record.treatment: record.context
         for record in study.records
         if record.treatment in set(sensors.treatment)
     }
-    cover = coverage(sensors, settings, cuts(sensors, settings, options.cut))
-    wide = width_of(options.columns, 1 if len(settings) == 1 else 2)
-    figure = overlay(cover, sensors, settings, wide)
-    places = sensors.to_csv(index=False, lineterminator="\n").encode()
-    return Product(cover, figure, files={"overlay_sensors.csv": places})
+    cover = count_coverage(sensors, contexts, choose_cuts(sensors, contexts, options.cut))
+    width = figure_width(options.columns, 1 if len(contexts) == 1 else 2)
+    figure = draw_overlay(cover, sensors, contexts, width)
+    return Product(cover, figure, files={"overlay_sensors.csv": to_csv(sensors)})
 
 
-def cuts(
-    sensors: pd.DataFrame, settings: Mapping[str, FigureContext], near_m: float | None = None
+def choose_cuts(
+    sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], near_m: float | None = None
 ) -> tuple[float, ...]:
-    """Where cones are cut, in the nearer view and in that of the whole range [m].
+    """Choose the lengths [m] at which cones are cut, in the near view and at the whole range.
 
-    Only at the whole range where that is no farther; nowhere where there are no sensors.
+    There is one view if the whole range is not longer, and none if there are no sensors.
 
     Raises:
         InputError: ``near_m`` is no length.
     """
     if near_m is not None and not 0 < near_m < math.inf:
-        raise InputError(f"--cut: must be a length greater than 0, not {near_m}; for example 0.5")
+        raise InputError(
+            f"--cut: must be a length greater than 0, not {near_m}; set it to 0.5, for example"
+        )
     if sensors.x_m.isna().all():
         return ()
     far = float(sensors.range_m.max())
-    near = near_m or max(round(max(map(length, settings.values())), 1), 0.1)
+    near = near_m or max(round(max(map(robot_length, contexts.values())), 1), 0.1)
     return (near, far) if near < far else (far,)
 
 
-def overlay(
+def draw_overlay(
     cover: pd.DataFrame,
     sensors: pd.DataFrame,
-    settings: Mapping[str, FigureContext],
+    contexts: Mapping[str, FigureContext],
     width: float = COLUMN_IN,
 ) -> Figure:
-    """A panel a treatment and cut: the robot, its champions' sensors, and what they cover.
+    """Draw a panel for each treatment and cut: the robot, the sensors, and what they cover.
 
-    ``cover`` is what ``coverage`` gives; a row of ``sensors`` without a place is a champion that
-    has none; ``width`` is in inches.
+    ``cover`` is that of ``count_coverage``. A row of ``sensors`` without a place is a champion
+    without sensors. ``width`` is in inches.
     """
     placed = sensors.dropna(subset="x_m")
     cuts_m = sorted(cover.cut_m.unique()) or [0.0]
-    views = [window(settings.values(), placed, cut) for cut in cuts_m]
+    views = [fit_window(contexts.values(), placed, cut) for cut in cuts_m]
     numbers = sensors.groupby("treatment").run.nunique()
-    together = int(numbers.max())  # dots on each other darken
-    most = max([together, *cover.iloc[:, -1]])
-    shades, markers = _shades(int(most)), markers_of(placed)
+    several = int(numbers.max()) > 1
+    shades = _shades(int(max([int(numbers.max()), *cover.iloc[:, -1]])))
+    markers = robot.assign_markers(placed)
     with mpl.rc_context(STYLE):
-        page, abreast = _sheet(len(settings), views, width, len(markers) > 1)
-        figure = page.figure()
-        for (i, treatment), (view, cut) in product_of(enumerate(settings), enumerate(cuts_m)):
+        page, side_by_side = _lay_out(len(contexts), views, width, len(markers) > 1)
+        figure = page.make_figure()
+        for (i, treatment), (view, cut) in product(enumerate(contexts), enumerate(cuts_m)):
             row, column = divmod(i, page.columns)
-            place = (0, view) if abreast else (row * len(views) + view, column)
-            axes = page.axes(figure, *place)
-            axes.set_xlabel(AXES[0])
-            axes.set_ylabel("" if place[1] else AXES[1])
-            own = placed[placed.treatment == treatment]
+            place = (0, view) if side_by_side else (row * len(views) + view, column)
+            axes = page.add_panel(figure, *place)
+            axes.set(xlabel=robot.AXES[0], ylabel="" if place[1] else robot.AXES[1])
             shown = cover[(cover.treatment == treatment) & (cover.cut_m == cut)]
-            _draw_counts(axes, settings[treatment], shown, views[view], shades)
+            _draw_counts(axes, contexts[treatment], shown, views[view], shades)
             if view == 0:
-                grey = ["black"] * len(own)
-                draw_sensors(axes, own, grey, markers, 2.5, alpha=0.35 if together > 1 else 0.8)
-            number = int(numbers[treatment])
-            title = _title(treatment, number, cut, len(views), view)
+                own = placed[placed.treatment == treatment]
+                alpha = 0.35 if several else 0.8  # dots on each other are darker
+                robot.draw_sensors(axes, own, ["black"] * len(own), markers, 2.5, alpha=alpha)
+            title = _title(treatment, int(numbers[treatment]), cut, len(views), view)
             axes.set_title(title, loc="left", fontsize=7)
-            frame(axes, views[view])
-        _legends(figure, page, shades, cover.columns[-1], markers)
+            robot.frame_axes(axes, views[view])
+        _add_legends(figure, page, shades, cover.columns[-1], markers)
     return figure
 
 
-def _shades(most: int) -> Shades:
-    """A shade for each number from 1 to ``most``; monotone in grey, too."""
-    light_to_dark = mpl.colormaps["YlGnBu"](np.linspace(0.15, 1.0, 256))
-    cmap = ListedColormap(light_to_dark)
-    return cmap, BoundaryNorm(np.arange(0.5, most + 1), cmap.N)
+def _shades(maximum: int) -> Shades:
+    """Return a shade for each count from 1 to ``maximum``, monotone in grey."""
+    cmap = ListedColormap(mpl.colormaps["YlGnBu"](np.linspace(0.15, 1.0, 256)))
+    return cmap, BoundaryNorm(np.arange(0.5, maximum + 1), cmap.N)
 
 
-def _sheet(
-    treatments: int, views: Sequence[Window], width: float, types: bool
+def _lay_out(
+    treatments: int, views: Sequence[Window], width: float, with_legend: bool
 ) -> tuple[Sheet, bool]:
-    """Views below each other, treatments abreast; of one treatment on a wide page views abreast.
+    """Place treatments side by side with their views below each other.
 
-    ``types`` is whether a legend must tell types of sensors apart.
+    On a wide page the views of a single treatment are side by side; the second value tells this.
     """
-    bottom = 0.6 if types else 0.4
-    ratios = [aspect(view) for view in views]
+    bottom = 0.6 if with_legend else 0.4
+    ratios = [robot.aspect_ratio(view) for view in views]
     if treatments == 1 and width > 2 * PER_ROW_IN + COLUMN_IN / 2:
-        one = HEADS_IN[:1]
-        return Sheet(
-            width, len(views), [max(ratios)], one, right=BAR_IN, bottom=bottom, gap=0.55
-        ), True
+        heights, heads, columns, gap = [max(ratios)], list(HEADS_IN[:1]), len(views), 0.55
+        return Sheet(width, columns, heights, heads, right=BAR_IN, bottom=bottom, gap=gap), True
     columns = max(1, min(treatments, int((width - BAR_IN) / PER_ROW_IN)))
     blocks = math.ceil(treatments / columns)
-    columns = math.ceil(treatments / blocks)  # as even as can be
+    columns = math.ceil(treatments / blocks)  # rows of equal length
     heads = [HEADS_IN[min(view, 1)] for view in range(len(views))]
-    below = [heads[0] + 0.35, *heads[1:]]
-    heads = heads + below * (blocks - 1)
-    return Sheet(
-        width, columns, ratios * blocks, heads, right=BAR_IN, bottom=bottom, gap=0.3
-    ), False
+    heads += [heads[0] + 0.35, *heads[1:]] * (blocks - 1)
+    heights = ratios * blocks
+    return Sheet(width, columns, heights, heads, right=BAR_IN, bottom=bottom, gap=0.3), False
 
 
 def _draw_counts(
-    axes: Axes, setting: FigureContext, cover: pd.DataFrame, view: Window, shades: Shades
+    axes: Axes, context: FigureContext, cover: pd.DataFrame, view: Window, shades: Shades
 ) -> None:
-    """The counts between the robot and its edges."""
-    draw_robot(axes, setting)
-    draw_robot(axes, setting, fill=False, zorder=3)
+    """Draw the counts between the robot and its edges."""
+    robot.draw_robot(axes, context)
+    robot.draw_robot(axes, context, fill=False, zorder=3)
     if cover.empty:
         return
     half = float(cover.cell_m.iloc[0]) / 2
-    x, y = cells(view, 2 * half)
+    x, y = cell_centres(view, 2 * half)
     axes.imshow(
-        raster(cover, x, y),
+        rasterize(cover, x, y),
         origin="lower",
         extent=(y[0] - half, y[-1] + half, x[0] - half, x[-1] + half),
         cmap=shades[0],
@@ -194,22 +178,21 @@ def _title(treatment: str, number: int, cut_m: float, views: int, view: int) -> 
     count = f"{number} champion" + "s" * (number > 1)
     how = "at full length," if view == views - 1 else "cut at"
     cones = f"cones {how} {cut_m:g} m" if cut_m else "no sensors"
-    whose = count if treatment == ALONE else f"{treatment} ({count})"
-    return f"{whose}\n{cones}" if view == 0 else cones
+    head = count if treatment == SINGLE else f"{treatment} ({count})"
+    return f"{head}\n{cones}" if view == 0 else cones
 
 
-def _legends(
+def _add_legends(
     figure: Figure, page: Sheet, shades: Shades, unit: str, markers: Mapping[str, str]
 ) -> None:
-    tall = min(0.8 * (page.height - page.bottom), 3.0)
-    corner = page.width - page.right + 0.15, (page.height - tall) / 2
-    bar = figure.colorbar(
-        ScalarMappable(shades[1], shades[0]), cax=page.box(figure, corner, (0.1, tall))
-    )
-    bar.set_label(f"{unit}{chr(10) if tall < 2 else chr(32)}{SEEN}")
+    height = min(0.8 * (page.height - page.bottom), 3.0)
+    corner = page.width - page.right + 0.15, (page.height - height) / 2
+    box = page.add_box(figure, corner, (0.1, height))
+    bar = figure.colorbar(ScalarMappable(shades[1], shades[0]), cax=box)
+    bar.set_label(f"{unit}{chr(10) if height < 2 else chr(32)}{BAR_LABEL}")
     bar.ax.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     bar.ax.tick_params(labelsize=7, length=2)
     bar.ax.minorticks_off()
-    handles = type_handles(markers)
+    handles = robot.make_type_handles(markers)
     if handles:
         figure.legend(handles=handles, loc="lower left", ncols=4, frameon=False)

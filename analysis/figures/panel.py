@@ -1,4 +1,4 @@
-"""A panel a replicate: its champion's sensors and cones, twins in one colour (Figs. 7 and 11)."""
+"""A panel for each replicate: its champion's sensors and cones, twins in one colour (Fig. 7)."""
 
 import argparse
 import math
@@ -13,49 +13,38 @@ from matplotlib.patches import Patch
 
 from evoros.storage.figure_context import FigureContext
 
-from ..drawing.robot import (
-    AXES,
-    aspect,
-    draw_cones,
-    draw_robot,
-    draw_sensors,
-    frame,
-    length,
-    markers_of,
-    type_handles,
-    window,
-)
+from ..drawing import robot
 from ..drawing.sheet import Sheet
-from ..drawing.style import CATEGORIES, COLUMN_IN, PAGE_IN, STYLE
-from ..drawing.style import width as width_of
+from ..drawing.style import CATEGORIES, COLUMN_IN, PAGE_IN, STYLE, figure_width
+from ..measures.cones import fit_window, robot_length
 from ..product import Product
-from ..tables.designs import champion_or_none
+from ..tables.designs import read_champion
 from ..tables.study import Study
 
-HELP = "a panel a replicate with its champion's sensors and cones (Figs. 7 and 11)"
-CUT = 0.6  # of the robot's length: longer cones leave no room to the robot
-PANEL_IN, LEAST_IN = 1.25, 0.8  # width of a panel, and where the page would be too short for it
-PAGE_HIGH_IN = 9.2
+HELP = "a panel for each replicate with its champion's sensors and cones (Figs. 7 and 11)"
+CUT = 0.6  # of the robot's length; longer cones leave too little room for the robot
+PANEL_IN, MIN_PANEL_IN = 1.25, 0.8  # width of a panel, and its minimum if the page is full
+PAGE_HEIGHT_IN = 9.2
 SIDE_IN, FOOT_IN, HEADING_IN, TITLE_IN, LINE_IN = 0.5, 0.5, 0.2, 0.2, 0.17
 TITLES = "seed: recorded fitness (validated in the run)"
 
 
-def product(study: Study, options: argparse.Namespace) -> Product:
-    """The command's; the table has a row a sensor."""
-    sensors = ranked(study.gather(champion_or_none))
-    settings = {record.treatment: record.setting for record in study.records}
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Draw the panels; the table has a row for each sensor."""
+    sensors = rank_pairs(study.gather(read_champion))
+    contexts = {record.treatment: record.context for record in study.records}
     number = sensors.run.nunique()
-    figure = panel(sensors, settings, width_of(options.columns, 1 if number <= 4 else 2))
-    said = []
-    if figure.get_figheight() > PAGE_HIGH_IN:
-        said = [f"{number} panels need more than one page: give fewer folders"]
-    return Product(sensors, figure, said)
+    figure = draw_panels(sensors, contexts, figure_width(options.columns, 1 if number <= 4 else 2))
+    messages = []
+    if figure.get_figheight() > PAGE_HEIGHT_IN:
+        messages = [f"{number} panels need more than one page: give fewer folders"]
+    return Product(sensors, figure, messages)
 
 
-def ranked(sensors: pd.DataFrame) -> pd.DataFrame:
-    """Sensors with the column ``rank``, which the colour stands for, so that panels compare.
+def rank_pairs(sensors: pd.DataFrame) -> pd.DataFrame:
+    """Add the column ``rank``, which colours stand for, so that panels can be compared.
 
-    0 is that of the champion's pair which faces nearest to straight ahead; twins share it.
+    Rank 0 is the pair that faces nearest to straight ahead; twins have the same rank.
     """
     facing = sensors.assign(facing=sensors.yaw_deg.abs().round(9))
     pairs = facing.dropna(subset="pair").sort_values(["run", "facing", "pair"])
@@ -64,51 +53,47 @@ def ranked(sensors: pd.DataFrame) -> pd.DataFrame:
     return sensors.merge(pairs[["run", "pair", "rank"]], how="left", on=["run", "pair"])
 
 
-def panel(
-    sensors: pd.DataFrame, settings: Mapping[str, FigureContext], width: float = COLUMN_IN
+def draw_panels(
+    sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], width: float = COLUMN_IN
 ) -> Figure:
-    """A panel a champion, rows by treatment; ``width`` is in inches.
+    """Draw a panel for each champion, in rows by treatment.
 
-    ``sensors`` is what ``ranked`` gives, a row without a place being a champion that has none;
-    ``settings`` has the setting of each treatment.
+    ``sensors`` is that of ``rank_pairs``; a row without a place is a champion without sensors.
+    ``contexts`` has the context of each treatment. ``width`` is in inches.
     """
     placed = sensors.dropna(subset="x_m")
     treatments = list(dict.fromkeys(sensors.treatment))
-    shown = [settings[treatment] for treatment in treatments]
-    cut = float(f"{CUT * max(map(length, shown)):.1g}")
-    view = window(shown, placed, cut)
-    markers = markers_of(placed)
+    shown = [contexts[treatment] for treatment in treatments]
+    cut = float(f"{CUT * max(map(robot_length, shown)):.1g}")
+    view = fit_window(shown, placed, cut)
+    markers = robot.assign_markers(placed)
     with mpl.rc_context(STYLE):
-        handles = [*_colour_handles(placed), *type_handles(markers)]
-        across = 3 if width < PAGE_IN else 6
+        handles = [*_make_colour_handles(placed), *robot.make_type_handles(markers)]
+        columns = 3 if width < PAGE_IN else 6
         note = _note(placed, cut, width)
-        foot = FOOT_IN + LINE_IN * (math.ceil(len(handles) / across) + 1 + note.count("\n"))
-        figure, panels = _panels(sensors, treatments, aspect(view), width, foot)
+        foot = FOOT_IN + LINE_IN * (math.ceil(len(handles) / columns) + 1 + note.count("\n"))
+        figure, panels = _make_panels(sensors, treatments, robot.aspect_ratio(view), width, foot)
         for run, axes in panels.items():
             own = placed[placed.run == run]
             colours = [CATEGORIES[int(rank) % len(CATEGORIES)] for rank in own["rank"]]
-            treatment = sensors.loc[sensors.run == run, "treatment"].iloc[0]
-            draw_robot(axes, settings[treatment])
-            draw_cones(axes, own, colours, cut)
-            draw_sensors(axes, own, colours, markers)
-            axes.set_title(_title(sensors[sensors.run == run].iloc[0]), fontsize=6.5, pad=2)
-            frame(axes, view)
-        figure.legend(
-            handles=handles,
-            title=note,
-            loc="lower center",
-            ncols=across,
-            frameon=False,
-        )
+            first = sensors[sensors.run == run].iloc[0]
+            robot.draw_robot(axes, contexts[first.treatment])
+            robot.draw_cones(axes, own, colours, cut)
+            robot.draw_sensors(axes, own, colours, markers)
+            axes.set_title(_title(first), fontsize=6.5, pad=2)
+            robot.frame_axes(axes, view)
+        figure.legend(handles=handles, title=note, loc="lower center", ncols=columns, frameon=False)
     return figure
 
 
-def _colour_handles(placed: pd.DataFrame) -> list[Patch]:
-    """For each rank its colour, said of the first and last."""
+def _make_colour_handles(placed: pd.DataFrame) -> list[Patch]:
+    """Make a legend entry for each rank; the first and the last are named."""
     ranks = sorted(placed["rank"].astype(int).unique())[: len(CATEGORIES)]
-    said = {len(ranks) - 1: "faces most aside", 0: "faces most ahead"}
+    labels = {len(ranks) - 1: "faces most aside", 0: "faces most ahead"}
     return [
-        Patch(fc=CATEGORIES[rank % len(CATEGORIES)], alpha=0.6, label=said.get(rank, "in between"))
+        Patch(
+            fc=CATEGORIES[rank % len(CATEGORIES)], alpha=0.6, label=labels.get(rank, "in between")
+        )
         for rank in ranks
     ]
 
@@ -120,38 +105,38 @@ def _title(row: pd.Series) -> str:
 
 
 def _note(placed: pd.DataFrame, cut: float, width: float) -> str:
-    farthest = placed.range_m.max()
-    cones = [f"cones of {farthest:g} m cut at {cut:g} m"] if farthest > cut else []
+    range_m = placed.range_m.max()
+    cones = [f"cones of {range_m:g} m cut at {cut:g} m"] if range_m > cut else []
     return ("; " if width >= PAGE_IN else "\n").join([TITLES, *cones])
 
 
-def _panels(
+def _make_panels(
     sensors: pd.DataFrame, treatments: Sequence[str], ratio: float, width: float, foot: float
 ) -> tuple[Figure, dict[str, Axes]]:
-    """Axes by run, each treatment beginning in a new row."""
+    """Make the axes of each run; every treatment begins in a new row."""
     runs = [list(dict.fromkeys(sensors[sensors.treatment == t].run)) for t in treatments]
-    page = sheet([len(each) for each in runs], ratio, width, foot)
-    figure = page.figure()
+    page = lay_out([len(names) for names in runs], ratio, width, foot)
+    figure = page.make_figure()
     panels: dict[str, Axes] = {}
     places: dict[tuple[int, int], Axes] = {}
     first = 0
-    for treatment, each in zip(treatments, runs, strict=True):
-        for i, run in enumerate(each):
+    for treatment, names in zip(treatments, runs, strict=True):
+        for i, run in enumerate(names):
             place = first + i // page.columns, i % page.columns
-            panels[run] = places[place] = page.axes(figure, *place)
+            panels[run] = places[place] = page.add_panel(figure, *place)
         if len(treatments) > 1:
-            _head(places[first, 0], treatment)
-        first += math.ceil(len(each) / page.columns)
+            _add_head(places[first, 0], treatment)
+        first += math.ceil(len(names) / page.columns)
     for (row, column), axes in places.items():
         below = (row + 1, column) in places
-        axes.set_ylabel("" if column else AXES[1], fontsize=7)
-        axes.set_xlabel("" if below else AXES[0], fontsize=7)
+        axes.set_ylabel("" if column else robot.AXES[1], fontsize=7)
+        axes.set_xlabel("" if below else robot.AXES[0], fontsize=7)
         axes.tick_params(labelleft=not column, labelbottom=not below)
     return figure, panels
 
 
-def _head(axes: Axes, treatment: str) -> None:
-    """The name of a treatment, above the title of its first panel."""
+def _add_head(axes: Axes, treatment: str) -> None:
+    """Add the name of a treatment above the title of its first panel."""
     offset = (0, 72 * TITLE_IN)
     axes.annotate(
         treatment,
@@ -163,25 +148,27 @@ def _head(axes: Axes, treatment: str) -> None:
     )
 
 
-def sheet(numbers: Sequence[int], ratio: float, width: float, foot: float) -> Sheet:
-    """Where the panels are: of a good size, or smaller where they then fit on one page.
+def lay_out(numbers: Sequence[int], ratio: float, width: float, foot: float) -> Sheet:
+    """Place panels of a good size, or smaller ones if all of them then fit on one page.
 
-    ``numbers`` are the panels of each treatment, ``ratio`` is a panel's height over its width,
-    ``foot`` the room for the legend [in].
+    ``numbers`` are the panels of each treatment, ``ratio`` is a panel's height over its width, and
+    ``foot`` is the room for the legend [in].
     """
-    most, several, pages = max(numbers), HEADING_IN * (len(numbers) > 1), []
-    for least in (PANEL_IN, LEAST_IN):
-        columns = max(1, int((width - SIDE_IN) / least))
-        even = math.ceil(most / math.ceil(most / columns))
-        rows = [math.ceil(number / even) for number in numbers]
-        heads = [TITLE_IN + several * (row == 0) for count in rows for row in range(count)]
-        pages.append(Sheet(width, even, [ratio] * len(heads), heads, bottom=foot))
-    return next((page for page in pages if page.height <= PAGE_HIGH_IN), _shrunk(pages[-1]))
+    heading = HEADING_IN * (len(numbers) > 1)
+    pages = []
+    for panel_in in (PANEL_IN, MIN_PANEL_IN):
+        columns = max(1, int((width - SIDE_IN) / panel_in))
+        columns = math.ceil(max(numbers) / math.ceil(max(numbers) / columns))  # even rows
+        rows = [math.ceil(number / columns) for number in numbers]
+        heads = [TITLE_IN + heading * (row == 0) for count in rows for row in range(count)]
+        pages.append(Sheet(width, columns, [ratio] * len(heads), heads, bottom=foot))
+    fitting = (page for page in pages if page.height <= PAGE_HEIGHT_IN)
+    return next(fitting, _shrink(pages[-1]))
 
 
-def _shrunk(page: Sheet) -> Sheet:
-    """The same panels farther apart and smaller, for one page if they need not be too small."""
-    room = PAGE_HIGH_IN - sum(page.heads) - page.bottom
-    panel = min(max(room / sum(page.ratios), LEAST_IN), page.panel)
+def _shrink(page: Sheet) -> Sheet:
+    """Make panels smaller and farther apart to fit on one page, down to the minimum width."""
+    room = PAGE_HEIGHT_IN - sum(page.heads) - page.bottom
+    panel = min(max(room / sum(page.ratios), MIN_PANEL_IN), page.panel)
     spare = page.columns * (page.panel - panel)
     return replace(page, gap=page.gap + spare / max(page.columns - 1, 1))

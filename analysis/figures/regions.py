@@ -1,4 +1,4 @@
-"""Where sensors may be and where they may face (the paper's Fig. 5)."""
+"""Where sensors may be placed and where they may face (the paper's Fig. 5)."""
 
 import argparse
 import math
@@ -13,146 +13,141 @@ from matplotlib.figure import Figure
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import Area, FigureContext
 
-from ..drawing.robot import (
-    AXES,
+from ..drawing.robot import AXES, aspect_ratio, draw_robot, frame_axes, to_page
+from ..drawing.sheet import Sheet
+from ..drawing.style import CATEGORIES, COLUMN_IN, STYLE, figure_width
+from ..measures.cones import (
     CONE,
     Window,
-    aspect,
-    draw_robot,
-    fan,
-    frame,
-    length,
-    outline,
-    page,
-    window,
+    fit_window,
+    outline_part,
+    robot_length,
+    trace_sector,
 )
-from ..drawing.sheet import Sheet
-from ..drawing.style import CATEGORIES, COLUMN_IN, STYLE
-from ..drawing.style import width as width_of
 from ..product import Product
 from ..tables.study import Study
 
 HELP = "where on the robot sensors may be, and where they may face (Fig. 5)"
-FAN = 0.25  # of the robot's length
+FAN = 0.25  # radius of the headings, as a share of the robot's length
 TWINS = "twins are mirrored across the dash-dotted line"
-PANEL_IN, SINGLE_IN = 2.5, 4.5  # the least width of a panel, the greatest of one alone
+PANEL_IN, SINGLE_IN = 2.5, 4.5  # minimum width of a panel, maximum width of a single one
 
 
-def product(study: Study, options: argparse.Namespace) -> Product:
-    """The command's: a panel for each robot and set of regions among the runs and evaluations."""
-    settings = distinct(study)
-    if not settings:
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Draw a panel for each robot and set of regions among the runs and evaluations."""
+    contexts = group_contexts(study)
+    if not contexts:
         raise InputError("regions: no run places sensors in regions; give one whose design does")
-    wide = width_of(options.columns, 1 if len(settings) == 1 else 2)
-    return Product(table(settings), regions(settings, wide))
+    width = figure_width(options.columns, 1 if len(contexts) == 1 else 2)
+    return Product(list_regions(contexts), draw_regions(contexts, width))
 
 
-def distinct(study: Study) -> dict[str, FigureContext]:
-    """The settings that differ in what is drawn, by the treatments that have them."""
-    named: dict[str, list[str]] = {}
-    settings: dict[str, FigureContext] = {}
+def group_contexts(study: Study) -> dict[str, FigureContext]:
+    """Group the contexts that look the same, by the treatments that have them."""
+    treatments: dict[str, list[str]] = {}
+    contexts: dict[str, FigureContext] = {}
     for record in (*study.records, *study.evaluations):
-        setting = record.setting
-        if setting.regions:
-            key = repr((setting.robot, setting.parts, setting.regions, setting.mirrored))
-            settings.setdefault(key, setting)
-            named.setdefault(key, []).append(record.treatment)
-    return {_named(list(dict.fromkeys(named[key]))): settings[key] for key in settings}
+        context = record.context
+        if context.regions:
+            key = repr((context.robot, context.parts, context.regions, context.mirrored))
+            contexts.setdefault(key, context)
+            treatments.setdefault(key, []).append(record.treatment)
+    return {_join(list(dict.fromkeys(treatments[key]))): contexts[key] for key in contexts}
 
 
-def _named(treatments: Sequence[str]) -> str:
-    first, *more = treatments
-    return f"{first} and {len(more)} more" if more else first
+def _join(treatments: Sequence[str]) -> str:
+    first, *others = treatments
+    return f"{first} and {len(others)} more" if others else first
 
 
-def table(settings: Mapping[str, FigureContext]) -> pd.DataFrame:
-    """A row for each region, and one for its mirror image where sensors have twins.
+def list_regions(contexts: Mapping[str, FigureContext]) -> pd.DataFrame:
+    """List a row for each region, and one for its mirror image if sensors have twins.
 
-    Columns: treatment, robot, region, ``twin``, whether it is where twins are, corners ``x0_m``,
+    Columns: treatment, robot, region, ``twin``, whether it is the mirror image, corners ``x0_m``,
     ``y0_m`` ... ``y3_m`` in the robot's frame, and headings from ``yaw_low_deg`` to
     ``yaw_high_deg``.
     """
     rows = [
-        {"treatment": treatment, "robot": setting.robot, "region": name, "twin": twin}
+        {"treatment": treatment, "robot": context.robot, "region": name, "twin": twin}
         | {f"{'xy'[k]}{i}_m": c[k] for i, c in enumerate(area.corners) for k in (0, 1)}
         | {"yaw_low_deg": area.yaw_deg[0], "yaw_high_deg": area.yaw_deg[1]}
-        for treatment, setting in settings.items()
-        for twin in ((False, True) if setting.mirrored else (False,))
-        for name, own in setting.regions.items()
-        for area in [_mirrored(own) if twin else own]
+        for treatment, context in contexts.items()
+        for twin in ((False, True) if context.mirrored else (False,))
+        for name, region in context.regions.items()
+        for area in [_mirror(region) if twin else region]
     ]
     return pd.DataFrame(rows)
 
 
-def _mirrored(area: Area) -> Area:
+def _mirror(area: Area) -> Area:
     low, high = area.yaw_deg
     return Area(tuple((x, 0.0 - y) for x, y in area.corners), (0.0 - high, 0.0 - low))
 
 
-def regions(settings: Mapping[str, FigureContext], width: float = COLUMN_IN) -> Figure:
-    """A panel a setting, by its treatments: the robot and its regions, with fans of headings.
+def draw_regions(contexts: Mapping[str, FigureContext], width: float = COLUMN_IN) -> Figure:
+    """Draw a panel for each context: the robot, its regions, and fans of headings.
 
-    A region is coloured as the one that it mirrors. Where twins are and no region is, edges are
-    dashed. ``width`` is in inches.
+    A region has the colour of the one that it mirrors. Mirror images that are no regions have
+    dashed edges. ``width`` is in inches.
     """
-    reach = FAN * max(map(length, settings.values()))
-    view = _window(settings, reach)
-    columns = max(1, min(len(settings), int(width / PANEL_IN)))
-    rows = math.ceil(len(settings) / columns)
+    reach = FAN * max(map(robot_length, contexts.values()))
+    view = _fit_window(contexts, reach)
+    columns = max(1, min(len(contexts), int(width / PANEL_IN)))
+    rows = math.ceil(len(contexts) / columns)
     with mpl.rc_context(STYLE):
-        heads = [0.3 if len(settings) == 1 else 0.45, *[0.8] * (rows - 1)]
+        heads = [0.3 if len(contexts) == 1 else 0.45, *[0.8] * (rows - 1)]
         spare = max(0.0, width - SINGLE_IN) / 2 if columns == 1 else 0.0
         sides = {"left": 0.56 + spare, "right": 0.08 + spare}
-        sheet = Sheet(width, columns, [aspect(view)] * rows, heads, gap=0.5, **sides)
-        figure = sheet.figure()
-        for i, (treatment, setting) in enumerate(settings.items()):
-            axes = sheet.axes(figure, *divmod(i, columns))
-            draw_robot(axes, setting)
-            _draw_regions(axes, setting, reach)
-            frame(axes, view)
+        sheet = Sheet(width, columns, [aspect_ratio(view)] * rows, heads, gap=0.5, **sides)
+        figure = sheet.make_figure()
+        for i, (treatment, context) in enumerate(contexts.items()):
+            axes = sheet.add_panel(figure, *divmod(i, columns))
+            draw_robot(axes, context)
+            _draw_areas(axes, context, reach)
+            frame_axes(axes, view)
             axes.set(xlabel=AXES[0], ylabel=AXES[1])
-            said = [treatment] * (len(settings) > 1) + [TWINS] * setting.mirrored
-            axes.set_title("\n".join(said), fontsize=7, loc="left")
+            title = [treatment] * (len(contexts) > 1) + [TWINS] * context.mirrored
+            axes.set_title("\n".join(title), fontsize=7, loc="left")
     return figure
 
 
-def _window(settings: Mapping[str, FigureContext], reach: float) -> Window:
-    """The robots and the fans, with room for names beside and before them."""
+def _fit_window(contexts: Mapping[str, FigureContext], reach: float) -> Window:
+    """Return the window of the robots and fans, with room for names beside and before them."""
     corners = [
         (x, y, 0.0, 360.0, 1.8 * reach)
-        for setting in settings.values()
-        for area in setting.regions.values()
+        for context in contexts.values()
+        for area in context.regions.values()
         for x, y in area.corners
     ]
-    return window(settings.values(), pd.DataFrame(corners, columns=CONE), math.inf)
+    return fit_window(contexts.values(), pd.DataFrame(corners, columns=CONE), math.inf)
 
 
-def _draw_regions(axes: Axes, setting: FigureContext, reach: float) -> None:
-    places = [_corners(area) for area in setting.regions.values()]
-    for i, (name, area) in enumerate(setting.regions.items()):
-        image = _corners(_mirrored(area))
+def _draw_areas(axes: Axes, context: FigureContext, reach: float) -> None:
+    places = [_corners(area) for area in context.regions.values()]
+    for i, (name, area) in enumerate(context.regions.items()):
+        image = _corners(_mirror(area))
         partners = [k for k, place in enumerate(places) if place == image]
         colour = CATEGORIES[min(i, *partners, i) % len(CATEGORIES)]
         _draw_area(axes, area, reach, colour, twin=False)
-        _name(axes, name, area, reach)
-        if setting.mirrored and not partners:
-            _draw_area(axes, _mirrored(area), reach, colour, twin=True)
-    if setting.mirrored:
-        nose = max(outline(part)[:, 0].max() for part in setting.parts)
+        _write_name(axes, name, area, reach)
+        if context.mirrored and not partners:
+            _draw_area(axes, _mirror(area), reach, colour, twin=True)
+    if context.mirrored:
+        nose = max(outline_part(part)[:, 0].max() for part in context.parts)
         axes.plot([0.0, 0.0], [-1e3, nose], color="0.3", lw=0.6, ls="-.", zorder=3)
 
 
 def _corners(area: Area) -> frozenset[tuple[float, float]]:
-    """For telling whether two areas are the same place."""
+    """Return rounded corners, which tell whether two areas are the same place."""
     return frozenset((round(x, 9), round(y, 9)) for x, y in area.corners)
 
 
 def _draw_area(axes: Axes, area: Area, reach: float, colour: str, twin: bool) -> None:
     (x, y), (low, high) = _middle(area), area.yaw_deg
-    sector = fan(x, y, (low + high) / 2, high - low, reach)
+    sector = trace_sector(x, y, (low + high) / 2, high - low, reach)
     for points, alpha, order in ((np.array(area.corners), 0.7, 3), (sector, 0.25, 2)):
         axes.fill(
-            *page(points).T,
+            *to_page(points).T,
             fc="none" if twin else (colour, alpha),
             ec=colour,
             lw=0.8,
@@ -166,13 +161,13 @@ def _middle(area: Area) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def _name(axes: Axes, name: str, area: Area, reach: float) -> None:
-    """The name and the headings of a region, outside of its fan."""
+def _write_name(axes: Axes, name: str, area: Area, reach: float) -> None:
+    """Write the name and the headings of a region outside its fan."""
     (x, y), (low, high) = _middle(area), area.yaw_deg
-    tip = fan(x, y, (low + high) / 2, 0.0, 1.15 * reach)[1]
+    tip = trace_sector(x, y, (low + high) / 2, 0.0, 1.15 * reach)[1]
     aside = math.sin(math.radians((low + high) / 2))
     ha = "center" if abs(aside) < 0.3 else "right" if aside > 0 else "left"
     va = "top" if abs(aside) > 0.8 else "bottom"
     headings = f"{low:g}°" if low == high else f"{low:g} to {high:g}°"
-    said = f"{name}\n{headings}".replace("-", "\N{MINUS SIGN}")
-    axes.text(tip[1], tip[0], said, fontsize=6.5, ha=ha, va=va, zorder=5)
+    text = f"{name}\n{headings}".replace("-", "\N{MINUS SIGN}")
+    axes.text(tip[1], tip[0], text, fontsize=6.5, ha=ha, va=va, zorder=5)

@@ -1,106 +1,229 @@
-"""What evolved: where designs look, front arrays or side mounts, redundancy, what one blow takes.
+"""What evolved: coverage by direction, front arrays or side mounts, redundancy, damage.
 
-Everything is compared with the random designs that the runs began with.
+Champions are compared with the random designs of generation 0.
 """
 
 import argparse
-from collections.abc import Callable
-from dataclasses import replace
+import textwrap
+from collections.abc import Sequence
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MultipleLocator
 
-from evoros.base.errors import InputError
-from evoros.storage.figure_context import Ring
+from evoros.base.arrays import Array
 
-from ..drawing.strategies_figure import strategies
-from ..drawing.style import width as width_of
-from ..measures.design_features import ALL, FRONT, SIDE, compared, traits
-from ..measures.pairs import NEAR_DEG, NEAR_M
+from ..drawing.style import PAGE_IN, STYLE, assign_colours, figure_width, letter
+from ..measures.coverage import AHEAD_DEG, HEADINGS_DEG
+from ..measures.design_features import ALL, FRONT, SIDE, compare_with_random, describe_designs
 from ..product import Product
-from ..tables.designs import champion_or_none, initial_sensors
-from ..tables.records import Record
+from ..tables.designs import read_champion, read_initial_sensors
 from ..tables.study import Study
-from ..tables.treatments import repeated
+from ..tables.treatments import report_repeated
+from .thresholds import add_arguments, check_thresholds
 
+__all__ = ["HELP", "add_arguments", "draw_strategies", "make_product"]
 HELP = "what evolved: coverage by direction, front arrays or side mounts, redundancy, clusters"
-__all__ = ["HELP", "arguments", "product", "strategies"]
+RANDOM = "0.45"
+"""The grey of random designs."""
+MARKERS = "os^Dvp"
+PANEL_IN = 1.6  # minimum width of a panel
+NAME_LENGTH = 9  # maximum length of a label below an axis
+_KEY = [
+    Line2D([], [], color="black", lw=1.4, label="champions, mean and 95% interval"),
+    Line2D([], [], color="0.75", lw=0.5, label="each champion"),
+    Line2D([], [], color=RANDOM, lw=1.2, ls=(0, (3, 1.5)), label="random designs"),
+]
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
-    """From when on two sensors are called redundant."""
-    parser.add_argument(
-        "--near-m", type=float, default=NEAR_M, metavar="M", help=f"redundant up to; {NEAR_M}"
-    )
-    parser.add_argument(
-        "--near-deg", type=float, default=NEAR_DEG, metavar="DEG", help=f"and up to; {NEAR_DEG}"
-    )
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Compare all champions of the study with random designs."""
+    check_thresholds(options)
+    study = study.select_finished(read_champion, read_initial_sensors)
+    champions, near = study.gather(read_champion), (options.near_m, options.near_deg)
+    table = describe_designs(champions, study.initial, study.rings, *near)
+    summary = compare_with_random(table, study.rings)
+    figure = draw_strategies(table, summary, figure_width(options.columns, 2))
+    repeated = report_repeated((r.name, r.treatment, r.seed) for r in study.records)
+    return Product(summary, figure, [*repeated, *_report(summary)])
 
 
-def product(study: Study, options: argparse.Namespace) -> Product:
-    """Of all champions in the study."""
-    check_near(options)
-    study = finished(study, champion_or_none, initial_sensors)
-    rings = damage(study)
-    champions = study.gather(champion_or_none)
-    table = traits(champions, study.initial, rings, options.near_m, options.near_deg)
-    summary = compared(table, rings)
-    figure = strategies(table, summary, width_of(options.columns, 2))
-    again = repeated((each.name, each.treatment, each.seed) for each in study.records)
-    return Product(summary, figure, [*again, *_said(summary)])
-
-
-def check_near(options: argparse.Namespace) -> None:
-    """The thresholds of redundancy must be usable.
-
-    Raises:
-        InputError: one is not.
-    """
-    for key, value in (("--near-m", options.near_m), ("--near-deg", options.near_deg)):
-        if not 0 <= value < np.inf:
-            raise InputError(f"{key}: must be a number of at least 0, not {value}; correct it")
-
-
-def finished(study: Study, *reads: Callable[[Record], object]) -> Study:
-    """With the finished runs of which all of this can be read; what is left out is said once.
-
-    Raises:
-        InputError: there is none.
-    """
-
-    def tried(record: Record) -> pd.DataFrame:
-        if not record.finished:
-            raise InputError(
-                f"{record.path}: must be finished, to have a champion, and is not; resume it"
-            )
-        for read in reads:
-            read(record)
-        return pd.DataFrame({"whole": [True]})
-
-    names = set(study.gather(tried).run)
-    return replace(study, records=tuple(each for each in study.records if each.name in names))
-
-
-def damage(study: Study) -> tuple[Ring, ...]:
-    """The rings of the first run with spatial damage; none: the paper's are meant."""
-    return next((record.setting.rings for record in study.records if record.setting.rings), ())
-
-
-def _said(summary: pd.DataFrame) -> list[str]:
-    """A line a treatment, and one for the clusters of all."""
+def _report(summary: pd.DataFrame) -> list[str]:
+    """Report each treatment in a line, and the clusters of all champions in another."""
     lines = []
     for treatment, rows in summary.groupby("treatment", sort=False):
         measures = rows.set_index("measure")
         clusters = measures.loc["clusters"]
-        words = f"{treatment}: {clusters.n} champion{'' if clusters.n == 1 else 's'}; "
+        line = f"{treatment}: {clusters.n} champion{'' if clusters.n == 1 else 's'}; "
         few = np.isnan(clusters.p)
         count = f"{clusters.value:.0f} clusters" if clusters.value > 1 else "no clusters"
-        corrected = not few and clusters.p_holm > clusters.p
-        holm = f", {clusters.p_holm:.2g} after Holm" if corrected else ""
-        words += "too few for clusters" if few else f"{count} (p {clusters.p:.2g}{holm})"
+        adjusted = not few and clusters.p_holm > clusters.p
+        holm = f", {clusters.p_holm:.2g} after Holm" if adjusted else ""
+        line += "too few for clusters" if few else f"{count} (p {clusters.p:.2g}{holm})"
         if treatment != ALL:
             for name in (FRONT, SIDE, "redundant"):
                 row = measures.loc[name]
-                words += f"; {name} {row.value * row.n:.0f} (random designs {row.random:.0%})"
-        lines.append(words)
+                line += f"; {name} {row.value * row.n:.0f} (random designs {row.random:.0%})"
+        lines.append(line)
     return lines
+
+
+def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = PAGE_IN) -> Figure:
+    """Draw coverage by direction, a panel for each treatment, and below it three features.
+
+    ``table`` is that of ``describe_designs``, ``summary`` that of ``compare_with_random``;
+    ``width`` is in inches.
+    """
+    treatments = list(dict.fromkeys(table.treatment))
+    columns = max(1, int(width / PANEL_IN))
+    across = min(columns, len(treatments))
+    above, below = -(-len(treatments) // across), 1 if columns >= 3 else 3
+    with mpl.rc_context(STYLE):
+        heights = [1.65 * above + 0.25, 1.9 * below]
+        figure = Figure(figsize=(width, sum(heights)), layout="constrained")
+        parts: Any = figure.subfigures(2, 1, height_ratios=heights)
+        grid = parts[0].subplots(above, across, squeeze=False, sharex=True, sharey=True)
+        for axes, treatment in zip(grid.flat, treatments, strict=False):
+            _draw_profiles(axes, table[table.treatment == treatment], summary, treatment)
+            axes.set_title(_title(treatment, treatments, table, 16 * width / across))
+        for axes in list(grid.flat)[len(treatments) :]:
+            axes.remove()
+        grid[0, 0].set_ylim(bottom=0)
+        for row in grid:
+            row[0].set_ylabel("sensors that\ncover the heading")
+        key: dict[str, Any] = {"handles": _KEY, "frameon": False, "handlelength": 1.8}
+        parts[0].legend(loc="outside upper center", ncols=3 if columns >= 3 else 2, **key)
+        features = parts[1].subplots(below, 3 // below, squeeze=False)
+        _draw_ahead(features.flat[0], table, summary)
+        _draw_rates(features.flat[1], summary, treatments)
+        _draw_lost(features.flat[2], table, summary)
+    return figure
+
+
+def _shorten(treatments: Sequence[str]) -> dict[str, str]:
+    """Map treatments to labels of ticks: letters if a name is too long."""
+    if max(map(len, treatments)) <= NAME_LENGTH and len(treatments) <= 4:
+        return {name: name for name in treatments}
+    return {name: letter(i) for i, name in enumerate(treatments)}
+
+
+def _title(treatment: str, treatments: Sequence[str], table: pd.DataFrame, room: float) -> str:
+    """Return the title of a panel in lines of ``room`` characters."""
+    count = int(((table.treatment == treatment) & ~table.random).sum())
+    short = _shorten(treatments)[treatment]
+    name = treatment if short == treatment else f"{short}: {treatment}"
+    return "\n".join(textwrap.wrap(f"{name} ({count})", max(12, int(room))))
+
+
+def _draw_profiles(
+    axes: Axes, designs: pd.DataFrame, summary: pd.DataFrame, treatment: str
+) -> None:
+    colour = assign_colours(list(dict.fromkeys(summary.treatment)))[treatment]
+    rows = summary[(summary.treatment == treatment) & (summary.measure == "coverage")]
+    champions = designs.loc[~designs.random, HEADINGS_DEG].to_numpy(float)
+    headings = _close(HEADINGS_DEG, 180.0)
+    for profile in champions:
+        axes.plot(headings, _close(profile), color=colour, lw=0.4, alpha=0.35)
+    low, high, value, random = (
+        _close(rows[name].to_numpy(float)) for name in ("low", "high", "value", "random")
+    )
+    axes.fill_between(headings, low, high, color=colour, alpha=0.25, lw=0)
+    axes.plot(headings, random, color=RANDOM, lw=1.2, ls=(0, (3, 1.5)))
+    axes.plot(headings, value, color=colour, lw=1.4)
+    axes.set_xlim(_reach(summary), -_reach(summary))  # left is on the left
+    axes.xaxis.set_major_locator(MultipleLocator(90))
+    axes.xaxis.set_minor_locator(MultipleLocator(45))
+    axes.tick_params(labelbottom=True)
+    axes.set_xlabel("heading [deg], left > 0")
+
+
+def _reach(summary: pd.DataFrame) -> int:
+    """Return the maximum covered heading [deg], rounded up to a multiple of 45."""
+    rows = summary[summary.measure == "coverage"]
+    covered = rows.loc[(rows.value > 0) | (rows.random > 0), "at"].abs().max()
+    return 180 if np.isnan(covered) else min(180, 45 * int(np.ceil((covered + 1) / 45)))
+
+
+def _close(values: Array, end: float | None = None) -> Array:
+    """Append the value at -180 deg for 180."""
+    return np.append(values, values[0] if end is None else end)
+
+
+def _draw_ahead(axes: Axes, table: pd.DataFrame, summary: pd.DataFrame) -> None:
+    axes.axhline(0.5, color="black", lw=0.6, ls=":")
+    _draw_strips(axes, table, "ahead")
+    axes.set_ylim(-0.03, 1.12)
+    axes.set_yticks([0, 0.25, 0.5, 0.75, 1])
+    axes.set_ylabel(f"share of the cones within\n{AHEAD_DEG:.0f} deg of ahead")
+    counts = summary[summary.measure == FRONT].set_index("treatment")
+    for i, (share, n) in enumerate(counts[["value", "n"]].to_numpy(float)):
+        axes.text(i, 1.03, f"{share * n:.0f} : {n - share * n:.0f}", ha="center", fontsize=7)
+    axes.set_title("front arrays : side mounts")
+
+
+def _draw_lost(axes: Axes, table: pd.DataFrame, summary: pd.DataFrame) -> None:
+    _draw_strips(axes, table, "lost")
+    rows = summary[summary.measure == "lost"]
+    places = np.arange(len(rows)) + 0.3
+    value, errors = _with_errors(rows)
+    axes.errorbar(places, value, errors, fmt="_", color="black", lw=1, ms=5)
+    axes.set_ylabel("sensors that a blow to\none of them takes")
+
+
+def _with_errors(rows: pd.DataFrame) -> tuple[Array, list[Array]]:
+    """Return values and their distances from the bounds of their intervals."""
+    value, low, high = (rows[name].to_numpy(float) for name in ("value", "low", "high"))
+    return value, [value - low, high - value]
+
+
+def _draw_strips(axes: Axes, table: pd.DataFrame, measure: str) -> None:
+    """Draw a point for each champion beside a box of the random designs."""
+    colours = assign_colours(list(dict.fromkeys(table.treatment)))
+    line = {"color": RANDOM, "lw": 0.6}
+    for i, (treatment, colour) in enumerate(colours.items()):
+        designs = table[table.treatment == treatment].dropna(subset=measure)
+        drawn = designs.loc[designs.random, measure].to_numpy(float)
+        if drawn.size:
+            axes.boxplot(
+                [drawn],
+                positions=[i],
+                widths=0.7,
+                whis=(5, 95),
+                showfliers=False,
+                patch_artist=True,
+                boxprops={"facecolor": "0.88", "edgecolor": RANDOM, "linewidth": 0.6},
+                medianprops={"color": RANDOM, "lw": 1.2},
+                whiskerprops=line,
+                capprops=line,
+                manage_ticks=False,
+            )
+        values = np.sort(designs.loc[~designs.random, measure].to_numpy(float))
+        aside = 0.09 * (np.arange(values.size) % 3 - 1)
+        marker = MARKERS[i % len(MARKERS)]
+        axes.plot(i + aside, values, marker, color=colour, ms=3.5, mew=0.4, mec="white")
+    axes.set_xticks(range(len(colours)), list(_shorten(list(colours)).values()))
+    axes.set_xlim(-0.6, len(colours) - 0.4)
+
+
+def _draw_rates(axes: Axes, summary: pd.DataFrame, treatments: Sequence[str]) -> None:
+    """Draw shares of champions with their intervals, and lines for the random designs."""
+    rates = summary[summary.measure.isin(["redundant", "pair within"])]
+    groups = list(dict.fromkeys(zip(rates.measure, rates["at"].fillna(0.0), strict=True)))
+    step = 0.8 / len(treatments)
+    for i, (treatment, colour) in enumerate(assign_colours(treatments).items()):
+        rows = rates[rates.treatment == treatment]
+        places = np.arange(len(groups)) - 0.4 + step * (i + 0.5)
+        marker, (value, errors) = MARKERS[i % len(MARKERS)], _with_errors(rows)
+        bars: dict[str, Any] = {"color": colour, "ms": 3.5, "lw": 0.9, "label": treatment}
+        axes.errorbar(places, value, errors, fmt=marker, **bars)
+        random = rows.random.to_numpy(float)
+        axes.hlines(random, places - step / 2, places + step / 2, color=RANDOM, lw=1.4, zorder=1)
+    names = [f"{1000 * radius:.0f}\nmm" if radius else "redun-\ndant" for _, radius in groups]
+    axes.set_xticks(range(len(groups)), names)
+    axes.set_ylim(0, 1.03)
+    axes.set_ylabel("champions with a pair that\nis redundant, or within")

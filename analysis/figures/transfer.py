@@ -1,70 +1,177 @@
-"""The same designs under two conditions: is who is good here good there?"""
+"""The same designs under two conditions: rank correlation and loss of fitness."""
 
 import argparse
 import math
 from collections.abc import Hashable, Mapping
+from itertools import count
+from math import factorial
 from typing import Any
 
+import matplotlib as mpl
+import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.ticker import MaxNLocator
 
-from ..drawing.style import width as width_of
-from ..drawing.transfer_figure import LEAST, ends, transfer
-from ..measures.statistics import mean_interval, spearman
-from ..product import Product
-from ..tables.paired_scores import scored_twice
+from ..drawing.columns import Layout, table_height, write_table
+from ..drawing.style import COLUMN_IN, STYLE, assign_colours, figure_width
+from ..measures.statistics import LEVEL, mean_interval, spearman
+from ..product import Product, to_csv
+from ..tables.paired_scores import pair_scores
 from ..tables.study import Study
 
 HELP = "the same designs under two simulators, failures, worlds ...: rank correlation and loss"
 NUMBERS = ("n", "spearman", "spearman_low", "spearman_high", "loss", "loss_low", "loss_high")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+HEADS = {
+    "group": (0.0, "left"),
+    "n": (0.3, "right"),
+    "rank correlation": (0.36, "left"),
+    "mean loss": (0.7, "left"),
+}
+MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)
+"""Designs whose order can be significant: two of n! orders agree or disagree completely."""
+NOTE = f"*too few designs for a conclusion: {MIN_DESIGNS} or more are needed"
+NAME_LENGTH = 16
+"""Maximum length of a group's name in the table."""
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
-    """The choice where evaluations differ in several parts."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the option that chooses between several parts."""
     parser.add_argument(
         "--between",
         metavar="PART",
-        help="what differs between the axes, where evaluations differ in several parts: simulator, "
-        "failure ...",
+        help="the part that differs between the axes, if evaluations differ in several parts: "
+        "simulator, failure ...",
     )
 
 
-def product(study: Study, options: argparse.Namespace) -> Product:
-    """The command's: the picture, a row for each design, a summary, and what it says."""
-    table = scored_twice(study, options.between)
-    found = summary(table)
-    wide = width_of(options.columns, 1 if table.groupby(["x", "y"]).ngroups == 1 else 2)
-    files = {"transfer_summary.csv": found.to_csv(index=False, lineterminator="\n").encode()}
-    said = [_conclusion(row) for row in found.to_dict("records")]
-    return Product(table, transfer(table, found, wide), said, files)
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Draw the pairs; the tables have a row for each design and for each panel and group."""
+    table = pair_scores(study, options.between)
+    summary = summarize(table)
+    width = figure_width(options.columns, 1 if table.groupby(["x", "y"]).ngroups == 1 else 2)
+    messages = [_conclude(row) for row in summary.to_dict("records")]
+    files = {"transfer_summary.csv": to_csv(summary)}
+    return Product(table, draw_transfer(table, summary, width), messages, files)
 
 
-def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """A row for each two conditions and group of ``scored_twice``, in its order.
+def summarize(table: pd.DataFrame) -> pd.DataFrame:
+    """Summarize ``pair_scores``: a row for each pair of conditions and group, in its order.
 
     ``n`` designs; Spearman's rank correlation and the mean loss, each with a bootstrap interval.
     """
     rows = []
-    for (x, y, group), own in table.groupby(["x", "y", "group"], sort=False):
-        order = spearman(own["x_fitness"].to_numpy(float), own["y_fitness"].to_numpy(float))
-        loss = mean_interval(own["loss"].to_numpy(float))
-        numbers = (len(own), order.value, order.low, order.high, loss.value, loss.low, loss.high)
+    for (x, y, group), pairs in table.groupby(["x", "y", "group"], sort=False):
+        order = spearman(pairs["x_fitness"].to_numpy(float), pairs["y_fitness"].to_numpy(float))
+        loss = mean_interval(pairs["loss"].to_numpy(float))
+        numbers = (len(pairs), order.value, order.low, order.high, loss.value, loss.low, loss.high)
         rows.append((x, y, group, *numbers))
     return pd.DataFrame(rows, columns=["x", "y", "group", *NUMBERS])
 
 
-def _conclusion(row: Mapping[Hashable, Any]) -> str:
+def _conclude(row: Mapping[Hashable, Any]) -> str:
     head = f'"{row["x"]}" to "{row["y"]}"' + (f", {row['group']}" if row["group"] else "")
-    if row["n"] < LEAST:
-        return f"{head}: too few designs ({row['n']}) for any conclusion: give at least {LEAST}"
+    if row["n"] < MIN_DESIGNS:
+        return (
+            f"{head}: too few designs ({row['n']}) for any conclusion: give at least {MIN_DESIGNS}"
+        )
     if math.isnan(row["spearman"]):
-        return f"{head}: all designs are alike in one of the two: they have no order to be kept"
-    order, loss = ends(row, "spearman"), ends(row, "loss")
+        return f"{head}: all designs have the same fitness under one condition: they have no order"
+    order, loss = _format_interval(row, "spearman"), _format_interval(row, "loss")
     kept = "kept in part" if row["spearman_low"] > 0 else "not shown to be kept"
-    less = (
+    change = (
         "fitness is lost,"
         if row["loss_low"] > 0
         else "fitness is gained, a loss of"
         if row["loss_high"] < 0
         else "no loss shown,"
     )
-    return f"{head}: {row['n']} designs: order {kept}, rank correlation {order}; {less} {loss}"
+    return f"{head}: {row['n']} designs: order {kept}, rank correlation {order}; {change} {loss}"
+
+
+def draw_transfer(table: pd.DataFrame, summary: pd.DataFrame, width: float = COLUMN_IN) -> Figure:
+    """Draw a panel for each pair of conditions: designs on the line are equally fit under both.
+
+    ``table`` is that of ``pair_scores``, ``summary`` that of ``summarize``; ``width`` is in
+    inches. Bars are standard errors over the trials. Below each panel are n, the rank correlation
+    and the mean loss of each group, with their bootstrap intervals.
+    """
+    panels = list(table.groupby(["x", "y"], sort=False))
+    groups = list(dict.fromkeys(summary["group"].astype(str)))
+    lines = int(summary.groupby(["x", "y"]).size().max())
+    few = bool((summary["n"] < MIN_DESIGNS).any())
+    layout = Layout(len(panels), width, 0.9 * COLUMN_IN, table_height(lines, few))
+    with mpl.rc_context(STYLE):
+        figure, parts = layout.make_figure()
+        for (top, bottom), ((x, y), pairs) in zip(parts, panels, strict=True):
+            _draw_panel(top.subplots(), pairs, groups)
+            if any(groups):
+                _add_legend(top)
+            rows = summary[(summary["x"] == x) & (summary["y"] == y)]
+            cells = list(map(_table_row, rows.to_dict("records")))
+            write_table(bottom, HEADS, cells, layout.table_size, NOTE if few else "")
+    return figure
+
+
+def _format_interval(row: Mapping[Hashable, Any], name: str) -> str:
+    low, high = row[f"{name}_low"], row[f"{name}_high"]
+    interval = f" [{low:.2f}, {high:.2f}]" if low <= high else ""
+    return f"{row[name]:.2f}{interval}"
+
+
+def _table_row(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
+    name = str(row["group"])
+    short = (name or "all") if len(name) <= NAME_LENGTH else name[: NAME_LENGTH - 3] + "..."
+    mark = "*" if row["n"] < MIN_DESIGNS else ""
+    intervals = (_format_interval(row, number) for number in ("spearman", "loss"))
+    return f"{short}{mark}", str(row["n"]), *intervals
+
+
+def _draw_panel(axes: Axes, pairs: pd.DataFrame, groups: list[str]) -> None:
+    colours = assign_colours(groups)
+    errors = {side: pairs[f"{side}_sd"] / np.sqrt(pairs[f"{side}_trials"]) for side in "xy"}
+    for number, group in enumerate(groups):
+        rows = pairs["group"].astype(str) == group
+        if rows.any():
+            x, y = pairs["x_fitness"][rows], pairs["y_fitness"][rows]
+            bars = {f"{side}err": errors[side][rows].fillna(0.0) for side in "xy"}
+            axes.errorbar(x, y, **bars, fmt="none", ecolor="0.6", elinewidth=0.6, zorder=1)
+            marker = MARKERS[number % len(MARKERS)]
+            axes.scatter(x, y, s=11, c=colours[group], marker=marker, lw=0, label=group, zorder=3)
+    low, high = _limits(pairs, errors)
+    axes.plot([low, high], [low, high], color="0.3", lw=0.8, ls=(0, (4, 2)), zorder=2)
+    axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")
+    part = pairs["between"].iloc[0]
+    axes.set(xlabel=f"fitness, {part}: {pairs['x'].iloc[0]}")
+    axes.set(ylabel=f"fitness, {part}: {pairs['y'].iloc[0]}")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+
+
+def _add_legend(figure: SubFigure) -> None:
+    """Add a legend above the panel, with as many names in a line as fit."""
+    (axes,) = figure.axes
+    names = [str(label) for label in axes.get_legend_handles_labels()[1]]
+    columns = max(1, min(len(names), int(50 / (max(map(len, names)) + 5))))
+    figure.legend(
+        loc="outside upper center",
+        ncols=columns,
+        frameon=False,
+        handletextpad=0.1,
+        columnspacing=1.0,
+        borderpad=0.1,
+    )
+
+
+def _limits(pairs: pd.DataFrame, errors: Mapping[str, "pd.Series[float]"]) -> tuple[float, float]:
+    """Return common limits of both axes, with a margin."""
+    bounds = [
+        pairs[f"{side}_fitness"] + sign * errors[side].fillna(0.0)
+        for side in "xy"
+        for sign in (-1, 1)
+    ]
+    low, high = min(map(min, bounds)), max(map(max, bounds))
+    margin = 0.04 * (high - low) or 1.0
+    return low - margin, high + margin

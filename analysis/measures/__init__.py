@@ -1,1 +1,1 @@
-"""From tables to numbers: statistics, and what designs and runs are like."""
+"""Numbers computed from tables: statistics, and measures of designs and runs."""

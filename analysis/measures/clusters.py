@@ -1,7 +1,8 @@
-"""Do some points fall into clusters, and into how many? Ward's clustering, silhouettes, two tests.
+"""Whether points fall into clusters, and into how many: Ward's method, silhouettes, two tests.
 
-Clusters are found in any cloud. So the best silhouette is compared with that of the same clustering
-of clouds without clusters, and, by whoever has a larger pool, with that of samples from it.
+Clustering finds clusters in every cloud of points. The best silhouette is therefore compared with
+those of clouds without clusters (``find_clusters``) and of samples from a larger pool
+(``compare_with_samples``).
 """
 
 from collections.abc import Callable
@@ -17,66 +18,69 @@ from evoros.base.arrays import Array
 
 from .statistics import LEVEL, SEED
 
-MOST = 5  # clusters that are tried
-LEAST = 5  # points that can show any
-DRAWS = 499  # clouds, or samples, to compare with
+MAX_CLUSTERS = 5
+MIN_POINTS = 5
+DRAWS = 499  # clouds or samples
 
 
 @dataclass(frozen=True, eq=False)
 class Clusters:
-    """The best clustering of n points, and whether it says anything."""
+    """The best clustering of n points, and whether it is significant."""
 
-    found: NDArray[np.int64]  # (n,) cluster of each point by the best clustering, from 1
-    silhouette: float  # mean over the points: 1 tight and apart, 0 no structure; NaN: too few
-    expected: float  # below which 95 % of the clouds without clusters stay
-    p: float  # share of such clouds that have a silhouette as great; NaN: too few points
+    cut: NDArray[np.int64]  # (n,) number of each point's cluster in the best clustering, from 1
+    silhouette: float  # mean over the points: 1 tight and separate, 0 no structure; NaN: too few
+    expected: float  # 95 % quantile of the silhouettes of clouds without clusters
+    p: float  # share of such clouds with at least this silhouette; NaN: too few points
 
     @property
     def real(self) -> bool:
-        """Whether there are clusters at all: clouds without any seldom look like this."""
+        """Whether clouds without clusters seldom have such a silhouette."""
         return self.p < LEVEL
 
     @property
     def count(self) -> int:
-        """The number of clusters; 1 where there is no structure."""
-        return len(set(self.found.tolist())) if self.real else 1
+        """The number of clusters; 1 if there is no structure."""
+        return len(set(self.cut.tolist())) if self.real else 1
 
     @property
     def labels(self) -> NDArray[np.int64]:
-        """(n,) cluster of each point, from 1; all 1 where there is no structure."""
-        return self.found if self.real else np.ones_like(self.found)
+        """(n,) the number of each point's cluster, from 1; all 1 if there is no structure."""
+        return self.cut if self.real else np.ones_like(self.cut)
 
 
-def clusters(points: Array, draws: int = DRAWS) -> Clusters:
-    """The clustering (n, d) with the greatest mean silhouette, of those into 2 to ``MOST``.
+def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
+    """Cluster points (n, d) into 2 to ``MAX_CLUSTERS`` with the maximum mean silhouette.
 
     Ward's method on Euclidean distances; silhouettes as Rousseeuw (1987), J. Comput. Appl. Math.
-    20, 53-65. The clouds fill a box along the principal components of the points, evenly, with
-    their covariance (as the gap statistic's: Tibshirani et al. 2001, J. R. Stat. Soc. B 63,
-    411-423), and choose their number of clusters in the same way. Even, not normal: of all without
-    clusters these split best. What bends, though one thing alone varies, looks clustered to this
-    test: the coordinates must be such that it follows a line. The order of the points makes no
-    difference.
+    20, 53-65. The clouds without clusters are uniform in a box along the principal components of
+    the points and have their covariance (the reference of the gap statistic: Tibshirani et al.
+    2001, J. R. Stat. Soc. B 63, 411-423), and their number of clusters is chosen in the same way.
+    They are uniform because uniform clouds split best among clouds without clusters. Points along
+    a curve look clustered to this test, so the coordinates must map one varying quantity to a
+    line. The order of the points makes no difference.
     """
     n = len(points)
-    if n < LEAST or not np.ptp(points, axis=0).any():
+    if n < MIN_POINTS or not np.ptp(points, axis=0).any():
         return Clusters(np.ones(n, dtype=np.int64), np.nan, np.nan, np.nan)
     order = np.lexsort(points.round(9).T)
     centred = points[order] - points[order].mean(axis=0)
-    silhouette, labels = best_silhouette(centred)
-    found = np.empty(n, dtype=np.int64)
-    found[order] = labels
+    silhouette, labels = cut_best(centred)
+    cut = np.empty(n, dtype=np.int64)
+    cut[order] = labels
     spread = np.linalg.svd(centred, compute_uv=False) / np.sqrt(n - 1)
 
     def cloud(rng: Generator) -> Array:
         return np.asarray(rng.uniform(-np.sqrt(3), np.sqrt(3), (n, len(spread))) * spread)
 
     drawn = _silhouettes(cloud, draws)
-    return Clusters(found, silhouette, float(np.quantile(drawn, 1 - LEVEL)), _p(silhouette, drawn))
+    return Clusters(cut, silhouette, float(np.quantile(drawn, 1 - LEVEL)), _p(silhouette, drawn))
 
 
-def p_of_samples(silhouette: float, n: int, pool: Array, draws: int = DRAWS) -> float:
-    """How often n points of ``pool`` (m, d) have a silhouette as great; NaN: the pool is small."""
+def compare_with_samples(silhouette: float, n: int, pool: Array, draws: int = DRAWS) -> float:
+    """Return the p of a silhouette among those of n points from ``pool`` (m, d).
+
+    NaN: the pool has fewer than 2 n points.
+    """
     if np.isnan(silhouette) or len(pool) < 2 * n:
         return np.nan
     ordered = pool[np.lexsort(pool.T)]
@@ -87,55 +91,60 @@ def p_of_samples(silhouette: float, n: int, pool: Array, draws: int = DRAWS) -> 
     return _p(silhouette, _silhouettes(sample, draws))
 
 
-def best_silhouette(points: Array) -> tuple[float, NDArray[np.int64]]:
-    """The greatest mean silhouette, and the cluster of each point (n,), from 1."""
+def cut_best(points: Array) -> tuple[float, NDArray[np.int64]]:
+    """Return the maximum mean silhouette and the number of each point's cluster (n,), from 1."""
     condensed = pdist(points)
-    distances, tried = squareform(condensed), _cuts(linkage(condensed, "ward"))
-    scores = [_silhouette(distances, labels) for labels in tried]
+    distances, cuts = squareform(condensed), _cuts(linkage(condensed, "ward"))
+    scores = [_silhouette(distances, labels) for labels in cuts]
     best = int(np.argmax(scores))
-    return scores[best], tried[best]
+    return scores[best], cuts[best]
 
 
 def _cuts(tree: Array) -> list[NDArray[np.int64]]:
-    """The clusters of each point in 2 to ``MOST`` clusters, of a tree as scipy's ``linkage`` gives.
+    """Cut a tree of ``scipy.cluster.hierarchy.linkage`` into 2 to ``MAX_CLUSTERS`` clusters.
 
-    The last merges undone one by one. As ``fcluster``, which checks the whole tree for each cut:
-    with many small clouds that is what takes the time.
+    The last merges are undone one by one. SciPy's ``fcluster`` may return fewer clusters if merges
+    are at equal distances, and both it and ``cut_tree`` take ten times as long, which is most of
+    the time for many small clouds.
     """
     n = len(tree) + 1
     children = tree[:, :2].astype(int)
     members = [[i] for i in range(n)]
     for left, right in children:
         members.append(members[left] + members[right])
-    found, nodes = [], [2 * n - 2]
-    for _ in range(2, min(MOST, n - 1) + 1):
+    cuts, nodes = [], [2 * n - 2]
+    for _ in range(2, min(MAX_CLUSTERS, n - 1) + 1):
         last = max(nodes)
         nodes = [node for node in nodes if node != last] + list(children[last - n])
         labels = np.empty(n, dtype=np.int64)
         for label, node in enumerate(nodes, 1):
             labels[members[node]] = label
-        found.append(labels)
-    return found
+        cuts.append(labels)
+    return cuts
 
 
 def _silhouette(distances: Array, labels: NDArray[np.int64]) -> float:
-    """The mean over all points; of a point alone in its cluster, 0."""
+    """Return the mean silhouette over all points; a point alone in its cluster has 0.
+
+    SciPy has no silhouette.
+    """
     member = labels[:, None] == np.arange(1, labels.max() + 1)
     size = member.sum(axis=0)
-    to = distances @ member  # (n, clusters) sum of the distances to each cluster's points
-    own = np.where(member, to, 0.0).sum(axis=1) / np.maximum((member * size).sum(axis=1) - 1, 1)
-    other = np.where(member, np.inf, to / size).min(axis=1)
-    greater = np.maximum(own, other)
-    alone = (member * size).sum(axis=1) == 1
-    known = ~alone & (greater > 0)
-    return float(np.where(known, (other - own) / np.where(greater > 0, greater, 1.0), 0.0).mean())
+    sums = distances @ member  # (n, clusters) of the distances to each cluster's points
+    own_size = (member * size).sum(axis=1)
+    own = np.where(member, sums, 0.0).sum(axis=1) / np.maximum(own_size - 1, 1)
+    nearest = np.where(member, np.inf, sums / size).min(axis=1)
+    greater = np.maximum(own, nearest)
+    known = (own_size > 1) & (greater > 0)
+    ratio = (nearest - own) / np.where(greater > 0, greater, 1.0)
+    return float(np.where(known, ratio, 0.0).mean())
 
 
 def _silhouettes(draw: Callable[[Generator], Array], draws: int) -> Array:
     rng = np.random.default_rng(SEED)
-    return np.array([best_silhouette(draw(rng))[0] for _ in range(draws)])
+    return np.array([cut_best(draw(rng))[0] for _ in range(draws)])
 
 
 def _p(observed: float, drawn: Array) -> float:
-    """A share that is never 0 (Davison and Hinkley 1997)."""
+    """Return a share that is never 0 (Davison and Hinkley 1997)."""
     return float((1 + np.count_nonzero(drawn >= observed - 1e-12)) / (1 + drawn.size))

@@ -1,4 +1,4 @@
-"""One of the paper's findings, measured: the number, its uncertainty, and a verdict by a rule."""
+"""A finding on one of the paper's claims: number, interval, and a verdict by a rule."""
 
 from dataclasses import dataclass
 
@@ -8,9 +8,9 @@ from .statistics import Interval
 
 SUPPORTED, NOT_SUPPORTED, UNKNOWN = "supported", "not supported", "cannot be said"
 SHARE, DEGREES, NUMBER = "share", "deg", ""
-"""Units of what is measured."""
-LEAST_REPLICATES = 6
-"""With fewer even the whole range of a sample covers the median in less than 95% of samples."""
+"""Units of the measured values."""
+MIN_REPLICATES = 6
+"""With fewer, even the whole range of a sample covers the median in less than 95 % of samples."""
 NOTHING = Interval(np.nan, np.nan, np.nan)
 
 
@@ -18,14 +18,14 @@ NOTHING = Interval(np.nan, np.nan, np.nan)
 class Finding:
     """A row of the table of claims."""
 
-    claim: str  # what the paper says
-    measure: str  # what is measured of it
+    claim: str  # text of the claim
+    measure: str  # the measured quantity
     unit: str
-    value: float  # NaN: it could not be measured
-    low: float  # ends of the 95 % interval; NaN: there is none
+    value: float  # NaN: could not be measured
+    low: float  # bounds of the 95 % interval; NaN: there is none
     high: float
-    n: int  # replicates behind it
-    reference: float  # the same of random designs, or what else the rule compares with
+    n: int  # number of replicates
+    reference: float  # value of random designs, or another bound of the rule
     p: float  # of the test in the rule; NaN: there is none
     verdict: str
     why: str
@@ -33,31 +33,31 @@ class Finding:
 
 @dataclass(frozen=True)
 class Claim:
-    """What the paper says, and what is measured of it."""
+    """A claim of the paper and the quantity that is measured for it."""
 
     text: str
     measure: str
     unit: str = SHARE
 
-    def found(
+    def conclude(
         self,
-        found: Interval,
+        measured: Interval,
         n: int,
         verdict: str,
         why: str,
         reference: float = np.nan,
         p: float = np.nan,
     ) -> Finding:
-        """With what was measured; that replicates are few is said."""
-        if found.value == found.value and n < LEAST_REPLICATES:
+        """Return the finding; ``why`` mentions a small number of replicates."""
+        if not np.isnan(measured.value) and n < MIN_REPLICATES:
             why += f"; {n} replicate{'' if n == 1 else 's'}"
         return Finding(
             self.text,
             self.measure,
             self.unit,
-            found.value,
-            found.low,
-            found.high,
+            measured.value,
+            measured.low,
+            measured.high,
             n,
             reference,
             p,
@@ -65,25 +65,25 @@ class Claim:
             why,
         )
 
-    def missing(self, what: str) -> Finding:
-        """Without the data."""
-        return self.found(NOTHING, 0, UNKNOWN, f"needs {what}")
+    def lack(self, data: str) -> Finding:
+        """Return the finding without a value that names the missing data."""
+        return self.conclude(NOTHING, 0, UNKNOWN, f"needs {data}")
 
 
-def above(found: Interval, bound: float) -> str:
-    """Supported where the whole interval lies above, not supported where it lies below."""
-    if found.low > bound:
+def judge_above(measured: Interval, bound: float) -> str:
+    """Support a value whose interval lies above the bound, reject one whose interval is below."""
+    if measured.low > bound:
         return SUPPORTED
-    return NOT_SUPPORTED if found.high < bound else UNKNOWN
+    return NOT_SUPPORTED if measured.high < bound else UNKNOWN
 
 
-def within(found: Interval, low: float, high: float) -> str:
-    """Supported where the whole interval lies within, not supported where it lies outside."""
-    if low <= found.low and found.high <= high:
+def judge_within(measured: Interval, low: float, high: float) -> str:
+    """Support a value whose interval lies within the bounds, reject one that lies outside."""
+    if low <= measured.low and measured.high <= high:
         return SUPPORTED
-    return NOT_SUPPORTED if found.high < low or found.low > high else UNKNOWN
+    return NOT_SUPPORTED if measured.high < low or measured.low > high else UNKNOWN
 
 
-def enough(verdict: str, *replicates: int) -> str:
-    """The verdict of a resampled interval, as far as there are replicates to resample."""
-    return verdict if min(replicates) >= LEAST_REPLICATES else UNKNOWN
+def require_replicates(verdict: str, *counts: int) -> str:
+    """Withhold the verdict of a resampled interval if a count is below ``MIN_REPLICATES``."""
+    return verdict if min(counts) >= MIN_REPLICATES else UNKNOWN

@@ -1,4 +1,4 @@
-"""How far the heading swings while a robot navigates: the serpentine of the paper."""
+"""The swing of the heading while a robot navigates: the serpentine of the paper."""
 
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -13,18 +13,18 @@ if TYPE_CHECKING:
     from ..tables.records import Record
 
 PROMINENCE_DEG = 3.0
-"""What stands out less from the heading around it is no turning point but a small correction."""
+"""Extremes of the heading with a smaller prominence are small corrections, no turning points."""
 SETTLING = 1
-"""Turning points left out after a waypoint or an avoidance: the turn onto the course is none."""
+"""Turning points dropped after a waypoint or an avoidance, while the robot turns to its course."""
 
 
-def sweeps(trajectory: pd.DataFrame, mode: int) -> list[float]:
-    """How far the heading swings about the course [deg]: one number for each turning point.
+def measure_swings(trajectory: pd.DataFrame, mode: int) -> list[float]:
+    """Measure the swing of the heading about the course [deg] at each turning point.
 
-    Of ``trajectory`` (columns as ``champion/trajectory_WORLD.csv``) all stretches in ``mode``
-    without a waypoint. A turning point is a greatest or least heading; its sweep is its distance
-    from the mean of its two neighbours, so that neither the period of the weave need be known, nor
-    does a steady turn count: of ``A sin(w t) + c t`` it is ``2 A (1 + d^2 / 2)`` to second order
+    ``trajectory`` has the columns of ``champion/trajectory_WORLD.csv``; its stretches in ``mode``
+    between two waypoints count. A turning point is an extreme of the heading. Its swing is its
+    distance from the mean of its two neighbours, so that the period need not be known and a steady
+    turn does not count: the swing of ``A sin(w t) + c t`` is ``2 A (1 + d^2 / 2)`` to second order
     in ``d = c / (A w)``.
     """
     yaw = np.degrees(np.unwrap(trajectory.yaw_rad.to_numpy(float)))
@@ -32,29 +32,29 @@ def sweeps(trajectory: pd.DataFrame, mode: int) -> list[float]:
         return []
     state = np.stack([trajectory["mode"].to_numpy() == mode, trajectory.visited.to_numpy()])
     changes = np.flatnonzero((state[:, 1:] != state[:, :-1]).any(axis=0)) + 1
-    found: list[float] = []
+    swings: list[float] = []
     for begin, end in pairwise([0, *changes.tolist(), len(yaw)]):
         if state[0, begin]:
             turns = _turning_points(yaw[begin:end])[SETTLING:]
-            found += np.abs(turns[1:-1] - (turns[:-2] + turns[2:]) / 2).tolist()
-    return found
+            swings += np.abs(turns[1:-1] - (turns[:-2] + turns[2:]) / 2).tolist()
+    return swings
 
 
 def _turning_points(yaw: Array) -> Array:
-    """The greatest and least headings of a stretch [deg], in their order."""
-    ends = [find_peaks(side * yaw, prominence=PROMINENCE_DEG)[0] for side in (1, -1)]
-    turns: Array = yaw[np.sort(np.concatenate(ends))]
+    """Return the extreme headings of a stretch [deg], in order."""
+    extremes = [find_peaks(sign * yaw, prominence=PROMINENCE_DEG)[0] for sign in (1, -1)]
+    turns: Array = yaw[np.sort(np.concatenate(extremes))]
     return turns
 
 
-def champion_sweeps(record: "Record") -> pd.DataFrame:
-    """``world`` and ``sweep_deg``: a row a turning point of the champion's first missions.
+def read_champion_swings(record: "Record") -> pd.DataFrame:
+    """Read ``world`` and ``swing_deg`` of each turning point in the champion's first missions.
 
-    The last layer of the controller is the one that navigates.
+    The controller's last layer is the one that navigates.
     """
     rows = [
-        (world, sweep)
-        for world in record.setting.courses
-        for sweep in sweeps(record.run.trajectory(world), len(record.setting.modes))
+        (world, swing)
+        for world in record.context.courses
+        for swing in measure_swings(record.run.trajectory(world), len(record.context.modes))
     ]
-    return pd.DataFrame(rows, columns=["world", "sweep_deg"])
+    return pd.DataFrame(rows, columns=["world", "swing_deg"])

@@ -1,4 +1,4 @@
-"""Sensors of a design near each other: redundancy, and what one blow takes."""
+"""Sensors of a design near each other: redundancy, and how many damage takes."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -13,58 +13,62 @@ from evoros.storage.figure_context import Ring
 from .coverage import DESIGN
 
 NEAR_M, NEAR_DEG = 0.05, 15.0
-"""Sensors nearer to each other than both, half a beam, are redundant."""
+"""Sensors that differ by at most these in place and direction (half a beam) are redundant."""
+_PLACE = ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "pair"]
 
 
 def paper_rings() -> tuple[Ring, ...]:
-    """The damage of the paper's treatment ``spatial``."""
-    of = SpatialFailure()
-    return tuple(map(Ring, of.radii_m, of.probabilities))
+    """Return the rings of damage of the paper's treatment ``spatial``."""
+    failure = SpatialFailure()
+    return tuple(map(Ring, failure.radii_m, failure.probabilities))
 
 
-def nearness(
+def measure_nearness(
     sensors: pd.DataFrame,
     rings: Sequence[Ring] = (),
     near_m: float = NEAR_M,
     near_deg: float = NEAR_DEG,
 ) -> pd.DataFrame:
-    """A row a design (index ``DESIGN``, sorted), of a table with the columns of ``designs.py``.
+    """Measure how near the sensors of each design are: a row a design, sorted index ``DESIGN``.
 
-    - ``sensors``: how many it has;
-    - ``redundant``: whether two sensors, not twins, are at most ``near_m`` apart (straight) and
-      their yaw and their pitch each differ by at most ``near_deg``;
-    - ``closest_m``: the least distance of any two, twins included; infinite with fewer than two;
-    - ``lost``: how many fail, in the mean, when damage with ``rings`` (default: the paper's) has
-      its centre at one of them, chosen uniformly.
+    ``sensors`` has the columns of ``designs.COLUMNS``. Columns returned:
+
+    - ``sensors``: their number;
+    - ``redundant``: whether two sensors, not twins, are at most ``near_m`` apart in space, and yaw
+      and pitch each differ by at most ``near_deg``;
+    - ``closest_m``: the minimum distance of two sensors, twins included; infinite if there are
+      fewer than two;
+    - ``lost``: the expected number that fails if damage with ``rings`` (default: the paper's) is
+      centred at one of them, chosen uniformly.
     """
     rings = tuple(rings) or paper_rings()
-    rows = {key: _row(each, rings, near_m, near_deg) for key, each in _designs(sensors)}
+    rows = {key: _measure(places, rings, near_m, near_deg) for key, places in _designs(sensors)}
     index = pd.MultiIndex.from_tuples(rows, names=DESIGN)
     columns = ["sensors", "redundant", "closest_m", "lost"]
     return pd.DataFrame(list(rows.values()), index, columns).sort_index()
 
 
-PLACE = ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "pair"]
-
-
 def _designs(sensors: pd.DataFrame) -> Iterator[tuple[tuple[object, ...], Array]]:
-    """The numbers (n, 6) of each design's sensors; none where it has no place."""
+    """Yield key and ``_PLACE`` (n, 6) of the sensors of each design; n is 0 without sensors."""
     ordered = sensors.sort_values(DESIGN, kind="stable", ignore_index=True)
     keys = list(zip(*(ordered[name].tolist() for name in DESIGN), strict=True))
-    values = ordered[PLACE].to_numpy(float)
+    values = ordered[_PLACE].to_numpy(float)
     begins = [i for i, key in enumerate(keys) if i == 0 or key != keys[i - 1]]
     for begin, end in pairwise([*begins, len(keys)]):
-        each = values[begin:end]
-        yield keys[begin], each[~np.isnan(each[:, 0])]
+        rows = values[begin:end]
+        yield keys[begin], rows[~np.isnan(rows[:, 0])]
 
 
-def _row(each: Array, rings: Sequence[Ring], near_m: float, near_deg: float) -> tuple[object, ...]:
-    n = len(each)
-    apart = np.linalg.norm(each[:, None, :3] - each[None, :, :3], axis=2)
-    turned = np.abs((each[:, None, 3:5] - each[None, :, 3:5] + 180.0) % 360.0 - 180.0).max(axis=2)
-    others = each[:, None, 5] != each[None, :, 5]
-    same = others & (apart <= near_m + 1e-9) & (turned <= near_deg + 1e-9)
-    closest = apart[~np.eye(n, dtype=bool)].min() if n > 1 else np.inf
+def _measure(
+    places: Array, rings: Sequence[Ring], near_m: float, near_deg: float
+) -> tuple[object, ...]:
+    n = len(places)
+    distances = np.linalg.norm(places[:, None, :3] - places[None, :, :3], axis=2)
+    turns = np.abs((places[:, None, 3:5] - places[None, :, 3:5] + 180.0) % 360.0 - 180.0)
+    others = places[:, None, 5] != places[None, :, 5]
+    same = others & (distances <= near_m + 1e-9) & (turns.max(axis=2) <= near_deg + 1e-9)
+    closest = distances[~np.eye(n, dtype=bool)].min() if n > 1 else np.inf
     radii = np.array([ring.radius_m for ring in rings])
-    chance = np.array([*(ring.probability for ring in rings), 0.0])[np.searchsorted(radii, apart)]
-    return n, bool(same.any()), float(closest), float(chance.sum() / n) if n else 0.0
+    probabilities = np.array([*(ring.probability for ring in rings), 0.0])
+    chances = probabilities[np.searchsorted(radii, distances)]
+    return n, bool(same.any()), float(closest), float(chances.sum() / n) if n else 0.0

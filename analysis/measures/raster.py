@@ -1,7 +1,4 @@
-"""How many champions, or sensors, cover each place around a robot: as a table, as an array.
-
-Overlapping translucent cones would tell no number: the shade of a place is a count.
-"""
+"""How many champions, or sensors, cover each place around a robot: as a table and as an array."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,73 +10,77 @@ import pandas as pd
 from evoros.base.arrays import Array
 from evoros.storage.figure_context import FigureContext
 
-from ..drawing.robot import Window, covered, window
+from .cones import Window, find_covered, fit_window
 
 CELLS = 300  # along a cone: about 0.1 mm each in print
 SPAN = ["treatment", "cut_m", "cell_m", "x_m", "y_low_m", "y_high_m"]
-COUNTED = {"champions": ["run"], "sensors": ["run", "sensor"]}
-"""What may be counted, and the columns that tell one from another."""
+UNITS = {"champions": ["run"], "sensors": ["run", "sensor"]}
+"""The units of the counts, and the columns that identify them."""
 
 
-def counted(sensors: pd.DataFrame) -> str:
-    """What is worth counting: champions, or sensors where no treatment has two champions."""
+def choose_unit(sensors: pd.DataFrame) -> str:
+    """Choose champions as the unit, or sensors if no treatment has two champions."""
     return "champions" if sensors.groupby("treatment").run.nunique().max() > 1 else "sensors"
 
 
-def coverage(
-    sensors: pd.DataFrame, settings: Mapping[str, FigureContext], cuts_m: Sequence[float]
+def count_coverage(
+    sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], cuts_m: Sequence[float]
 ) -> pd.DataFrame:
-    """How many of what is ``counted`` cover each place: a row for each span of equal number.
+    """Count the units that cover each place: a row for each span of places with equal counts.
 
-    ``sensors`` has the columns of ``designs.py``, ``settings`` the setting of each treatment.
-    Columns: ``treatment``; ``cut_m``, where cones are cut; ``cell_m``, the width of the strip along
-    y that the span is part of; ``x_m``, its middle, and from ``y_low_m`` to ``y_high_m``, in the
-    robot's frame; at last ``champions`` with a sensor, or ``sensors``, whose cones have the centres
-    of the span's square cells in them, at least one.
+    ``sensors`` has the columns of ``designs.COLUMNS``, and ``contexts`` the context of each
+    treatment. Columns returned: ``treatment``; ``cut_m``, the length at which cones are cut;
+    ``cell_m``, the width of the strip along y that contains the span; ``x_m``, the middle of the
+    strip, and the bounds ``y_low_m`` and ``y_high_m`` of the span, in the robot's frame; and the
+    unit, ``champions`` or ``sensors``, with the count, at least one. A place is covered if a cone
+    contains the centre of its square cell.
     """
-    unit = counted(sensors)
+    unit = choose_unit(sensors)
     placed = sensors.dropna(subset="x_m")
     spans = [
-        _spans(placed[placed.treatment == treatment], setting, cut, unit).assign(
+        _spans(placed[placed.treatment == treatment], context, cut, unit).assign(
             treatment=treatment
         )
-        for treatment, setting in settings.items()
+        for treatment, context in contexts.items()
         for cut in cuts_m
     ]
     order = [*SPAN, unit]
     return pd.concat(spans, ignore_index=True)[order] if spans else pd.DataFrame(columns=order)
 
 
-def _spans(sensors: pd.DataFrame, setting: FigureContext, cut: float, unit: str) -> pd.DataFrame:
+def _spans(sensors: pd.DataFrame, context: FigureContext, cut: float, unit: str) -> pd.DataFrame:
     cell = cut / CELLS
-    x, y = cells(window([setting], sensors, cut), cell)
+    x, y = cell_centres(fit_window([context], sensors, cut), cell)
     along, across = np.meshgrid(x, y, indexing="ij")
     count = np.zeros((len(x), len(y)), dtype=np.int64)
-    for _, each in sensors.groupby(COUNTED[unit]):
-        count += covered(each, along, across, cell, cut).astype(np.int64)
+    for _, members in sensors.groupby(UNITS[unit]):
+        count += find_covered(members, along, across, cell, cut).astype(np.int64)
     edges = np.pad(count, ((0, 0), (1, 1)))
-    row, first = np.nonzero(edges[:, 1:] != edges[:, :-1])  # where another number begins
+    row, first = np.nonzero(edges[:, 1:] != edges[:, :-1])  # where the count changes
     last = np.where(np.diff(row, append=-1), 0, np.roll(first, -1))
     span = last > first
     row, first, last = row[span], first[span], last[span]
     table = {"cut_m": cut, "cell_m": cell, "x_m": x[row], unit: count[row, first]}
     low, high = (y[0] + (end - 0.5) * cell for end in (first, last))
-    found = pd.DataFrame(table | {"y_low_m": low.round(9), "y_high_m": high.round(9)})
-    return found[found[unit] > 0]
+    spans = pd.DataFrame(table | {"y_low_m": low.round(9), "y_high_m": high.round(9)})
+    return spans[spans[unit] > 0]
 
 
-def cells(view: Window, cell_m: float) -> tuple[Array, Array]:
-    """The centres of the cells that fill a window, along x and along y [m]; 0 is a border."""
+def cell_centres(view: Window, cell_m: float) -> tuple[Array, Array]:
+    """Return the centres [m] of the cells that fill a window, along x and along y.
+
+    The robot's axes are borders between cells.
+    """
     x_low, x_high, y_low, y_high = (edge / cell_m for edge in view)
     x = np.arange(math.floor(x_low), math.ceil(x_high), dtype=np.float64)
     y = np.arange(math.floor(y_low), math.ceil(y_high), dtype=np.float64)
     return ((x + 0.5) * cell_m).round(9), ((y + 0.5) * cell_m).round(9)
 
 
-def raster(cover: pd.DataFrame, x: Array, y: Array) -> np.ma.MaskedArray[Any, Any]:
-    """The counts at the centres x (n,) and y (m,) of cells, (n, m); masked where there is none.
+def rasterize(cover: pd.DataFrame, x: Array, y: Array) -> np.ma.MaskedArray[Any, Any]:
+    """Return the counts (n, m) at cell centres x (n,) and y (m,) [m]; masked where it is 0.
 
-    ``cover`` has rows of ``coverage`` of one treatment and cut, at least one.
+    ``cover`` has at least one row of ``count_coverage``, all of one treatment and cut.
     """
     cell = float(cover.cell_m.iloc[0])
     count = np.zeros((len(x), len(y)), dtype=np.int64)
@@ -89,5 +90,5 @@ def raster(cover: pd.DataFrame, x: Array, y: Array) -> np.ma.MaskedArray[Any, An
     )
     for row, first, last, number in zip(rows, low, high, cover.iloc[:, -1], strict=True):
         count[row, first:last] = number
-    covered_somehow: np.ma.MaskedArray[Any, Any] = np.ma.masked_equal(count, 0)
-    return covered_somehow
+    masked: np.ma.MaskedArray[Any, Any] = np.ma.masked_equal(count, 0)
+    return masked

@@ -1,1 +1,1 @@
-"""The report: one HTML page of a whole study."""
+"""The subcommand ``report``: one HTML page of a study."""

@@ -1,4 +1,4 @@
-"""A configuration in a few lines: each part's class and numbers, and what differs between runs."""
+"""A configuration in a few lines: names and values of the parts, and what differs between runs."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -6,64 +6,78 @@ from typing import Any
 import pandas as pd
 
 from ..tables.records import Record
-from ..tables.treatments import IGNORED, TARGET, part_name
+from ..tables.treatments import IGNORED, TARGET, Choices, Values, name_part
 
 
-def outline(values: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Part, class and values of each part of a configuration, its loose values as ``run`` last.
+def outline(values: Values, choices: Choices) -> list[tuple[str, str, str]]:
+    """List the key, name and values of each part of a configuration; loose values are ``run``.
 
-    What is empty, and where missions were computed, is left out.
+    Empty values, the executor and the figures are left out.
     """
-    groups: dict[str, dict[str, Any]] = {}
+    parts: dict[str, dict[str, Any]] = {}
     loose: dict[str, Any] = {}
     for key, value in values.items():
-        first, _, rest = key.partition(".")
+        first, _, below = key.partition(".")
         if first in ("executor", "figures"):
             continue
-        if rest:
-            groups.setdefault(first, {})[rest] = value
+        if below:
+            parts.setdefault(first, {})[below] = value
         elif first != TARGET:
             loose[first] = value
-    return [*((name, *_part(inner)) for name, inner in groups.items()), ("run", "", _pairs(loose))]
+    rows = [_outline_part(key, inner, values, choices) for key, inner in parts.items()]
+    return [*rows, ("run", "", _join(loose))]
 
 
-def _part(inner: Mapping[str, Any]) -> tuple[str, str]:
-    """Class and values; of a part in it the class, of a set of parts their names."""
+def _outline_part(
+    part: str, inner: Values, values: Values, choices: Choices
+) -> tuple[str, str, str]:
+    """Return key, name and values; parts inside are named, sets of parts list their keys."""
     own = {key: value for key, value in inner.items() if "." not in key and key != TARGET}
     below: dict[str, dict[str, None]] = {}
     for key in inner:
-        first, *rest = key.split(".")
-        if rest:
-            below.setdefault(first, {})[rest[0]] = None
+        first, *others = key.split(".")
+        if others:
+            below.setdefault(first, {})[others[0]] = None
     if TARGET not in inner:
-        return "", "; ".join(filter(None, [_pairs(own), ", ".join(below)]))
-    said = [_pairs(own)]
+        return part, "", "; ".join(filter(None, [_join(own), ", ".join(below)]))
+    texts = [_join(own)]
     for name, keys in below.items():
-        target = inner.get(f"{name}.{TARGET}")
-        said.append(f"{name}: {part_name(target) if target else ', '.join(keys)}")
-    return part_name(inner[TARGET]), "; ".join(filter(None, said))
+        is_part = f"{name}.{TARGET}" in inner
+        inside = name_part(f"{part}.{name}", values, choices) if is_part else ", ".join(keys)
+        texts.append(f"{name}: {inside}")
+    return part, name_part(part, values, choices), "; ".join(filter(None, texts))
 
 
-def _pairs(values: Mapping[str, Any]) -> str:
-    kept = {key: value for key, value in values.items() if value not in ({}, [], "")}
-    return ", ".join(f"{key} {shown(value)}" for key, value in kept.items())
+def _join(values: Values) -> str:
+    given = {key: value for key, value in values.items() if value not in ({}, [], "")}
+    return ", ".join(f"{key} {format_value(value)}" for key, value in given.items())
 
 
-def shown(value: object) -> str:
-    """A value as YAML has it."""
+def format_value(value: object) -> str:
+    """Format a value as in YAML."""
     if value is None:
         return "null"
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def differences_of(records: Sequence[Record]) -> pd.DataFrame:
-    """A row for each key in which treatments differ, a column for each treatment."""
-    first = {record.treatment: record.values for record in reversed(records)}
+def common_choices(records: Sequence[Record]) -> dict[str, str]:
+    """Return the choices that all records have in common."""
+    first, *others = (record.choices for record in records)
+    return {
+        key: choice for key, choice in first.items() if all(o.get(key) == choice for o in others)
+    }
+
+
+def tabulate_differences(records: Sequence[Record]) -> pd.DataFrame:
+    """List the keys in which treatments differ: a row a key, a column a treatment."""
+    first: Mapping[str, Values] = {r.treatment: r.values for r in reversed(records)}
     treatments = list(dict.fromkeys(record.treatment for record in records))
     keys = dict.fromkeys(key for name in treatments for key in first[name])
     rows = []
     for key in keys:
-        cells = [shown(first[name][key]) if key in first[name] else "" for name in treatments]
+        cells = [
+            format_value(first[name][key]) if key in first[name] else "" for name in treatments
+        ]
         if len(set(cells)) > 1 and key.split(".")[0] not in IGNORED:
             rows.append([key, *cells])
     return pd.DataFrame(rows, columns=["key", *treatments])

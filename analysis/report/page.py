@@ -3,163 +3,120 @@
 import argparse
 import base64
 import hashlib
-import re
 from collections.abc import Iterator, Mapping, Sequence
-from html import escape
-from importlib import resources
+from typing import Any
+
+from markupsafe import Markup
 
 from ..product import Product
 from ..subcommands import SUBCOMMANDS
 from ..tables.records import Record
 from ..tables.study import Study
-from .html import folded, listing, paragraph, table
-from .outline import differences_of, outline
-from .playback import playbacks
-from .section import chapter, left_out
-from .summary import evaluation_rows, labels, run_rows, sentence, versions
+from .outline import common_choices, outline, tabulate_differences
+from .playback import select_playbacks
+from .section import render_section
+from .summary import (
+    label_runs,
+    summarize,
+    tabulate_evaluations,
+    tabulate_runs,
+    tabulate_versions,
+)
+from .templates import format_table, read_asset, render
 
 HELP = "one HTML page with everything, and the champions' missions to be played"
 FORMATS = ("html",)
 FIGURES = tuple(name for name in SUBCOMMANDS if name not in ("report", "replay"))
-"""What is asked for its figure, table and conclusions, each in its own section or under Figures."""
+"""The subcommands whose results are in the page."""
 OWN_SECTION = {"compare": "Statistics", "claims": "Claims"}
+"""The titles of the subcommands with sections of their own; the others are under Figures."""
 SCRIPTS = ("missions.js", "plan.js", "readings.js", "player.js", "tables.js")
-_SLOT = re.compile(r"\{\{(\w+)\}\}")
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
-    """How many missions can be played."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the size of the missions that can be played."""
     parser.add_argument(
         "--replays",
         type=float,
         default=3.0,
         metavar="MB",
         help="size of the missions in the page: the best run of each treatment, which is always "
-        "there, then the others, as far as they fit; 3",
+        "included, then the others, as far as they fit; 3",
     )
 
 
-def product(study: Study, options: argparse.Namespace) -> Product:
-    """The page of a study."""
-    replays = playbacks(study, options.replays * 1e6)
-    sections = dict(_sections(study, options, replays))
-    named = labels(study.records)
-    script = "\n" + "".join(map(_asset, SCRIPTS))
-    page = _filled(
-        _asset("page.html"),
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Make the page of a study."""
+    playbacks = select_playbacks(study, options.replays * 1e6)
+    labels = label_runs(study.records)
+    script = Markup("\n" + "".join(map(read_asset, SCRIPTS)))
+    page = render(
+        "page.html",
         policy=_policy(script),
-        title=escape(_title(study, options)),
-        subtitle=escape(sentence(study)),
-        style=_asset("style.css"),
-        contents="".join(f'<li><a href="#{_anchor(name)}">{name}</a></li>' for name in sections),
-        sections="\n".join(
-            f'<section id="{_anchor(name)}">\n<h2>{name}</h2>\n{content}\n</section>'
-            for name, content in sections.items()
-        ),
-        data="\n".join(
-            f'<script type="application/json" data-label="{escape(named[name])}">{content}</script>'
-            for name, content in replays.items()
-        ),
+        title=", ".join(path.expanduser().resolve().name for path in options.folders),
+        subtitle=summarize(study),
+        style=read_asset("style.css"),
+        sections=dict(_render_sections(study, options, playbacks)),
+        playbacks=[(labels[name], content) for name, content in playbacks.items()],
         script=script,
     ).encode()
-    played = f"missions of {len(replays)} of {len(study.records)} runs"
-    said = f"report.html: {len(page) / 1e6:.1f} MB, with the {played} to be played"
-    return Product(said=[said], files={"report.html": page})
+    played = f"missions of {len(playbacks)} of {len(study.records)} runs"
+    message = f"report.html: {len(page) / 1e6:.1f} MB, with the {played} to be played"
+    return Product(messages=[message], files={"report.html": page})
 
 
-def _sections(
-    study: Study, options: argparse.Namespace, replays: Mapping[str, str]
-) -> Iterator[tuple[str, str]]:
-    yield "Summary", _summary(study)
-    yield "Configuration", _configuration(study)
-    yield "Replay", _player(study, replays)
-    drawn = {name: chapter(name, study, options, name in OWN_SECTION) for name in FIGURES}
-    yield "Figures", "\n".join(drawn[name] for name in FIGURES if name not in OWN_SECTION)
+def _render_sections(
+    study: Study, options: argparse.Namespace, playbacks: Mapping[str, Markup]
+) -> Iterator[tuple[str, Markup]]:
+    """Yield the title and the content of each section."""
+    runs, evaluations = study.records, study.evaluations
+    yield (
+        "Summary",
+        render(
+            "summary.html",
+            runs=format_table(tabulate_runs(runs)) if runs else None,
+            evaluations=format_table(tabulate_evaluations(evaluations)) if evaluations else None,
+            left_out=study.left_out,
+        ),
+    )
+    groups: dict[str, Sequence[Record]] = {"Runs": runs, "Evaluations": evaluations}
+    configured = {name: _configure(records) for name, records in groups.items() if records}
+    yield "Configuration", render("configuration.html", groups=configured)
+    others = sum(record.finished for record in runs) - len(playbacks)
+    yield "Replay", render("player.html", played=len(playbacks), others=others)
+    drawn = {name: render_section(name, study, options, name in OWN_SECTION) for name in FIGURES}
+    yield "Figures", Markup("\n").join(drawn[n] for n in FIGURES if n not in OWN_SECTION)
     for name, title in OWN_SECTION.items():
         yield title, drawn[name]
-    yield "Made with", table(versions(study))
+    versions = format_table(tabulate_versions(study))
+    yield "Made with", render("versions.html", versions=versions)
 
 
-def _title(study: Study, options: argparse.Namespace) -> str:
-    return ", ".join(path.expanduser().resolve().name for path in options.folders)
+def _configure(records: Sequence[Record]) -> dict[str, Any]:
+    """Return what differs between treatments, what they have in common, and their files.
 
-
-def _summary(study: Study) -> str:
-    parts = []
-    if study.records:
-        words = (
-            "Recorded is the fitness on the draws that selected the design, validated that on "
-            "fresh ones, the few of the run itself; evaluations that validate are below. Pace is "
-            "simulated time over wall-clock time."
-        )
-        parts += [table(run_rows(study.records)), paragraph(words, "quiet")]
-    if study.evaluations:
-        parts += ["<h3>Evaluations</h3>", table(evaluation_rows(study.evaluations))]
-    parts.append(left_out(study.left_out))
-    return "\n".join(parts)
-
-
-def _configuration(study: Study) -> str:
-    """Runs and evaluations apart: a treatment of one is not that of the other."""
-    groups: dict[str, Sequence[Record]] = {"Runs": study.records, "Evaluations": study.evaluations}
-    there = {name: records for name, records in groups.items() if records}
-    parts = []
-    for name, records in there.items():
-        parts += [f"<h3>{name}</h3>"] * (len(there) > 1)
-        parts.append(_configured(records))
-    return "\n".join(parts)
-
-
-def _configured(records: Sequence[Record]) -> str:
+    Runs and evaluations are configured apart, because a treatment of one is not that of the other.
+    """
     first = {record.treatment: record for record in reversed(records)}
-    differing = differences_of(records)
-    varied = {*differing["key"], *(["seed"] if len(records) > 1 else [])}
+    differences = tabulate_differences(records)
+    varied = {*differences["key"], *(["seed"] if len(records) > 1 else [])}
     common = {key: value for key, value in records[0].values.items() if key not in varied}
-    parts = []
-    if len(differing):
-        parts += [paragraph("What differs between treatments:"), table(differing)]
-        parts.append(paragraph("What they have in common:"))
-    parts.append(listing(outline(common)))
-    for treatment in dict.fromkeys(record.treatment for record in records):
-        record = first[treatment]
-        text = (record.path / "config.yaml").read_text(errors="replace")
-        parts.append(folded(f"config.yaml of {record.name}", f"<pre>{escape(text)}</pre>"))
-    return "\n".join(parts)
-
-
-def _player(study: Study, replays: Mapping[str, str]) -> str:
-    if not replays:
-        return paragraph(
-            "No finished run has a champion whose missions could be played.", "missing"
-        )
-    more = sum(record.finished for record in study.records) - len(replays)
-    rest = f" The other {more} runs are left out, for size; see --replays." if more else ""
-    words = (
-        "The champion's first mission in each world, from above. Each cone ends at the sensor's "
-        "reading, in one colour for mirrored twins; faint: nothing in sight; grey and crossed: "
-        "failed. The path is coloured by what decided. Keys: space plays, arrows move by 1 s "
-        f"(with shift 10 s), Home and End, + and - zoom.{rest}"
-    )
-    return f"{paragraph(words)}\n{_asset('player.html')}"
+    treatments = dict.fromkeys(record.treatment for record in records)
+    files = {
+        first[name].name: (first[name].path / "config.yaml").read_text(errors="replace")
+        for name in treatments
+    }
+    return {
+        "differences": format_table(differences) if len(differences) else None,
+        "common": outline(common, common_choices(records)),
+        "files": files,
+    }
 
 
 def _policy(script: str) -> str:
-    """Nothing is fetched, and no script runs but this one."""
+    """Return the Content-Security-Policy: load nothing, and run this script alone."""
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return (
         f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; "
         "img-src data:; base-uri 'none'; form-action 'none'"
     )
-
-
-def _asset(name: str) -> str:
-    return resources.files(__package__).joinpath("web", name).read_text()
-
-
-def _filled(template: str, **slots: str) -> str:
-    """The template with its slots filled; what fills them is not looked into."""
-    return _SLOT.sub(lambda found: slots[found[1]], template)
-
-
-def _anchor(name: str) -> str:
-    return name.lower().replace(" ", "-")

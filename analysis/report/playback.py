@@ -1,10 +1,10 @@
-"""A champion's missions as the compact data that the page of a report plays.
+"""A champion's missions as compact data, which the page of a report plays.
 
-Positions and readings are whole millimetres, times milliseconds, angles milliradians, each column
-as differences from record to record, or as ``[record, value]`` where it changes: short numbers.
+Positions and readings are in whole millimetres, times in milliseconds, angles in milliradians.
+Each column is a list of differences between records, or of ``[record, value]`` where it changes,
+which keeps the numbers short.
 """
 
-import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from jinja2.utils import htmlsafe_json_dumps
+from markupsafe import Markup
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
@@ -19,66 +21,68 @@ from evoros.geometry.footprint import project_shape, top_height
 from evoros.world.course import Course
 from evoros.world.model import World
 
-from ..tables.designs import champion_sensors
+from ..tables.designs import read_champion_sensors
 from ..tables.records import Record
 from ..tables.study import Study
-from ..tables.tracks import NONE, champions_mission, champions_worlds, failures
+from ..tables.tracks import NONE, find_champion_mission, list_failures, load_champion_worlds
 
-RECORDS = 6000
-"""Of a mission at most; of a longer one as many are left out between any two."""
-MARGIN_M = 0.5  # around all that is drawn
+MAX_RECORDS = 6000
+"""Maximum number of records of a mission; longer ones are thinned out evenly."""
+MARGIN_M = 0.5  # around everything that is drawn
 Json = dict[str, Any]
 
 
-def playbacks(study: Study, most: float) -> dict[str, str]:
-    """What the page plays, by the name of the run.
+def select_playbacks(study: Study, max_bytes: float) -> dict[str, Markup]:
+    """Encode the missions of the best run of each treatment, and of other runs that fit.
 
-    That is the best run of each treatment, then the others from the best on, as far as they fit
-    into ``most`` bytes together.
+    The others follow from the best on, while all together have at most ``max_bytes``. The keys are
+    the names of the runs.
     """
     ranked = study.ranked if any(record.finished for record in study.records) else ()
     best = {record.treatment: record for record in reversed(ranked)}
-    first = [best[treatment] for treatment in study.treatments if treatment in best]
-    found: dict[str, str] = {}
-    for record, data in study.each(dict.fromkeys([*first, *ranked]), playback):
-        left = most - sum(map(len, found.values()))
-        if record in first or len(data) <= left:
-            found[record.name] = data
-        elif left <= 0:
+    required = [best[treatment] for treatment in study.treatments if treatment in best]
+    playbacks: dict[str, Markup] = {}
+    for record, data in study.read_each(dict.fromkeys([*required, *ranked]), encode_playback):
+        room = max_bytes - sum(map(len, playbacks.values()))
+        if record in required or len(data) <= room:
+            playbacks[record.name] = data
+        elif room <= 0:
             break
-    return found
+    return playbacks
 
 
-def playback(record: Record) -> str:
-    """The missions of a finished run's champion, as JSON that may stand in a ``<script>``.
+def encode_playback(record: Record) -> Markup:
+    """Encode the missions of a finished run's champion as JSON for a ``script`` element.
 
     Raises:
-        InputError: a file of the champion is missing or damaged.
+        InputError: a file of the champion is missing or damaged, or no mission could be run.
     """
-    setting = record.setting
-    worlds = champions_worlds(record.run, setting)
-    flown = {name: record.run.trajectory(name) for name in worlds}
-    if not any(len(table) for table in flown.values()):
-        raise InputError(f"{record.path / 'champion'}: none of its missions could be flown")
+    context = record.context
+    worlds = load_champion_worlds(record.run, context)
+    trajectories = {name: record.run.trajectory(name) for name in worlds}
+    if not any(map(len, trajectories.values())):
+        raise InputError(
+            f"{record.path / 'champion'}: must have a mission that was run, but has none; give "
+            f"another run"
+        )
     content = {
         "run": record.name,
         "parts": [
-            {**_shape(part.vertices, part.radius_m), "wheel": part.wheel}
-            for part in sorted(setting.parts, key=lambda part: part.top_m)
+            {**_encode_shape(part.vertices, part.radius_m), "wheel": part.wheel}
+            for part in sorted(context.parts, key=lambda part: part.top_m)
         ],
-        "sensors": list(_sensors(champion_sensors(record))),
-        "modes": [NONE, *setting.modes],
+        "sensors": list(_encode_sensors(read_champion_sensors(record))),
+        "modes": [NONE, *context.modes],
         "missions": [
-            _mission(name, worlds[name], table, champions_mission(record.run, name))
-            for name, table in flown.items()
+            _encode_mission(worlds[name], table, find_champion_mission(record.run, name))
+            for name, table in trajectories.items()
             if len(table)
         ],
     }
-    text = json.dumps(content, separators=(",", ":"), ensure_ascii=True)
-    return text.replace("<", "\\u003c")  # nothing in it can end the element
+    return htmlsafe_json_dumps(content, separators=(",", ":"))
 
 
-def _sensors(table: pd.DataFrame) -> Iterator[Json]:
+def _encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
     for row in table.to_dict("records"):
         yield {
             "type": str(row["type"]),
@@ -92,101 +96,104 @@ def _sensors(table: pd.DataFrame) -> Iterator[Json]:
         }
 
 
-def _mission(name: str, world: World, flown: pd.DataFrame, row: "pd.Series[Any]") -> Json:
-    places = flown[["x_m", "y_m"]].to_numpy(float)
-    obstacles = list(_obstacles(world))
+def _encode_mission(world: World, trajectory: pd.DataFrame, row: "pd.Series[Any]") -> Json:
+    places = trajectory[["x_m", "y_m"]].to_numpy(float)
+    obstacles = list(_encode_obstacles(world))
     return {
-        "world": name,
-        "summary": _summary(row),
+        "world": row["world"],
+        "summary": _summarize(row),
         "goals": len(world.course.route(True)),
-        "course": _course(world.course),
+        "course": _encode_course(world.course),
         "obstacles": obstacles,
         "extent": _extent(places, world.course, obstacles),
         "failed": [
-            {"sensor": sensor, "at_s": round(at, 3), "by": effect}
-            for sensor, at, effect in failures(row)
+            {"sensor": sensor, "at_s": round(time, 3), "by": effect}
+            for sensor, time, effect in list_failures(row)
         ],
-        "reached": list(_reached(flown, world.course)),
-        "collisions": list(_collisions(flown)),
-        **_columns(flown.iloc[kept(len(flown))]),
+        "reached": list(_encode_waypoints(trajectory, world.course)),
+        "collisions": list(_encode_collisions(trajectory)),
+        **_encode_columns(trajectory.iloc[thin_out(len(trajectory))]),
     }
 
 
-def kept(records: int) -> list[int]:
-    """The rows that are kept: all, or evenly ``RECORDS`` of them, the first and last included."""
-    return [round(place) for place in np.linspace(0, records - 1, min(records, RECORDS)).tolist()]
+def thin_out(records: int) -> list[int]:
+    """Choose at most ``MAX_RECORDS`` rows, evenly, the first and the last included."""
+    places = np.linspace(0, records - 1, min(records, MAX_RECORDS))
+    return [round(place) for place in places.tolist()]
 
 
-def _columns(flown: pd.DataFrame) -> Json:
-    time, x, y, turned = (
-        flown[name].to_numpy(float) for name in ("time_s", "x_m", "y_m", "yaw_rad")
+def _encode_columns(trajectory: pd.DataFrame) -> Json:
+    time, x, y, yaw = (
+        trajectory[name].to_numpy(float) for name in ("time_s", "x_m", "y_m", "yaw_rad")
     )
-    ranges = [name for name in flown.columns if name.startswith("range_")]
+    ranges = [name for name in trajectory.columns if name.startswith("range_")]
     return {
-        "time": changes(differences(_thousandths(time))),
-        "x": differences(_thousandths(x)),
-        "y": differences(_thousandths(y)),
-        "yaw": differences(_thousandths(np.unwrap(turned))),
-        "mode": changes(flown["mode"].astype(int).tolist()),
-        "contact": changes(flown["contact"].astype(int).tolist()),
-        "readings": [differences(_thousandths(flown[name].to_numpy(float))) for name in ranges],
+        "time": encode_changes(encode_differences(_to_thousandths(time))),
+        "x": encode_differences(_to_thousandths(x)),
+        "y": encode_differences(_to_thousandths(y)),
+        "yaw": encode_differences(_to_thousandths(np.unwrap(yaw))),
+        "mode": encode_changes(trajectory["mode"].astype(int).tolist()),
+        "contact": encode_changes(trajectory["contact"].astype(int).tolist()),
+        "readings": [
+            encode_differences(_to_thousandths(trajectory[name].to_numpy(float))) for name in ranges
+        ],
     }
 
 
-def _thousandths(values: Array) -> list[int | None]:
+def _to_thousandths(values: Array) -> list[int | None]:
     return [None if math.isnan(value) else round(value * 1000) for value in values.tolist()]
 
 
-def differences(values: Sequence[int | None]) -> list[int | None]:
-    """Each value less the last one before it that is not None; None stays."""
-    last, found = 0, list[int | None]()
+def encode_differences(values: Sequence[int | None]) -> list[int | None]:
+    """Subtract from each value the last known one before it; None stays."""
+    last, differences = 0, list[int | None]()
     for value in values:
-        found.append(None if value is None else value - last)
+        differences.append(None if value is None else value - last)
         last = last if value is None else value
-    return found
+    return differences
 
 
-def changes(values: Sequence[int | None]) -> list[list[int | None]]:
-    """``[place, value]`` of the first and of each that differs from the one before it."""
-    ends = [place for place, (a, b) in enumerate(pairwise(values), 1) if a != b]
-    return [[place, values[place]] for place in (0, *ends)] if values else []
+def encode_changes(values: Sequence[int | None]) -> list[list[int | None]]:
+    """List ``[index, value]`` of the first value and of each that differs from the previous."""
+    changes = [index for index, (a, b) in enumerate(pairwise(values), 1) if a != b]
+    return [[index, values[index]] for index in (0, *changes)] if values else []
 
 
-def _reached(flown: pd.DataFrame, course: Course) -> Iterator[list[float]]:
-    """``[time, corner]`` of each waypoint, the nearest to where the robot was; -1 is home."""
+def _encode_waypoints(trajectory: pd.DataFrame, course: Course) -> Iterator[list[float]]:
+    """Yield ``[time, number]`` of each visited waypoint, the nearest to the robot; -1 is home."""
     goals = np.array([course.home[:2], *course.waypoints])
-    for place in _begins(flown["visited"]):
-        row = flown.iloc[place]
+    for index in _find_increases(trajectory["visited"]):
+        row = trajectory.iloc[index]
         distances = np.hypot(*(goals - [row["x_m"], row["y_m"]]).T)
         yield [round(float(row["time_s"]), 3), int(np.argmin(distances)) - 1]
 
 
-def _collisions(flown: pd.DataFrame) -> Iterator[Json]:
-    for place in _begins(flown["contact"]):
-        row = flown.iloc[place]
+def _encode_collisions(trajectory: pd.DataFrame) -> Iterator[Json]:
+    for index in _find_increases(trajectory["contact"]):
+        row = trajectory.iloc[index]
         names = (("at_s", "time_s"), ("x", "x_m"), ("y", "y_m"))
         yield {name: round(float(row[column]), 3) for name, column in names}
 
 
-def _begins(column: pd.Series) -> list[int]:
-    """The rows in which a count is greater than in the row before; it begins at 0."""
+def _find_increases(column: pd.Series) -> list[int]:
+    """Find the rows in which a count that begins at 0 is greater than in the row before."""
     return np.flatnonzero(np.diff(column.to_numpy(float), prepend=0) > 0).tolist()
 
 
-def _obstacles(world: World) -> Iterator[Json]:
-    """What stands on the plane, the lowest first, so that nothing hides what stands on it."""
+def _encode_obstacles(world: World) -> Iterator[Json]:
+    """Yield the shapes of the obstacles from the lowest top on, in the order of drawing."""
     placed = [(shape, body.pose @ shape.pose) for body in world.obstacles for shape in body.shapes]
-    for shape, pose in sorted(placed, key=lambda each: top_height(*each)):
+    for shape, pose in sorted(placed, key=lambda pair: top_height(*pair)):
         area = project_shape(shape, pose)
-        yield _shape(area.vertices, area.radius)
+        yield _encode_shape(area.vertices, area.radius)
 
 
-def _shape(vertices: Iterable[Sequence[float]], radius_m: float) -> Json:
+def _encode_shape(vertices: Iterable[Sequence[float]], radius_m: float) -> Json:
     corners = [[round(float(x), 4), round(float(y), 4)] for x, y in vertices]
     return {"vertices": corners, "radius": round(float(radius_m), 4)}
 
 
-def _course(course: Course) -> Json:
+def _encode_course(course: Course) -> Json:
     return {
         "home": list(course.home[:2]),
         "waypoints": [list(point) for point in course.waypoints],
@@ -195,10 +202,12 @@ def _course(course: Course) -> Json:
 
 
 def _extent(places: Array, course: Course, obstacles: Sequence[Json]) -> list[float]:
-    """x and y of the least and of the greatest corner [m]."""
+    """Return x and y of the lower left and the upper right corner [m]."""
     corners = np.array([course.home[:2], *course.waypoints])
     solid = [
-        np.array(each["vertices"]) + sign * each["radius"] for each in obstacles for sign in (-1, 1)
+        np.array(shape["vertices"]) + sign * shape["radius"]
+        for shape in obstacles
+        for sign in (-1, 1)
     ]
     reach = course.acceptance_m
     points = np.concatenate([places, corners - reach, corners + reach, *solid])
@@ -206,7 +215,7 @@ def _extent(places: Array, course: Course, obstacles: Sequence[Json]) -> list[fl
     return [round(float(value), 3) for value in (*low, *high)]
 
 
-def _summary(row: "pd.Series[Any]") -> str:
+def _summarize(row: "pd.Series[Any]") -> str:
     ended = str(row["ended"]).replace("_", " ")
     touched = int(row["collisions"]) if pd.notna(row["collisions"]) else 0
     collisions = f"{touched} collision{'' if touched == 1 else 's'}"

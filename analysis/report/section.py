@@ -1,90 +1,91 @@
-"""A subcommand's part of a report: figure, conclusions and numbers, or why there are none."""
+"""A subcommand's section of a report: figure, messages and numbers, or why there are none."""
 
 import argparse
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from html import escape
+from dataclasses import dataclass
 
-import pandas as pd
+from markupsafe import Markup
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, single_line
 from evoros.base.log import LOGGER
 
-from ..subcommands import module_of, parse
+from ..subcommands import import_subcommand, parse
 from ..tables.study import Study
-from .html import bullets, folded, paragraph, picture, table
+from .pictures import embed_figure
+from .templates import Table, format_table, render
 
-ROWS = 400
-"""Of a table that is put into the page; longer ones are left to the subcommand."""
+MAX_ROWS = 400
+"""Maximum number of rows of a table in the page; longer ones are left to the subcommand."""
 
 
-def chapter(name: str, study: Study, options: argparse.Namespace, own_section: bool) -> str:
-    """What a subcommand makes of a study with its own defaults, as HTML.
+@dataclass(frozen=True)
+class Section:
+    """The content of a section."""
 
-    A fault of the subcommand costs its part of the page, and not the others.
+    missing: str = ""  # why there is no content
+    caption: str = ""
+    picture: Markup | None = None
+    messages: Sequence[str] = ()
+    rows: int = 0  # of the table of numbers
+    numbers: Table | None = None  # None: no table, or too many rows
+
+
+def render_section(
+    name: str, study: Study, options: argparse.Namespace, own_section: bool
+) -> Markup:
+    """Render the results of a subcommand for a study, with the subcommand's default options.
+
+    An error in the subcommand affects its section alone.
     """
-    broken = ""
-    with _heard() as heard:
+    failure = ""
+    with _collect_messages() as left_out:
         try:
-            content = _content(name, study, options, own_section)
+            section = _make_section(name, study, options)
         except InputError as error:
-            content = paragraph(_line(error), "missing")
+            section = Section(missing=single_line(error))
         except Exception as error:
-            broken = f"cannot be drawn ({type(error).__name__}: {_line(error)})"
-            content = paragraph(f"This {broken}.", "missing")
-    if broken:
-        LOGGER.warning("%s: %s; left out", name, broken)
-    title = "" if own_section else f"<h3>{escape(name.capitalize())}</h3>\n"
-    return f"{title}{content}\n{left_out(heard)}"
+            failure = f"cannot be drawn ({type(error).__name__}: {single_line(error)})"
+            section = Section(missing=f"This {failure}.")
+    if failure:
+        LOGGER.warning("%s: %s; left out", name, failure)
+    return render(
+        "section.html",
+        name=name,
+        own_section=own_section,
+        section=section,
+        left_out=list(dict.fromkeys(left_out)),
+    )
 
 
-def left_out(lines: Sequence[str]) -> str:
-    """What was said of what is not in a figure; nothing of nothing."""
-    once = list(dict.fromkeys(lines))
-    return folded(f"Left out ({len(once)})", bullets(once)) if once else ""
-
-
-def _content(name: str, study: Study, options: argparse.Namespace, own_section: bool) -> str:
-    module = module_of(name)
+def _make_section(name: str, study: Study, options: argparse.Namespace) -> Section:
+    module = import_subcommand(name)
     own = parse([name, *map(str, options.folders)])
     own.output = options.output
-    made = module.product(study, own)
-    parts = []
-    if made.figure is not None:
-        caption = f"{module.HELP[0].upper()}{module.HELP[1:]}."
-        drawn = picture(made.figure, name)
-        parts.append(f"<figure>{drawn}<figcaption>{escape(caption)}</figcaption></figure>")
-    said = bullets(made.said)
-    parts.append(
-        folded(f"In words ({len(made.said)} lines)", said) if len(made.said) > 12 else said
+    product = module.make_product(study, own)
+    figure, table = product.figure, product.table
+    rows = 0 if table is None else len(table)
+    return Section(
+        caption=f"{module.HELP[0].upper()}{module.HELP[1:]}.",
+        picture=None if figure is None else embed_figure(figure, name),
+        messages=product.messages,
+        rows=rows,
+        numbers=None if table is None or rows > MAX_ROWS else format_table(table),
     )
-    if made.table is not None:
-        parts.append(_numbers(name, made.table, own_section))
-    return "\n".join(filter(None, parts))
-
-
-def _numbers(name: str, numbers: pd.DataFrame, unfolded: bool) -> str:
-    if len(numbers) > ROWS:
-        return paragraph(f"{len(numbers)} rows of numbers: evoros-analyze {name} FOLDER", "quiet")
-    return folded(f"Numbers ({len(numbers)} rows)", table(numbers), unfolded)
 
 
 @contextmanager
-def _heard() -> Iterator[list[str]]:
-    """What is said of what is left out meanwhile; it goes into the page, and not elsewhere."""
-    lines: list[str] = []
+def _collect_messages() -> Iterator[list[str]]:
+    """Collect the messages that are logged meanwhile; they appear in the page alone."""
+    messages: list[str] = []
 
-    def keep(record: logging.LogRecord) -> bool:
-        lines.append(record.getMessage())
+    def collect(record: logging.LogRecord) -> bool:
+        messages.append(record.getMessage())
         return False
 
-    LOGGER.addFilter(keep)
+    LOGGER.addFilter(collect)
     try:
-        yield lines
+        yield messages
     finally:
-        LOGGER.removeFilter(keep)
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())
+        LOGGER.removeFilter(collect)

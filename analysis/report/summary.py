@@ -1,50 +1,50 @@
-"""What runs and evaluations came to, as the tables of a report."""
+"""Summaries of runs and evaluations, as the tables of a report."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import pandas as pd
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, single_line
 from evoros.base.log import LOGGER
 
-from ..tables.records import Record, Scored
+from ..tables.records import EvaluationRecord, Record
 from ..tables.study import Study
 
-HASH = 12  # characters of a hash that are shown
+HASH_LENGTH = 12  # characters of a hash that are shown
 
 
-def sentence(study: Study) -> str:
-    """How many of what, and when they were made."""
+def summarize(study: Study) -> str:
+    """Return the numbers of runs, treatments and evaluations, and their dates."""
     parts = []
     if study.records:
-        done = sum(record.finished for record in study.records)
-        parts.append(f"{_count(len(study.records), 'run')}, {done} finished")
+        finished = sum(record.finished for record in study.records)
+        parts.append(f"{_count(len(study.records), 'run')}, {finished} finished")
         parts.append(_count(len(study.treatments), "treatment"))
     if study.evaluations:
         parts.append(_count(len(study.evaluations), "evaluation"))
-    everything: tuple[Record, ...] = (*study.records, *study.evaluations)
-    days = sorted(str(record.run.manifest.get("created", ""))[:10] for record in everything)
+    records: tuple[Record, ...] = (*study.records, *study.evaluations)
+    days = sorted(str(record.run.manifest.get("created", ""))[:10] for record in records)
     parts.append(days[0] if days[0] == days[-1] else f"{days[0]} to {days[-1]}")
     return " · ".join(parts)
 
 
-def labels(records: Sequence[Record]) -> dict[str, str]:
-    """A short text for each run, by its name: its treatment and seed, where no two share both."""
+def label_runs(records: Sequence[Record]) -> dict[str, str]:
+    """Label each run, by name, with treatment and seed, or with its name if those repeat."""
     short = [f"{record.treatment}, seed {record.seed}" for record in records]
     names = [record.name for record in records]
     distinct = len(records) > 1 and len(set(short)) == len(short)
     return dict(zip(names, short if distinct else names, strict=True))
 
 
-def run_rows(records: Sequence[Record]) -> pd.DataFrame:
-    """A row for each run: how far it is, its best fitness, its missions and its pace."""
+def tabulate_runs(records: Sequence[Record]) -> pd.DataFrame:
+    """List a row for each run: its progress, best fitness, missions and pace."""
     return pd.DataFrame([_run_row(record) for record in records])
 
 
 def _run_row(record: Record) -> dict[str, Any]:
     status = record.run.status
-    wall = status.get("session_wall_s") or 0.0
+    wall_s = status.get("session_wall_s") or 0.0
     return {
         "treatment": record.treatment,
         "seed": record.seed,
@@ -54,22 +54,22 @@ def _run_row(record: Record) -> dict[str, Any]:
         "validated": status.get("best_validated_fitness"),
         "missions": status.get("missions"),
         "simulated [s]": _simulated_s(record),
-        "pace [s/s]": status.get("session_simulated_s", 0.0) / wall if wall else None,
+        "pace [s/s]": status.get("session_simulated_s", 0.0) / wall_s if wall_s else None,
         "run": record.name,
     }
 
 
 def _simulated_s(record: Record) -> float | None:
-    """Of all its missions, of earlier sessions too."""
+    """Return the simulated time of all missions [s], also of earlier sessions."""
     try:
         return float(record.run.missions["time_s"].sum())
     except (InputError, LookupError, ValueError, TypeError) as error:
-        LOGGER.warning("%s; its simulated time is left out", " ".join(str(error).split()))
+        LOGGER.warning("%s; its simulated time is left out", single_line(error))
         return None
 
 
-def evaluation_rows(evaluations: Sequence[Scored]) -> pd.DataFrame:
-    """A row for each evaluation."""
+def tabulate_evaluations(evaluations: Sequence[EvaluationRecord]) -> pd.DataFrame:
+    """List a row for each evaluation."""
     return pd.DataFrame(
         [
             {
@@ -84,20 +84,19 @@ def evaluation_rows(evaluations: Sequence[Scored]) -> pd.DataFrame:
     )
 
 
-def versions(study: Study) -> pd.DataFrame:
-    """What the folders were made with: a row for each version or hash, with how many have it."""
-    everything: tuple[Record, ...] = (*study.records, *study.evaluations)
-    found: dict[tuple[str, str], int] = {}
-    for record in everything:
-        for pair in _made_with(record.run.manifest):
-            found[pair] = found.get(pair, 0) + 1
-    order = list(dict.fromkeys(name for name, _ in found))
-    rows = [(name, value, n) for (name, value), n in found.items()]
+def tabulate_versions(study: Study) -> pd.DataFrame:
+    """List a row for each version or hash, with the number of folders that have it."""
+    counts: dict[tuple[str, str], int] = {}
+    for record in (*study.records, *study.evaluations):
+        for pair in _versions(record.run.manifest):
+            counts[pair] = counts.get(pair, 0) + 1
+    order = list(dict.fromkeys(name for name, _ in counts))
+    rows = [(name, value, count) for (name, value), count in counts.items()]
     rows.sort(key=lambda row: order.index(row[0]))
     return pd.DataFrame(rows, columns=["what", "version or hash", "folders"])
 
 
-def _made_with(manifest: dict[str, Any]) -> Iterator[tuple[str, str]]:
+def _versions(manifest: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield "evoros, commit", str(manifest.get("commit") or "no checkout")
     for name, version in (manifest.get("packages") or {}).items():
         yield name, str(version or "not installed")
@@ -105,8 +104,8 @@ def _made_with(manifest: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield name, str(manifest.get(name, ""))
     for name, digest in (manifest.get("sha256") or {}).items():
         if not name.startswith("configuration"):  # differs from run to run, by its seed
-            yield f"sha256 of {name}", str(digest)[:HASH]
+            yield f"sha256 of {name}", str(digest)[:HASH_LENGTH]
 
 
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}{'' if n == 1 else 's'}"
+def _count(n: int, noun: str) -> str:
+    return f"{n} {noun}{'' if n == 1 else 's'}"

@@ -1,1 +1,1 @@
-"""From folders to tables: runs, evaluations, and what they have in common."""
+"""Tables of runs and evaluations, read from their folders."""

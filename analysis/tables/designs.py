@@ -1,4 +1,4 @@
-"""Designs as tables: a row a sensor, in the robot's frame (x forward, y left)."""
+"""Designs as tables: a row for each sensor, in the robot's frame (x forward, y left)."""
 
 import math
 import re
@@ -26,82 +26,94 @@ COLUMNS = (
     "range_m",
     "pair",
 )
-"""``pair`` numbers the placed sensors: mirrored twins share it."""
+"""``pair`` numbers the placed sensors; mirrored twins share it."""
 
 
-def sensors(mounts: pd.DataFrame, setting: FigureContext) -> pd.DataFrame:
-    """The columns ``COLUMNS``, of mounts with the columns of ``champion/design.csv``.
+def place_sensors(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
+    """Transform mounts from the frames of their links to the robot's frame.
 
-    Angles are from -180 to 180. Rows of designs without sensors are left out.
+    ``mounts`` has the columns of ``champion/design.csv``; the table returned has ``COLUMNS``.
+    Angles are from -180 to 180. Rows of designs without sensors are dropped.
+
+    Raises:
+        InputError: a link or type is not in the context.
     """
     frame = mounts[mounts.sensor.notna()].copy()
     frame["link"] = frame.link.astype(str)
-    unknown = (set(frame.link) - set(setting.places)) | (set(frame.type) - set(setting.beams))
+    unknown = (set(frame.link) - set(context.places)) | (set(frame.type) - set(context.beams))
     if unknown:
-        known = ", ".join((*setting.places, *setting.beams))
+        known = ", ".join((*context.places, *context.beams))
         raise InputError(
             f"design.csv: links and types must be those of setting.json ({known}), not "
             f"{', '.join(map(str, unknown))}; restore the files"
         )
-    places = np.array([setting.places[link] for link in frame.link]).reshape(-1, 4)
-    beams = [setting.beams[kind] for kind in frame.type]
+    links = np.array([context.places[link] for link in frame.link]).reshape(-1, 4)
+    beams = [context.beams[kind] for kind in frame.type]
     x, y = frame.x_m.to_numpy(float), frame.y_m.to_numpy(float)
-    cos, sin = np.cos(places[:, 3]), np.sin(places[:, 3])
-    frame["x_m"], frame["y_m"] = places[:, 0] + cos * x - sin * y, places[:, 1] + sin * x + cos * y
-    frame["z_m"] = places[:, 2] + frame.z_m.to_numpy(float)
-    turned = frame.yaw_deg.to_numpy(float) + np.degrees(places[:, 3])
-    frame["yaw_deg"] = turned - 360.0 * np.ceil((turned - 180.0) / 360.0)
+    cos, sin = np.cos(links[:, 3]), np.sin(links[:, 3])
+    frame["x_m"], frame["y_m"] = links[:, 0] + cos * x - sin * y, links[:, 1] + sin * x + cos * y
+    frame["z_m"] = links[:, 2] + frame.z_m.to_numpy(float)
+    yaw = frame.yaw_deg.to_numpy(float) + np.degrees(links[:, 3])
+    frame["yaw_deg"] = yaw - 360.0 * np.ceil((yaw - 180.0) / 360.0)
     frame["fov_deg"] = [beam.fov_deg for beam in beams]
     frame["range_m"] = [beam.range_max_m for beam in beams]
     frame["sensor"] = frame.sensor.astype(int)
-    frame["pair"] = frame.sensor // 2 if setting.mirrored else frame.sensor
+    frame["pair"] = frame.sensor // 2 if context.mirrored else frame.sensor
     return frame[list(COLUMNS)]
 
 
-def champion_sensors(record: "Record") -> pd.DataFrame:
-    """Of a run's champion, with ``fitness`` and ``validated_fitness``."""
-    return sensors(record.run.champion, record.setting).assign(**_fitness(record))
+def read_champion_sensors(record: "Record") -> pd.DataFrame:
+    """Read the sensors of a run's champion, with ``fitness`` and ``validated_fitness``."""
+    return place_sensors(record.run.champion, record.context).assign(**_fitness(record))
 
 
 def _fitness(record: "Record") -> dict[str, float]:
     columns = ("fitness", "validated_fitness")
-    return {name: number(record.run.status.get(f"best_{name}")) for name in columns}
+    return {name: to_number(record.run.status.get(f"best_{name}")) for name in columns}
 
 
-def champion_or_none(record: "Record") -> pd.DataFrame:
-    """The same; a row without values, fitness apart, for a champion that has no sensors."""
-    frame = champion_sensors(record)
+def read_champion(record: "Record") -> pd.DataFrame:
+    """Read the champion's sensors, or one row with fitness alone if it has no sensors."""
+    frame = read_champion_sensors(record)
     if len(frame):
         return frame
-    missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # stay whole beside others
+    missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # integers beside other runs
     return frame.reindex([0]).assign(**_fitness(record)).astype(missing)
 
 
-def generations(record: "Record") -> pd.DataFrame:
-    """A row for each candidate of each generation; there must be one."""
+def read_generations(record: "Record") -> pd.DataFrame:
+    """Read a row for each candidate of each generation.
+
+    Raises:
+        InputError: no generation is finished.
+    """
     table = record.run.generations
     if table.empty:
-        raise InputError(f"{record.path}: must have a generation, and has none; resume the run")
+        raise InputError(
+            f"{record.path}: must have a finished generation, but has none; resume the run"
+        )
     return table
 
 
-def initial_sensors(record: "Record") -> pd.DataFrame:
-    """Of the designs of generation 0 that were made at random."""
-    table = generations(record)
+def read_initial_sensors(record: "Record") -> pd.DataFrame:
+    """Read the sensors of the random designs of generation 0."""
+    table = read_generations(record)
     first = table[(table.generation == 0) & (table.operator == "initial")].drop_duplicates("id")
-    return sensors(candidate_mounts(first, record), record.setting)
+    return place_sensors(list_mounts(first, record), record.context)
 
 
-def candidate_mounts(candidates: pd.DataFrame, record: "Record") -> pd.DataFrame:
-    """The mounts of rows of a generation's table, twins included, as ``champion/design.csv``."""
-    setting = record.setting
+def list_mounts(candidates: pd.DataFrame, record: "Record") -> pd.DataFrame:
+    """List the mounts of candidates, twins included, with the columns of ``design.csv``.
+
+    ``candidates`` has rows of a generation's table.
+    """
     placed = [_slot(candidates, slot, record) for slot in range(len(_slots(candidates)))]
-    if setting.mirrored:
-        placed += [each.assign(twin=1, y_m=-each.y_m, yaw_deg=-each.yaw_deg) for each in placed]
+    if record.context.mirrored:
+        placed += [mount.assign(twin=1, y_m=-mount.y_m, yaw_deg=-mount.yaw_deg) for mount in placed]
     if not placed:
         return pd.DataFrame(columns=[*COLUMNS, "link"])
     mounts = pd.concat(placed, ignore_index=True)
-    order = {kind: place for place, kind in enumerate(setting.beams)}
+    order = {kind: number for number, kind in enumerate(record.context.beams)}
     mounts = mounts.assign(order=mounts.type.map(order))
     mounts = mounts.sort_values(["design", "order", "slot", "twin"], ignore_index=True)
     return mounts.assign(sensor=mounts.groupby("design").cumcount())
@@ -112,19 +124,23 @@ def _slots(candidates: pd.DataFrame) -> list[str]:
 
 
 def _slot(candidates: pd.DataFrame, slot: int, record: "Record") -> pd.DataFrame:
-    """The sensors placed by one slot; what its region leaves open is the robot's default mount."""
+    """List the sensors of one slot; values that their region leaves open are the robot's."""
     prefix = f"sensor{slot}_"
-    own = candidates[[name for name in candidates if str(name).startswith((prefix, "id"))]]
-    own = own.rename(columns=lambda name: "design" if name == "id" else name.removeprefix(prefix))
-    own = own[own.x_m.notna()].assign(slot=slot, twin=0)
+    mounts = candidates[[name for name in candidates if str(name).startswith((prefix, "id"))]]
+    mounts = mounts.rename(
+        columns=lambda name: "design" if name == "id" else name.removeprefix(prefix)
+    )
+    mounts = mounts[mounts.x_m.notna()].assign(slot=slot, twin=0)
     for name in ("link", "z_m", "pitch_deg"):
-        if name not in own:
+        if name not in mounts:
             default = record.values.get(f"robot.mount.{name}")
-            given = [record.values.get(f"design.regions.{region}.{name}") for region in own.region]
-            own[name] = [default if value is None else value for value in given]
-    return own if "type" in own else own.assign(type=next(iter(record.setting.beams), ""))
+            fixed = [
+                record.values.get(f"design.regions.{region}.{name}") for region in mounts.region
+            ]
+            mounts[name] = [default if value is None else value for value in fixed]
+    return mounts if "type" in mounts else mounts.assign(type=next(iter(record.context.beams), ""))
 
 
-def number(value: object) -> float:
-    """NaN where it is none."""
+def to_number(value: object) -> float:
+    """Convert a value to a float; anything but a number becomes NaN."""
     return float(value) if isinstance(value, int | float) else math.nan

@@ -1,4 +1,4 @@
-"""Finds the folders of runs and evaluations, and gives them short names."""
+"""Find the folders of runs and evaluations, and shorten their names."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -8,45 +8,46 @@ from evoros.base.log import LOGGER
 from evoros.storage.discovery import folders_below
 
 
-def folders_of(paths: Sequence[Path]) -> list[Path]:
-    """The folders of runs and evaluations in all of these, each once, whatever ways lead to it.
+def find_folders(paths: Sequence[Path]) -> list[Path]:
+    """Find all run and evaluation folders below the paths.
 
-    One that counted twice would be taken for two replicates.
+    A folder that several paths lead to is listed once. If it were listed twice, it would be taken
+    for two replicates.
 
     Raises:
-        InputError: a path leads nowhere.
+        InputError: a path does not exist.
     """
     found: dict[Path, Path] = {}
     for path in paths:
-        for folder in folders_in(path):
+        for folder in list_folders(path):
             found.setdefault(folder.resolve(), folder)
     return list(found.values())
 
 
-def folders_in(path: Path) -> Iterator[Path]:
-    """The folders of runs and evaluations in ``path``, or itself; that there is none is said.
+def list_folders(path: Path) -> Iterator[Path]:
+    """Yield ``path`` itself or the run and evaluation folders below it; warn if there are none.
 
     Raises:
-        InputError: there is no such folder.
+        InputError: ``path`` is not a folder.
     """
     if not path.is_dir():
-        raise InputError(f"{path}: must be a folder of runs, and there is none; correct the path")
+        raise InputError(f"{path}: must be a folder of runs, but does not exist; correct the path")
     found = list(folders_below(path))
     if not found:
-        LOGGER.warning("%s: must hold runs, and holds none; left out", path)
+        LOGGER.warning("%s: must contain runs, but contains none; left out", path)
     yield from found
 
 
-def short_names(folders: Iterable[Path]) -> dict[Path, str]:
-    """For each folder as much of the end of its path as tells it from the others."""
-    rest, names = {folder: folder.resolve().parts for folder in folders}, dict[Path, str]()
+def shorten_names(folders: Iterable[Path]) -> dict[Path, str]:
+    """Name each folder by the shortest end of its path that no other folder has."""
+    unnamed, names = {folder: folder.resolve().parts for folder in folders}, dict[Path, str]()
     length = 1
-    while rest:
-        ends = {folder: parts[-length:] for folder, parts in rest.items()}
+    while unnamed:
+        ends = {folder: parts[-length:] for folder, parts in unnamed.items()}
         taken = list(ends.values())
         for folder, end in ends.items():
-            if taken.count(end) == 1 or length >= len(rest[folder]):
+            if taken.count(end) == 1 or length >= len(unnamed[folder]):
                 names[folder] = "/".join(end)
-        rest = {folder: parts for folder, parts in rest.items() if folder not in names}
+        unnamed = {folder: parts for folder, parts in unnamed.items() if folder not in names}
         length += 1
     return names

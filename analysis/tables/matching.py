@@ -1,92 +1,110 @@
-"""Which evaluation scored which design, and under which conditions: by content, not by name.
+"""Match designs and conditions of runs and evaluations by content.
 
-Folders may be moved and renamed, and a design's number says nothing outside of its run.
+Folders may be moved and renamed, and the number of a design has no meaning outside its run.
 """
 
 from collections.abc import Hashable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import pandas as pd
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, single_line
 
 if TYPE_CHECKING:
-    from .records import Record, Scored
+    from .records import EvaluationRecord, Record
 
 MISSION = ("robot", "world", "design.sensors", "failure", "controller", "simulator", "fitness")
-"""The keys, or first parts of keys, on which the score of a given design depends. ``course`` is in
-the worlds that refer to it; the rest of ``design`` says which designs there can be."""
+"""Keys, or first parts of keys, on which the score of a given design depends.
+
+The worlds contain the ``course``; the rest of ``design`` only limits which designs can evolve.
+"""
 POSE = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
+CONFIRMING = "confirmation.simulator"
 Content = tuple[Hashable, ...]
+Value = TypeVar("Value")
 
 
-def conditions(record: "Record") -> dict[str, Any]:
-    """The values on which the score of a given design depends; a run's, where it is confirmed."""
-    values = dict(record.values)
-    confirming = {
-        key.removeprefix("confirmation."): value
-        for key, value in values.items()
-        if key.startswith("confirmation.simulator.")
-    }
-    if confirming:
-        values = {k: v for k, v in values.items() if not k.startswith("simulator.")} | confirming
+def select_conditions(record: "Record") -> dict[str, Any]:
+    """Select the values on which the score of a given design depends.
+
+    The simulator is the confirming one, if the run has one.
+    """
+    values = apply_confirmation(record.values)
     return {
-        key: value
-        for key, value in values.items()
-        if any(key == each or key.startswith(f"{each}.") for each in MISSION)
+        key: value for key, value in values.items() if any(_within(key, top) for top in MISSION)
     }
 
 
-def differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """The keys whose values are not the same; one that is missing is null."""
+def apply_confirmation(entries: Mapping[str, Value]) -> dict[str, Value]:
+    """Replace the simulator's entries (values or choices by key) by the confirming simulator's."""
+    confirming = {
+        key.removeprefix("confirmation."): entry
+        for key, entry in entries.items()
+        if _within(key, CONFIRMING)
+    }
+    if not confirming:
+        return dict(entries)
+    return {k: v for k, v in entries.items() if not _within(k, "simulator")} | confirming
+
+
+def _within(key: str, top: str) -> bool:
+    """Whether a dotted key is ``top`` or below it."""
+    return key == top or key.startswith(f"{top}.")
+
+
+def find_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    """List the keys whose values differ; a missing value equals null."""
     return [key for key in dict.fromkeys([*one, *other]) if one.get(key) != other.get(key)]
 
 
-def champion_content(record: "Record") -> Content:
-    """What a finished run's champion is: its sensors, and its other values.
+def identify_champion(record: "Record") -> Content:
+    """Return the content of a finished run's champion: its sensors and its genes.
 
     Raises:
         InputError: a file is missing or damaged.
     """
-    return _content(record.run.champion, champion_genes(record))
+    return _content(record.run.champion, read_champion_genes(record))
 
 
-def champion_genes(record: "Record") -> dict[str, float]:
-    """The other values of a finished run's champion, by key."""
-    return _values(record.run.genes)
+def read_champion_genes(record: "Record") -> dict[str, float]:
+    """Read the evolved values other than sensors of a finished run's champion, by key."""
+    return _genes(record.run.genes)
 
 
-def scored_designs(scored: "Scored") -> pd.DataFrame:
-    """A row for each design of a finished evaluation: what it is, and its scores.
+def read_scores(evaluation: "EvaluationRecord") -> pd.DataFrame:
+    """Read the content and the scores of each design of a finished evaluation.
 
-    Columns ``content``, ``source``, ``design``, ``fitness_mean``, ``fitness_sd``, ``trials``.
+    Columns: ``content``, ``source``, ``design``, ``fitness_mean``, ``fitness_sd``, ``trials``.
 
     Raises:
-        InputError: it is not finished, or damaged.
+        InputError: the evaluation is not finished, or a file is damaged.
     """
     names = ["source", "design"]
     try:
         mounts, genes, scores = (
             table.assign(**{name: table[name].astype(str) for name in names})
-            for table in (scored.given, scored.genes, scored.designs)
+            for table in (evaluation.mounts, evaluation.genes, evaluation.designs)
         )
-        other = {key: _values(rows) for key, rows in genes.groupby(names)}
-        contents = {key: _content(rows, other.get(key, {})) for key, rows in mounts.groupby(names)}
+        evolved = {key: _genes(rows) for key, rows in genes.groupby(names)}
+        contents = {
+            key: _content(rows, evolved.get(key, {})) for key, rows in mounts.groupby(names)
+        }
         keys = zip(scores["source"], scores["design"], strict=True)
         scores["content"] = pd.Series([contents[key] for key in keys], scores.index, dtype=object)
     except (LookupError, AttributeError, TypeError, ValueError) as error:
-        said = " ".join(str(error).split())
-        raise InputError(f"{scored.path}: its tables must be whole ({said})") from error
+        raise InputError(
+            f"{evaluation.path}: its tables must be complete ({single_line(error)}); restore them"
+        ) from error
     return scores[["content", *names, "fitness_mean", "fitness_sd", "trials"]]
 
 
-def _content(mounts: pd.DataFrame, values: Mapping[str, float]) -> Content:
-    """Sensors in their order, which failures may refer to; values in that of their keys."""
-    there = mounts[mounts["sensor"].notna()].sort_values("sensor")
-    poses = there[list(POSE)].astype(float).itertuples(index=False, name=None)
-    sensors = tuple(zip(there["type"].astype(str), there["link"].astype(str), poses, strict=True))
-    return sensors, tuple(sorted(values.items()))
+def _content(mounts: pd.DataFrame, genes: Mapping[str, float]) -> Content:
+    """Combine sensors, in the order to which failures refer, and genes, sorted by key."""
+    placed = mounts[mounts["sensor"].notna()].sort_values("sensor")
+    poses = placed[list(POSE)].astype(float).itertuples(index=False, name=None)
+    kinds, links = placed["type"].astype(str), placed["link"].astype(str)
+    return tuple(zip(kinds, links, poses, strict=True)), tuple(sorted(genes.items()))
 
 
-def _values(genes: pd.DataFrame) -> dict[str, float]:
-    return {str(k): float(v) for k, v in zip(genes["key"], genes["value"], strict=True)}
+def _genes(table: pd.DataFrame) -> dict[str, float]:
+    return {str(k): float(v) for k, v in zip(table["key"], table["value"], strict=True)}

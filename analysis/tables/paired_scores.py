@@ -1,7 +1,6 @@
-"""Designs that were scored under two conditions, by evaluations or by runs with a confirmation."""
+"""Designs with scores under two conditions, from evaluations or from runs with a confirmation."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Iterator, Mapping
 from itertools import combinations
 from math import nan
 from typing import TYPE_CHECKING, Any
@@ -10,9 +9,16 @@ import pandas as pd
 
 from evoros.base.errors import InputError
 
-from .matching import champion_content, conditions, differing
-from .treatments import ALONE, labels
-from .validated import evaluated
+from .designs import read_generations
+from .matching import (
+    CONFIRMING,
+    apply_confirmation,
+    find_differences,
+    identify_champion,
+    select_conditions,
+)
+from .treatments import SINGLE, TARGET, Values, label_treatments
+from .validated import read_evaluations
 
 if TYPE_CHECKING:
     from .records import Record
@@ -22,108 +28,114 @@ COLUMNS = (
     *("between", "x", "y", "group", "source", "design"),
     *("x_fitness", "x_sd", "x_trials", "y_fitness", "y_sd", "y_trials", "loss"),
 )
-CONFIRMING = "confirmation.simulator."
-Values = Mapping[str, Any]
 Row = dict[str, Any]
 
 
-def scored_twice(study: "Study", between: str | None = None) -> pd.DataFrame:
-    """A row for each design that was scored under two conditions.
+def pair_scores(study: "Study", between: str | None = None) -> pd.DataFrame:
+    """Pair the scores of designs under two conditions: a row for each design and pair.
 
-    They are those of evaluations that differ in one part, such as the simulator (``between``), or
-    in whatever the only two differ in; else those of the simulators of runs with a confirmation.
-    ``x`` and ``y`` name them, and ``group`` what else differs among the evaluations; where nothing
-    does, the treatment of the design's run. ``loss`` is what ``x_fitness`` has more than
-    ``y_fitness``. Of a design scored several times under the same conditions that row stays which
-    is of most trials.
+    The conditions are those of evaluations that differ in one part, such as the simulator
+    (``between``), or of the only two evaluations, whatever they differ in. Without evaluations
+    they are the simulators of runs with a confirmation. ``x`` and ``y`` name them. ``group`` names
+    what else differs between the evaluations; if nothing does, it is the treatment of the design's
+    run. ``loss`` is ``x_fitness`` less ``y_fitness``. If a design has several scores under the same
+    conditions, the row with the most trials is kept.
 
     Raises:
-        InputError: no design was scored twice, or there is a choice of ``between``.
+        InputError: no design has two scores, or ``between`` must be chosen.
     """
-    rows = list(_evaluations(study)) or list(_confirmations(study))
-    kinds = list(dict.fromkeys(str(row["between"]) for row in rows))
-    if not kinds:
+    rows = list(_pair_evaluations(study)) or list(_pair_confirmations(study))
+    parts = list(dict.fromkeys(str(row["between"]) for row in rows))
+    if not parts:
         raise InputError(
-            "no design was scored twice: give two finished evaluations of the same designs that "
-            "differ in one part (simulator, failure, world ...), or runs with a confirmation"
+            "no design has scores under two conditions; give two finished evaluations of the same "
+            "designs that differ in one part (simulator, failure, world ...), or runs with a "
+            "confirmation"
         )
-    if between not in (None, *kinds) or (between is None and len(kinds) > 1):
+    if between not in (None, *parts) or (between is None and len(parts) > 1):
         raise InputError(
-            f"--between: must be one of {', '.join(kinds)}, in which the evaluations differ, not "
+            f"--between: must be one of {', '.join(parts)}, in which the evaluations differ, not "
             f"{between or 'left out'}; choose one"
         )
-    table = pd.DataFrame([row for row in rows if row["between"] == (between or kinds[0])])
+    table = pd.DataFrame([row for row in rows if row["between"] == (between or parts[0])])
     table = table.assign(trials=table[["x_trials", "y_trials"]].min(axis=1), order=table.index)
     best = table.sort_values("trials", ascending=False, kind="stable")
     best = best.drop_duplicates(["x", "y", "group", "content"]).sort_values("order")
     return best.assign(loss=best["x_fitness"] - best["y_fitness"])[list(COLUMNS)]
 
 
-def _evaluations(study: "Study") -> Iterator[Row]:
-    """The designs that two evaluations share whose conditions differ in one part."""
-    tables = evaluated(study) if len(study.evaluations) > 1 else []
-    each = [conditions(one) for one, _ in tables]
-    origin = _treatments(study)
-    for (i, left), (j, right) in combinations(enumerate(table for _, table in tables), 2):
-        parts = list(dict.fromkeys(_part(key) for key in differing(each[i], each[j])))
-        if len(parts) != 1 and len(tables) > 2:
+def _pair_evaluations(study: "Study") -> Iterator[Row]:
+    """Pair the designs that are in both of two evaluations whose conditions differ in one part."""
+    evaluations = read_evaluations(study) if len(study.evaluations) > 1 else []
+    conditions = [select_conditions(evaluation) for evaluation, _ in evaluations]
+    choices = [apply_confirmation(evaluation.choices) for evaluation, _ in evaluations]
+    treatments = _champion_treatments(study)
+    for i, j in combinations(range(len(evaluations)), 2):
+        parts = dict.fromkeys(map(_part, find_differences(conditions[i], conditions[j])))
+        if len(parts) != 1 and len(evaluations) > 2:
             continue
-        names = labels([_only(values, parts) for values in each])
-        others = labels([_only(values, set(map(_part, values)) - set(parts)) for values in each])
-        if not parts:  # other draws, then, or other trials
-            names = [one.name for one, _ in tables]
-        if names.index(names[i]) > names.index(names[j]):  # so that all pairs have the same axes
-            i, j, left, right = j, i, right, left
-        known = {row["content"]: row for row in right.to_dict("records")}
-        for row in left.drop_duplicates("content").to_dict("records"):
-            if row["content"] in known:
-                yield {
-                    **{"between": " and ".join(parts) or "draws", "x": names[i], "y": names[j]},
-                    "group": origin.get(row["content"], "") if others[i] == ALONE else others[i],
-                    **{name: row[name] for name in ("content", "source", "design")},
-                    **_scores("x", row),
-                    **_scores("y", known[row["content"]]),
-                }
+        others = {_part(key) for values in conditions for key in values} - set(parts)
+        names = label_treatments([_only(values, parts) for values in conditions], choices)
+        groups = label_treatments([_only(values, others) for values in conditions], choices)
+        if not parts:  # the evaluations differ in their draws or trials
+            names = [evaluation.name for evaluation, _ in evaluations]
+        if names.index(names[i]) > names.index(names[j]):  # all pairs have the same axes
+            i, j = j, i
+        pair = {"between": " and ".join(parts) or "draws", "x": names[i], "y": names[j]}
+        for row in _join_designs(evaluations[i][1], evaluations[j][1]):
+            group = treatments.get(row["content"], "") if groups[i] == SINGLE else groups[i]
+            yield {**pair, "group": group, **row}
 
 
-def _scores(side: str, row: Mapping[Any, Any]) -> Row:
+def _join_designs(x: pd.DataFrame, y: pd.DataFrame) -> Iterator[Row]:
+    """Join the scores of the designs that are in both tables."""
+    scores = {row["content"]: row for row in y.to_dict("records")}
+    for row in x.drop_duplicates("content").to_dict("records"):
+        if row["content"] in scores:
+            yield {
+                **{name: row[name] for name in ("content", "source", "design")},
+                **_prefix("x", row),
+                **_prefix("y", scores[row["content"]]),
+            }
+
+
+def _prefix(side: str, row: Mapping[Any, Any]) -> Row:
     names = {"fitness": "fitness_mean", "sd": "fitness_sd", "trials": "trials"}
     return {f"{side}_{short}": row[name] for short, name in names.items()}
 
 
-def _treatments(study: "Study") -> dict[Any, str]:
-    """Of the champions of runs that are there, too."""
-    found = {}
+def _champion_treatments(study: "Study") -> dict[Any, str]:
+    """Map the champions of the runs in the study to the treatments of the runs."""
+    treatments = {}
     for record in study.records:
         try:
-            found[champion_content(record)] = record.treatment
+            treatments[identify_champion(record)] = record.treatment
         except InputError:
-            continue  # not finished: nothing of it is drawn here
-    return found
+            continue  # not finished; none of its designs is drawn here
+    return treatments
 
 
-def _confirmations(study: "Study") -> Iterator[Row]:
-    confirmed = [one for one in study.records if f"{CONFIRMING}_target_" in one.values]
+def _pair_confirmations(study: "Study") -> Iterator[Row]:
+    confirmed = [record for record in study.records if f"{CONFIRMING}.{TARGET}" in record.values]
     if confirmed:
-        table = replace(study, records=tuple(confirmed)).gather(_confirmed)
+        table = study.keep(confirmed).gather(_read_confirmed)
         yield from ({str(k): v for k, v in row.items()} for row in table.to_dict("records"))
 
 
-def _confirmed(record: "Record") -> pd.DataFrame:
-    """The designs of a run that were confirmed."""
-    table = record.run.generations
-    if table.empty:
-        raise InputError(f"{record.path}: must have a generation, and has none; resume the run")
-    found = table[table["loss"].notna()].drop_duplicates("id")
-    own = _only(record.values, {"simulator"})
-    confirming = _only(conditions(record), {"simulator"})
-    x, y = labels([own, confirming])
+def _read_confirmed(record: "Record") -> pd.DataFrame:
+    """Read the confirmed designs of a run."""
+    table = read_generations(record)
+    confirmed = table[table["loss"].notna()].drop_duplicates("id")
+    simulators = [
+        _only(values, {"simulator"}) for values in (record.values, select_conditions(record))
+    ]
+    x, y = label_treatments(simulators, [record.choices, apply_confirmation(record.choices)])
     return pd.DataFrame(
         {
             **{"between": "simulator", "x": x, "y": y, "group": record.treatment},
-            **{"source": record.name, "design": found["id"]},
-            "content": [(record.name, number) for number in found["id"]],
-            **{"x_fitness": found["screened_fitness"], "y_fitness": found["fitness"]},
+            **{"source": record.name, "design": confirmed["id"]},
+            "content": [(record.name, number) for number in confirmed["id"]],
+            **{"x_fitness": confirmed["screened_fitness"], "y_fitness": confirmed["fitness"]},
             **{"x_sd": nan, "y_sd": nan},
             **dict.fromkeys(("x_trials", "y_trials"), record.values.get("trials")),
         }
@@ -134,5 +146,5 @@ def _part(key: str) -> str:
     return key.split(".")[0]
 
 
-def _only(values: Values, parts: Sequence[str] | set[str]) -> dict[str, Any]:
+def _only(values: Values, parts: Collection[str]) -> dict[str, Any]:
     return {key: value for key, value in values.items() if _part(key) in parts}

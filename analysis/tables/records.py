@@ -12,54 +12,60 @@ from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run, load_run, read_table
 
+from .treatments import read_choices
 from .values import read_values
 
-EVALUATED = "evoros-evaluate"
-"""The command that makes the folders of evaluations."""
+EVALUATION = "evoros-evaluate"
+"""The command in the manifest of an evaluation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """A run."""
+    """A run of a study."""
 
-    name: str  # its folder, as short as it can be told from the others of the study
+    name: str  # the end of its path that no other folder of the study has
     run: Run
-    setting: FigureContext
+    context: FigureContext
     values: Mapping[str, Any]  # of the configuration, by dotted key
-    treatment: str = ""  # what it differs in from others of the study, its seed apart
+    treatment: str = ""  # label of what differs between the runs of the study, except the seed
 
     @property
     def path(self) -> Path:
-        """Its folder."""
+        """The folder."""
         return self.run.path
 
     @property
+    def choices(self) -> dict[str, str]:
+        """The recorded choices of the groups, by the key of the part that they configure."""
+        return read_choices(self.run.manifest.get("choices"))
+
+    @property
     def seed(self) -> int:
-        """Of the configuration."""
+        """The configured seed."""
         return int(self.values["seed"])
 
     @property
     def finished(self) -> bool:
-        """Whether it has a champion."""
+        """Whether the run is finished, so that it has a champion."""
         return bool(self.run.status.get("state") == "finished")
 
 
-class Scored(Record):
-    """An evaluation of given designs; ``run`` has its manifest, status and missions."""
+class EvaluationRecord(Record):
+    """An evaluation of given designs; ``run`` reads its manifest and status."""
 
     @cached_property
     def designs(self) -> pd.DataFrame:
-        """A row for each design, with its fitness; the evaluation must be finished."""
+        """The scores: a row for each design; the evaluation must be finished."""
         return read_table(self.path / "designs.csv", ("fitness_mean", "fitness_sd", "trials"))
 
     @cached_property
-    def given(self) -> pd.DataFrame:
-        """A row for each sensor of the designs; one for a design without any."""
+    def mounts(self) -> pd.DataFrame:
+        """A row for each sensor of the given designs; one row for a design without sensors."""
         return read_table(self.path / "designs_in.csv", ("x_m", "y_m", "z_m", "yaw_deg"))
 
     @cached_property
     def genes(self) -> pd.DataFrame:
-        """A row for each other value of the designs."""
+        """A row for each other evolved value of the given designs."""
         return read_table(self.path / "genes_in.csv", ("value",))
 
     @cached_property
@@ -69,15 +75,18 @@ class Scored(Record):
 
 
 def read_record(folder: Path, name: str) -> Record:
-    """What a folder holds, under a name; nothing but small files is read yet.
+    """Read the run or evaluation in a folder; large tables are read when they are used.
 
     Raises:
-        InputError: it is not that of a run or an evaluation, or a file is damaged.
+        InputError: the folder is neither a run nor an evaluation, or a file is damaged.
     """
     run = load_run(folder)
-    made = Scored if run.manifest.get("command") == EVALUATED else Record
+    kind = EvaluationRecord if run.manifest.get("command") == EVALUATION else Record
     values = read_values(folder / "config.yaml")
     if not isinstance(values.get("seed"), int):
-        raise InputError(f"{folder / 'config.yaml'}: must have a whole number as seed; restore it")
-    _ = run.status
-    return made(name, run, FigureContext.read(folder), values)
+        raise InputError(
+            f"{folder / 'config.yaml'}: seed must be a whole number, not {values.get('seed')!r}; "
+            f"restore the file"
+        )
+    _ = run.status  # raises if it is damaged
+    return kind(name, run, FigureContext.read(folder), values)

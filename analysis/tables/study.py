@@ -1,6 +1,6 @@
-"""A study: the runs and evaluations in some folders, as far as they are whole.
+"""A study: the complete runs and evaluations in some folders.
 
-Everything is read from plain files: nothing that a folder's configuration names is imported.
+Everything is read from plain files. Code that a folder's configuration names is not imported.
 """
 
 import math
@@ -12,21 +12,20 @@ from typing import TypeVar
 
 import pandas as pd
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, single_line
 from evoros.base.log import LOGGER
+from evoros.storage.figure_context import Ring
 
-from .designs import champion_sensors, generations, initial_sensors, number
-from .folders import folders_of, short_names
-from .records import Record, Scored, read_record
-from .treatments import labels
+from .designs import read_champion_sensors, read_generations, read_initial_sensors, to_number
+from .folders import find_folders, shorten_names
+from .records import EvaluationRecord, Record, read_record
+from .treatments import label_treatments
 
 KEYS = ("run", "treatment", "seed")
 """The first columns of every table of a study."""
-
-
-NO_RUNS = "this needs runs, and only evaluations were given; give the folder of a run"
-Found = TypeVar("Found", bound=Record)
-Read = TypeVar("Read")
+NO_RUNS = "must be given a run, but only evaluations were given; add the folder of a run"
+AnyRecord = TypeVar("AnyRecord", bound=Record)
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,175 +33,203 @@ class Study:
     """Runs and evaluations, in the order of their names."""
 
     records: tuple[Record, ...]
-    evaluations: tuple[Scored, ...] = ()
+    evaluations: tuple[EvaluationRecord, ...] = ()
     left_out: tuple[str, ...] = ()
-    """A line for each folder that is not whole."""
-    _said: set[str] = field(default_factory=set, repr=False)
+    """A line for each incomplete or damaged folder."""
+    _reported: set[str] = field(default_factory=set, repr=False)
 
     def gather(self, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
-        """The tables of all runs below each other, with ``run``, ``treatment`` and ``seed`` first.
+        """Concatenate the tables of all runs, with ``run``, ``treatment`` and ``seed`` first.
 
-        A run whose files cannot be read is left out, and that is said in one line.
+        A run whose files cannot be read is left out, and one line reports it.
 
         Raises:
-            InputError: none is left.
+            InputError: no run has rows.
         """
         frames = []
-        for record, frame in self.each(self.records, read):
+        for record, frame in self.read_each(self.records, read):
             others = [name for name in frame.columns if name not in KEYS]
             marked = frame.assign(run=record.name, treatment=record.treatment, seed=record.seed)
             frames.append(marked[[*KEYS, *others]])
         if not any(len(frame) for frame in frames):
             raise InputError(
-                "none of the runs has what this needs; give folders of whole runs"
+                "none of the runs has the required data; give the folders of complete runs"
                 if self.records
                 else NO_RUNS
             )
         return pd.concat([frame for frame in frames if len(frame)], ignore_index=True)
 
-    def each(
-        self, records: Iterable[Record], read: Callable[[Record], Read]
-    ) -> Iterator[tuple[Record, Read]]:
-        """What is read of each of the records; one that cannot be read is left out and said."""
+    def read_each(
+        self, records: Iterable[AnyRecord], read: Callable[[AnyRecord], Result]
+    ) -> Iterator[tuple[AnyRecord, Result]]:
+        """Yield each record with the result of reading it; report and skip unreadable ones."""
         for record in records:
             try:
-                yield record, _attempt(record, read)
+                yield record, _read(record, read)
             except InputError as error:
-                self.leave_out(str(error))
+                self.report(str(error))
 
-    def leave_out(self, why: str) -> None:
-        """Say what is left out of a figure, once."""
-        if why not in self._said:
-            LOGGER.warning("%s; left out", why)
-        self._said.add(why)
+    def report(self, reason: str) -> None:
+        """Warn, once for each reason, that something is left out of a figure."""
+        if reason not in self._reported:
+            LOGGER.warning("%s; left out", reason)
+        self._reported.add(reason)
 
     @cached_property
     def generations(self) -> pd.DataFrame:
         """A row for each candidate of each generation of each run."""
-        return self.gather(generations)
+        return self.gather(read_generations)
 
     @cached_property
     def champions(self) -> pd.DataFrame:
-        """A row for each sensor of each finished run's champion; see ``designs``.
+        """A row for each sensor of each champion, with ``fitness`` and ``validated_fitness``.
 
-        With ``fitness`` and ``validated_fitness``.
+        ``designs.COLUMNS`` are the other columns.
         """
-        return self.gather(champion_sensors)
+        return self.gather(read_champion_sensors)
 
     @cached_property
     def initial(self) -> pd.DataFrame:
-        """A row for each sensor of the designs that the runs began with, made at random."""
-        return self.gather(initial_sensors)
+        """A row for each sensor of the random designs of generation 0 of each run."""
+        return self.gather(read_initial_sensors)
 
     @property
     def treatments(self) -> tuple[str, ...]:
-        """Their labels, in the order of the runs."""
+        """The labels of the treatments, in the order of the runs."""
         return tuple(dict.fromkeys(record.treatment for record in self.records))
 
+    @property
+    def rings(self) -> tuple[Ring, ...]:
+        """The rings of the first run with spatial damage; empty if there is none."""
+        return next((record.context.rings for record in self.records if record.context.rings), ())
+
     def check_worlds(self, names: Iterable[str]) -> None:
-        """One of the runs must have each of these worlds.
+        """Check that at least one run has each of the named worlds.
 
         Raises:
-            InputError: none has.
+            InputError: no run has one of them.
         """
-        known = dict.fromkeys(name for record in self.records for name in record.setting.courses)
+        known = dict.fromkeys(name for record in self.records for name in record.context.courses)
         for name in names:
             if name not in known:
                 raise InputError(
                     f"--world: must be one of {', '.join(known)}, not {name!r}; correct the name"
                 )
 
-    def only(self, name: str) -> Record:
-        """The run of this name, or whose name alone ends so.
+    def select_finished(self, *reads: Callable[[Record], object]) -> "Study":
+        """Keep the finished runs that all ``reads`` can read; report each other run once.
 
         Raises:
-            InputError: there is none, or more than one.
+            InputError: no run is left.
+        """
+
+        def check(record: Record) -> pd.DataFrame:
+            if not record.finished:
+                raise InputError(f"{record.path}: must be finished to have a champion; resume it")
+            for read in reads:
+                read(record)
+            return pd.DataFrame({"complete": [True]})
+
+        names = set(self.gather(check).run)
+        return self.keep(record for record in self.records if record.name in names)
+
+    def keep(self, records: Iterable[Record]) -> "Study":
+        """Return the study with these of its runs, and all of its evaluations."""
+        return replace(self, records=tuple(records))
+
+    def find(self, name: str) -> Record:
+        """Find the run with this name, or the only one whose name ends with it.
+
+        Raises:
+            InputError: no run or several runs match.
         """
         exact = [record for record in self.records if record.name == name]
-        found = exact or [record for record in self.records if record.name.endswith(name)]
-        if len(found) != 1:
-            names = ", ".join(record.name for record in found or self.records)
-            raise InputError(f"--run: must be the name of one run, not {name!r}; one of {names}")
-        return found[0]
+        matches = exact or [record for record in self.records if record.name.endswith(name)]
+        if len(matches) != 1:
+            names = ", ".join(record.name for record in matches or self.records)
+            raise InputError(
+                f"--run: must be the name of one run, not {name!r}; choose one of {names}"
+            )
+        return matches[0]
 
     @cached_property
     def ranked(self) -> tuple[Record, ...]:
-        """The finished runs from the best: by validated fitness, where there is none by recorded.
+        """The finished runs, the best first: by validated fitness, without it by recorded fitness.
 
         Raises:
-            InputError: none is finished.
+            InputError: no run is finished.
         """
-        whole = [record for record in self.records if record.finished]
+        finished = [record for record in self.records if record.finished]
         if not self.records:
             raise InputError(NO_RUNS)
-        if not whole:
+        if not finished:
             paths = ", ".join(str(record.path) for record in self.records[:3])
-            raise InputError(f"{paths}: must be finished, to have a champion; resume it")
-        return tuple(sorted(whole, key=_rank, reverse=True))
+            raise InputError(f"{paths}: must be finished to have a champion; resume the run")
+        return tuple(sorted(finished, key=_fitness, reverse=True))
 
-    def chosen(self, name: str | None, read: Callable[[Record], Read]) -> tuple[Record, Read]:
-        """The run of a name, or the best of those of which this can be read; and what was read.
+    def choose(self, name: str | None, read: Callable[[Record], Result]) -> tuple[Record, Result]:
+        """Read the named run, or the best one that can be read.
 
         Raises:
-            InputError: there is no such run, or of none this can be read.
+            InputError: the named run does not exist, or no run can be read.
         """
-        among = self.ranked if name is None else Study((self.only(name),)).ranked
-        if len(among) == 1:
-            return among[0], _attempt(among[0], read)
-        for found in self.each(among, read):
-            return found
-        raise InputError("of none of the runs the champion can be shown; restore one, or resume it")
+        candidates = self.ranked if name is None else self.keep([self.find(name)]).ranked
+        if len(candidates) == 1:
+            return candidates[0], _read(candidates[0], read)
+        for record, result in self.read_each(candidates, read):
+            return record, result
+        raise InputError("no run has a champion that can be shown; restore or resume one")
 
 
-def _attempt(record: Record, read: Callable[[Record], Read]) -> Read:
-    """What is read of the record; whatever is wrong with its files is one error."""
+def _read(record: AnyRecord, read: Callable[[AnyRecord], Result]) -> Result:
+    """Read the record; any error in its files becomes one ``InputError``."""
     try:
         return read(record)
     except (LookupError, ValueError, TypeError, AttributeError) as error:
-        said = " ".join(str(error).split())
         raise InputError(
-            f"{record.path}: its files must be whole ({said}); restore them"
+            f"{record.path}: its files must be complete ({single_line(error)}); restore them"
         ) from error
 
 
-def _rank(record: Record) -> tuple[float, float]:
-    scores = [number(record.run.status.get(f"best_{of}fitness")) for of in ("validated_", "")]
+def _fitness(record: Record) -> tuple[float, float]:
+    """Return validated and recorded fitness of the champion; minus infinity if unknown."""
+    status = record.run.status
+    scores = [to_number(status.get(f"best_{kind}fitness")) for kind in ("validated_", "")]
     first, second = (-math.inf if math.isnan(score) else score for score in scores)
     return first, second
 
 
 def load_study(paths: Sequence[Path]) -> Study:
-    """What is whole in these folders: of runs, of evaluations, or of sweeps of them.
-
-    What is not is said, in a line for each.
+    """Load the complete runs and evaluations below these folders; report each other folder.
 
     Raises:
-        InputError: a path leads nowhere, or nothing is whole.
+        InputError: a path does not exist, or there is no complete run or evaluation.
     """
-    found = folders_of(paths)
-    names = short_names(found)
-    records: list[Record] = []
-    evaluations: list[Scored] = []
+    folders = find_folders(paths)
+    names = shorten_names(folders)
+    runs: list[Record] = []
+    evaluations: list[EvaluationRecord] = []
     left_out: list[str] = []
-    for folder in found:
+    for folder in folders:
         try:
             record = read_record(folder, names[folder])
         except InputError as error:
             LOGGER.warning("%s; left out", error)
             left_out.append(str(error))
             continue
-        if isinstance(record, Scored):
+        if isinstance(record, EvaluationRecord):
             evaluations.append(record)
         else:
-            records.append(record)
-    if not records and not evaluations:
-        given = ", ".join(map(str, paths))
+            runs.append(record)
+    if not runs and not evaluations:
         raise InputError(
-            f"{given}: must hold whole runs or evaluations, and there is none; see above"
+            f"{', '.join(map(str, paths))}: must contain complete runs or evaluations, but "
+            f"contains none; see the warnings above"
         )
-    return Study(_labelled(records), _labelled(evaluations), tuple(left_out))
+    return Study(_label(runs), _label(evaluations), tuple(left_out))
 
 
-def _labelled(records: Sequence[Found]) -> tuple[Found, ...]:
-    names = labels([record.values for record in records])
+def _label(records: Sequence[AnyRecord]) -> tuple[AnyRecord, ...]:
+    values, choices = [r.values for r in records], [r.choices for r in records]
+    names = label_treatments(values, choices)
     return tuple(replace(r, treatment=name) for r, name in zip(records, names, strict=True))

@@ -1,89 +1,121 @@
-"""What the runs of a study differ in, as labels for figures."""
+"""Labels for what the runs of a study differ in."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 IGNORED = ("seed", "executor", "figures")
-"""Keys, or first parts of keys, that make no treatment: replicates and where they were computed."""
+"""Keys, or first parts of keys, in which replicates of one treatment may differ."""
 TARGET = "_target_"
-ALONE = "all runs"
-"""The label where there is one treatment."""
-LONGEST = 40
-"""Characters of a label."""
+SINGLE = "all runs"
+"""The label if there is one treatment."""
+LABEL_LENGTH = 40  # characters
+Values = Mapping[str, Any]
+"""The values of a configuration by dotted key."""
+Choices = Mapping[str, str]
+"""The choice of a group by the dotted key of the part that it configures."""
 
 
-def labels(each: Sequence[Mapping[str, Any]]) -> list[str]:
-    """For each of some configurations (values by dotted key) what tells its treatment from others.
+def read_choices(recorded: object) -> dict[str, str]:
+    """Convert the ``choices`` of ``manifest.json`` from groups to the keys of their parts.
 
-    A part that is of another class is named by its module (``random`` of
-    ``evoros.failure.random.RandomFailure``), a set of other worlds by their names, and whatever is
-    not as in most of them as ``key=value``.
+    ``controller/navigation`` is at the key ``controller.navigation``, ``filter@failure.effect`` at
+    ``failure.effect``. A group without a choice is dropped.
     """
-    bare = [{k: v for k, v in values.items() if k.split(".")[0] not in IGNORED} for values in each]
-    keys = list(dict.fromkeys(key for values in bare for key in values))
-    differing = [key for key in keys if any(_get(v, key) != _get(bare[0], key) for v in bare)]
-    conditions = [tuple(repr(_get(values, key)) for key in differing) for values in bare]
+    groups = recorded if isinstance(recorded, dict) else {}
+    return {
+        str(group).rpartition("@")[2].replace("/", "."): choice
+        for group, choice in groups.items()
+        if isinstance(choice, str)
+    }
+
+
+def label_treatments(
+    configurations: Sequence[Values], choices: Sequence[Choices] = ()
+) -> list[str]:
+    """Label each configuration by what distinguishes its treatment from the others.
+
+    A part of another class is named by its choice (see ``name_part``), a set of other worlds by
+    the names of the worlds, and each unusual value is given as ``key=value``. ``choices`` belong
+    to the configurations, in the same order.
+    """
+    compared = [
+        {key: value for key, value in values.items() if key.split(".")[0] not in IGNORED}
+        for values in configurations
+    ]
+    keys = list(dict.fromkeys(key for values in compared for key in values))
+    differing = [k for k in keys if any(_get(v, k) != _get(compared[0], k) for v in compared)]
+    conditions = [tuple(repr(_get(values, key)) for key in differing) for values in compared]
     usual = [Counter(column).most_common(1)[0][0] for column in zip(*conditions, strict=True)]
-    names: dict[tuple[str, ...], str] = {}
-    for condition, values in zip(conditions, bare, strict=True):
-        if condition not in names:
+    labels: dict[tuple[str, ...], str] = {}
+    chosen = choices or [{}] * len(compared)
+    for condition, values, own_choices in zip(conditions, compared, chosen, strict=True):
+        if condition not in labels:
             triples = zip(differing, condition, usual, strict=True)
-            odd = [key for key, value, most in triples if value != most]
-            name = _label(values, differing, odd) or _label(values, differing, differing) or ALONE
-            again = sum(known.partition(" #")[0] == name for known in names.values())
-            names[condition] = f"{name} #{again + 1}" if again else name
-    return [names[condition] for condition in conditions]
+            unusual = [key for key, value, most_common in triples if value != most_common]
+            shown = (_label(values, own_choices, differing, k) for k in (unusual, differing))
+            labels[condition] = _number(next(filter(None, shown), SINGLE), labels.values())
+    return [labels[condition] for condition in conditions]
 
 
-def part_name(target: Any) -> str:
-    """The short name of the class of a part: that of its module, as its YAML has it."""
-    parts = str(target).split(".")
-    return parts[-2] if len(parts) > 1 else parts[-1]
+def _number(label: str, taken: Iterable[str]) -> str:
+    """Append a number to a label that is taken."""
+    namesakes = sum(known.partition(" #")[0] == label for known in taken)
+    return f"{label} #{namesakes + 1}" if namesakes else label
 
 
-def _get(values: Mapping[str, Any], key: str) -> Any:
+def name_part(key: str, values: Values, choices: Choices) -> str:
+    """Name the part at a dotted key by the choice of its group, else by its class."""
+    return choices.get(key) or str(values.get(f"{key}.{TARGET}", "")).rpartition(".")[2]
+
+
+def _get(values: Values, key: str) -> Any:
     return values.get(key, "absent")
 
 
-def _label(values: Mapping[str, Any], differing: Sequence[str], shown: Sequence[str]) -> str:
-    """A piece for each class or set of worlds that differs, and for each value to be shown."""
-    classes = [key.removesuffix(TARGET) for key in differing if key.endswith(TARGET)]
-    parts = [one for one in classes if not any(one.startswith(c) and one != c for c in classes)]
-    pieces = [part_name(values[part + TARGET]) for part in parts if part + TARGET in values]
+def _label(values: Values, choices: Choices, differing: Sequence[str], shown: Sequence[str]) -> str:
+    """Join the names of the parts and worlds that differ, and the values to be shown."""
+    parts = [key.removesuffix(TARGET) for key in differing if key.endswith(TARGET)]
+    outer = [part for part in parts if not any(part.startswith(p) and part != p for p in parts)]
+    pieces = [
+        name_part(part.removesuffix("."), values, choices)
+        for part in outer
+        if part + TARGET in values
+    ]
     if any(key.startswith("world.") for key in differing):
         worlds = dict.fromkeys(key.split(".")[1] for key in values if key.startswith("world."))
         pieces.append("+".join(worlds))
-    covered = (*parts, "world.")
-    rest = [key for key in shown if key in values and not key.startswith(covered)]
-    pieces += [f"{key.rpartition('.')[2]}={_short(values[key])}" for key in rest]
-    return _cut(pieces)
+    covered = (*outer, "world.")
+    loose = [key for key in shown if key in values and not key.startswith(covered)]
+    pieces += [f"{key.rpartition('.')[2]}={_shorten(values[key])}" for key in loose]
+    return _join(pieces)
 
 
-def _cut(pieces: Sequence[str]) -> str:
-    kept: list[str] = []
+def _join(pieces: Sequence[str]) -> str:
+    """Join the first pieces, as many as fit into a label."""
+    fitting: list[str] = []
     for piece in pieces:
-        if kept and len(", ".join((*kept, piece))) > LONGEST:
-            return ", ".join((*kept, "..."))
-        kept.append(piece)
-    return ", ".join(kept)
+        if fitting and len(", ".join((*fitting, piece))) > LABEL_LENGTH:
+            return ", ".join((*fitting, "..."))
+        fitting.append(piece)
+    return ", ".join(fitting)
 
 
-def _short(value: Any) -> str:
+def _shorten(value: Any) -> str:
     text = str(value).lower() if isinstance(value, bool) else str(value)
-    return text if len(text) <= LONGEST // 2 else text[: LONGEST // 2 - 3] + "..."
+    return text if len(text) <= LABEL_LENGTH // 2 else text[: LABEL_LENGTH // 2 - 3] + "..."
 
 
-def repeated(runs: Iterable[tuple[str, str, int]]) -> list[str]:
-    """A line where some (run, treatment, seed) have the treatment and the seed of another.
+def report_repeated(runs: Iterable[tuple[str, str, int]]) -> list[str]:
+    """Report, in one line, the runs (name, treatment, seed) that repeat another run.
 
-    The same configuration with the same seed gives the same run: it would count twice.
+    Runs with the same configuration and seed are identical, so that they are no replicates.
     """
-    named: dict[tuple[str, int], list[str]] = {}
+    names: dict[tuple[str, int], list[str]] = {}
     for name, treatment, seed in runs:
-        named.setdefault((treatment, seed), []).append(name)
-    again = [name for names in named.values() for name in names[1:]]
-    if not again:
+        names.setdefault((treatment, seed), []).append(name)
+    repeated = [name for same in names.values() for name in same[1:]]
+    if not repeated:
         return []
-    few = ", ".join(again[:3]) + (", ..." if len(again) > 3 else "")
-    return [f"of the treatment and seed of another run, so no replicates; leave them out: {few}"]
+    shown = ", ".join(repeated[:3]) + (", ..." if len(repeated) > 3 else "")
+    return [f"same treatment and seed as another run, so no replicates; leave out: {shown}"]

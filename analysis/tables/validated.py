@@ -1,4 +1,4 @@
-"""The champions of runs, measured again: by the run itself, or by an evaluation."""
+"""Champions measured again, by an evaluation or by their own run."""
 
 import math
 from collections.abc import Sequence
@@ -9,102 +9,104 @@ import pandas as pd
 from evoros.base.errors import InputError
 from evoros.storage.mission_log import resume_command
 
-from .designs import number
-from .matching import champion_content, champion_genes, conditions, differing, scored_designs
+from .designs import to_number
+from .matching import (
+    find_differences,
+    identify_champion,
+    read_champion_genes,
+    read_scores,
+    select_conditions,
+)
 
 if TYPE_CHECKING:
-    from .records import Record, Scored
+    from .records import EvaluationRecord, Record
     from .study import Study
 
 BY_EVALUATION, BY_RUN, BY_NOTHING = "evaluation", "run", ""
-Table = tuple["Scored", pd.DataFrame]
+Scores = tuple["EvaluationRecord", pd.DataFrame]
+"""An evaluation and the table of its designs."""
 
 
-def validations(study: "Study") -> pd.DataFrame:
-    """A row for each finished run: how fit its champion is.
+def validate_champions(study: "Study") -> pd.DataFrame:
+    """Collect the recorded and the validated fitness of each finished run's champion.
 
-    ``run``, ``treatment``, ``seed``; ``recorded``, on the draws that selected it; ``validated``, on
-    fresh ones under the run's own conditions, and ``validated_by`` whom. That is an evaluation
-    where there is one (of several that with most trials), else the run, which flies few trials:
-    ``fresh``, ``fresh_sd``, ``fresh_trials`` and ``evaluation``, its name, and ``in_run`` and
-    ``in_run_trials``. With a confirmation all of them are of the confirming simulator.
+    ``recorded`` is fitness on the draws that selected the champion. ``validated`` is fitness on
+    fresh draws under the conditions of the run, and ``validated_by`` its source. The source is the
+    matching evaluation with the most trials (``fresh``, ``fresh_sd``, ``fresh_trials``, and its
+    name, ``evaluation``). Without one it is the run itself, on fewer trials (``in_run``,
+    ``in_run_trials``). If the run has a confirmation, all of them are of the confirming simulator.
 
     Raises:
         InputError: no run is finished.
     """
-    tables = evaluated(study)
-    return study.gather(lambda record: _validation(record, tables))
+    evaluations = read_evaluations(study)
+    return study.gather(lambda record: _validate(record, evaluations))
 
 
-def under(study: "Study", name: str) -> pd.DataFrame:
-    """A row for each finished run: the score of its champion under conditions common to all.
+def score_under(study: "Study", name: str) -> pd.DataFrame:
+    """Collect the score of each finished run's champion under common conditions.
 
-    ``run``, ``treatment``, ``seed``, and ``under NAME``: the mean fitness in the evaluations of
-    that name or treatment, of several in that with most trials; NaN where it is in none.
+    The column ``under NAME`` is the mean fitness in the evaluation with that name or treatment;
+    among several it is the one with the most trials. NaN: no such evaluation has the champion.
 
     Raises:
-        InputError: no finished evaluation is called so, it has scored no champion, or no run is
+        InputError: no finished evaluation has the name, none has scored a champion, or no run is
             finished.
     """
-    tables = evaluated(study)
-    named = [table for one, table in tables if name in (one.name, one.treatment)]
+    evaluations = read_evaluations(study)
+    column = f"under {name}"
+    named = [table for record, table in evaluations if name in (record.name, record.treatment)]
     if not named:
-        known = dict.fromkeys(one.treatment for one, _ in tables)
+        known = dict.fromkeys(record.treatment for record, _ in evaluations)
         raise InputError(
-            f"--under: must be what a finished evaluation differs in from the others, or its name, "
-            f"not {name!r}; there is {', '.join(known) or 'none'}"
+            f"--under: must be the label or name of a finished evaluation, not {name!r}; choose "
+            f"one of {', '.join(known) or 'those that you evaluate first'}"
         )
     scores = pd.concat(named).sort_values("trials", kind="stable")
     means = dict(zip(scores["content"], scores["fitness_mean"], strict=True))
 
     def score(record: "Record") -> pd.DataFrame:
         _require_finished(record)
-        return pd.DataFrame([{f"under {name}": means.get(champion_content(record), math.nan)}])
+        return pd.DataFrame([{column: means.get(identify_champion(record), math.nan)}])
 
     runs = study.gather(score)
-    if runs[f"under {name}"].isna().all():
+    if runs[column].isna().all():
         raise InputError(
-            f"--under {name}: must have scored a champion of these runs, and has scored none; "
-            f"type: evoros-evaluate designs=SWEEP ..."
+            f"--under {name}: must contain a champion of these runs, but contains none; type: "
+            f"evoros-evaluate designs=SWEEP ..."
         )
     return runs
 
 
-def evaluated(study: "Study") -> list[Table]:
-    """The finished evaluations and their designs; of others it is said that they are left out."""
-    tables = []
-    for one in study.evaluations:
-        try:
-            tables.append((one, scored_designs(one)))
-        except InputError as error:
-            study.leave_out(str(error))
-    return tables
+def read_evaluations(study: "Study") -> list[Scores]:
+    """Read the scores of the finished evaluations; report each other evaluation."""
+    return list(study.read_each(study.evaluations, read_scores))
 
 
-def validates(scored: "Scored", record: "Record") -> bool:
-    """Whether an evaluation flew under the conditions of a run, as far as its champion meets them.
+def validates(evaluation: "EvaluationRecord", record: "Record") -> bool:
+    """Whether the conditions of an evaluation are those of a run, for the run's champion.
 
-    A value that evolved is the design's, whatever either configuration says.
+    Values that evolve belong to the design, whatever the two configurations contain.
     """
-    evolved = champion_genes(record)
-    return set(differing(conditions(scored), conditions(record))) <= set(evolved)
+    differences = find_differences(select_conditions(evaluation), select_conditions(record))
+    return set(differences) <= set(read_champion_genes(record))
 
 
 def _require_finished(record: "Record") -> None:
     if not record.finished:
         raise InputError(
-            f"{record.path}: must be a finished run, and its state is "
+            f"{record.path}: must be a finished run, but its state is "
             f"{record.run.status.get('state')}; type: {resume_command(record.path)}"
         )
 
 
-def _validation(record: "Record", tables: Sequence[Table]) -> pd.DataFrame:
+def _validate(record: "Record", evaluations: Sequence[Scores]) -> pd.DataFrame:
     _require_finished(record)
-    status, fresh = record.run.status, _fresh(record, tables)
-    in_run = number(status.get("best_validated_fitness"))
+    status, fresh = record.run.status, _score_freshly(record, evaluations)
+    in_run = to_number(status.get("best_validated_fitness"))
     by = BY_EVALUATION if fresh else BY_NOTHING if math.isnan(in_run) else BY_RUN
     row = {
-        "recorded": number(status.get("best_fitness")),
+        "recorded": to_number(status.get("best_fitness")),
         "validated": fresh.get("fresh", in_run),
         "validated_by": by,
         "in_run": in_run,
@@ -115,15 +117,15 @@ def _validation(record: "Record", tables: Sequence[Table]) -> pd.DataFrame:
     return pd.DataFrame([row | fresh])
 
 
-def _fresh(record: "Record", tables: Sequence[Table]) -> dict[str, Any]:
-    """What the evaluation with most trials says of the champion; nothing where there is none."""
-    content, best = champion_content(record), dict[str, Any]()
-    for scored, table in tables:
-        rows = table[[each == content for each in table["content"]]]
-        if rows.empty or not validates(scored, record):
+def _score_freshly(record: "Record", evaluations: Sequence[Scores]) -> dict[str, Any]:
+    """Return the champion's scores in the evaluation with the most trials, or no scores."""
+    content, best = identify_champion(record), dict[str, Any]()
+    for evaluation, table in evaluations:
+        rows = table[[other == content for other in table["content"]]]
+        if rows.empty or not validates(evaluation, record):
             continue
         mean, sd, trials = rows.iloc[0][["fitness_mean", "fitness_sd", "trials"]]
         if not best or trials > best["fresh_trials"]:
             best = {"fresh": float(mean), "fresh_sd": float(sd), "fresh_trials": int(trials)}
-            best["evaluation"] = scored.name
+            best["evaluation"] = evaluation.name
     return best

@@ -7,14 +7,18 @@ from typing import Any
 
 import yaml
 
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, single_line
 
 REFERENCE = re.compile(r"\$\{([\w.]+)\}")
-"""What refers to another key. What refers to the environment is left as it is: it may be secret."""
+"""A reference to another key. References to the environment stay as text: they may be secret."""
+_DEPTH = 20
+"""Maximum length of a chain of references, so that circular references end, too."""
 
 
 def read_values(path: Path) -> dict[str, Any]:
-    """All values of a ``config.yaml``, references to other keys followed. Lists are values.
+    """Read all values of a ``config.yaml`` and resolve its references to other keys.
+
+    A list counts as one value.
 
     Raises:
         InputError: the file cannot be read.
@@ -22,28 +26,29 @@ def read_values(path: Path) -> dict[str, Any]:
     try:
         tree = yaml.safe_load(path.read_text())
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        said = " ".join(str(error).split())
-        raise InputError(f"{path}: must be valid YAML ({said}); restore the file") from error
+        raise InputError(
+            f"{path}: must be valid YAML ({single_line(error)}); restore the file"
+        ) from error
     if not isinstance(tree, dict):
         raise InputError(f"{path}: must be a mapping of keys to values; restore the file")
-    return dict(_flat(tree, tree, ()))
+    return dict(_flatten(tree, tree, ()))
 
 
-def _flat(
-    node: Mapping[str, Any], tree: Mapping[str, Any], above: tuple[str, ...]
+def _flatten(
+    node: Mapping[str, Any], tree: Mapping[str, Any], parents: tuple[str, ...]
 ) -> Iterator[tuple[str, Any]]:
     for key, value in node.items():
-        path = (*above, str(key))
-        found = _followed(value, tree)
-        if isinstance(found, dict) and found and len(path) < 20:
-            yield from _flat(found, tree, path)
+        path = (*parents, str(key))
+        resolved = _resolve(value, tree)
+        if isinstance(resolved, dict) and resolved and len(path) < _DEPTH:
+            yield from _flatten(resolved, tree, path)
         else:
-            yield ".".join(path), found
+            yield ".".join(path), resolved
 
 
-def _followed(value: Any, tree: Mapping[str, Any]) -> Any:
-    """What a value refers to, in the end; itself where that leads nowhere."""
-    for _ in range(20):  # references in a circle end, too
+def _resolve(value: Any, tree: Mapping[str, Any]) -> Any:
+    """Follow references to the value they lead to; a broken reference stays as it is."""
+    for _ in range(_DEPTH):
         match = REFERENCE.fullmatch(value) if isinstance(value, str) else None
         if match is None:
             return value

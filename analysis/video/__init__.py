@@ -1,1 +1,1 @@
-"""A mission as a video."""
+"""The subcommand ``replay``: a mission as a video."""

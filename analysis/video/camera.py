@@ -1,6 +1,6 @@
-"""Cameras that look at a mission: where they are, and where what they see is in a picture."""
+"""Cameras that look at a mission, and where points are in their pictures."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,13 +10,13 @@ from evoros.base.arrays import Array
 Pixels = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
-BACK_M, UP_M, AHEAD_M = 2.3, 1.9, 0.7  # of the camera that follows: behind, above, what it looks at
-CHASE_FOV_DEG, ABOVE_FOV_DEG = 50.0, 14.0  # the second is nearly parallel: walls hide little
+BACK_M, UP_M, AHEAD_M = 2.3, 1.9, 0.7  # chase camera: behind and above the robot, looking ahead
+CHASE_FOV_DEG, OVERHEAD_FOV_DEG = 50.0, 14.0  # the second is nearly parallel: walls hide little
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera; the picture's pixels are counted from its top left."""
+    """A pinhole camera; pixels are counted from the top left."""
 
     eye: Array  # (3,) [m]
     target: Array  # (3,) [m]
@@ -28,9 +28,9 @@ class Camera:
 
     @property
     def view(self) -> Array:
-        """(4, 4): from the world to the camera, which looks along -z; as OpenGL has it."""
-        forward = _unit(self.target - self.eye)
-        right = _unit(np.cross(forward, self.up))
+        """(4, 4) from the world to the camera, which looks along -z, as in OpenGL."""
+        forward = _normalize(self.target - self.eye)
+        right = _normalize(np.cross(forward, self.up))
         matrix = np.eye(4)
         matrix[:3, :3] = right, np.cross(right, forward), -forward
         matrix[:3, 3] = -matrix[:3, :3] @ self.eye
@@ -38,7 +38,7 @@ class Camera:
 
     @property
     def projection(self) -> Array:
-        """(4, 4): from the camera to clip coordinates; as OpenGL has it."""
+        """(4, 4) from the camera to clip coordinates, as in OpenGL."""
         width, height = self.size
         focus = 1.0 / np.tan(np.radians(self.fov_deg) / 2.0)
         near, far = self.near_m, self.far_m
@@ -50,60 +50,59 @@ class Camera:
 
     @property
     def pixels_per_radian(self) -> float:
-        """In the middle of the picture."""
+        """The scale in the middle of the picture."""
         return float(self.size[1] / 2.0 / np.tan(np.radians(self.fov_deg) / 2.0))
 
     @property
     def pixels(self) -> Array:
-        """(3, 4): a point (x, y, z, 1) [m] becomes (column * depth, row * depth, depth [m])."""
+        """(3, 4) from a point (x, y, z, 1) [m] to (column * depth, row * depth, depth [m])."""
         width, height = self.size
         screen = np.array([[width / 2, 0, width / 2], [0, -height / 2, height / 2], [0, 0, 1.0]])
-        found: Array = screen @ (self.projection @ self.view)[[0, 1, 3]]
-        return found
+        matrix: Array = screen @ (self.projection @ self.view)[[0, 1, 3]]
+        return matrix
 
     @property
     def light(self) -> Array:
-        """(3,): to a light above the left shoulder; so no two faces of a box look the same."""
+        """(3,) to a light above the left shoulder, which shades all faces of a box differently."""
         right, _, back = self.view[:3, :3]
-        found: Array = np.array([0.0, 0.0, 1.0]) + 0.35 * back - 0.6 * right
-        return found
+        direction: Array = np.array([0.0, 0.0, 1.0]) + 0.35 * back - 0.6 * right
+        return direction
 
     def plane(self, frame: Array) -> Array:
-        """(3, 3): a point (x, y, 1) of the x-y plane of a frame (4, 4), as ``pixels``."""
-        found: Array = self.pixels @ frame[:, [0, 1, 3]]
-        return found
+        """Return (3, 3) from a point (x, y, 1) of the x-y plane of a frame (4, 4) as ``pixels``."""
+        matrix: Array = self.pixels @ frame[:, [0, 1, 3]]
+        return matrix
 
     def depth(self, buffer: Floats) -> Floats:
-        """Depth [m] of what a depth buffer has, from 0 (near) to 1 (far)."""
+        """Convert a depth buffer, from 0 (near) to 1 (far), to depth [m]."""
         near, far = self.near_m, self.far_m
         return np.asarray(far * near / (far - (far - near) * buffer), dtype=np.float32)
 
-    def scaled(self, factor: int) -> "Camera":
-        """The same with so many times as many pixels in each direction."""
+    def scale(self, factor: int) -> "Camera":
+        """Return the camera with ``factor`` times as many pixels in each direction."""
         width, height = self.size
-        size = (width * factor, height * factor)
-        return Camera(self.eye, self.target, self.up, self.fov_deg, size, self.near_m, self.far_m)
+        return replace(self, size=(width * factor, height * factor))
 
 
-def chase(x: float, y: float, yaw: float, size: tuple[int, int]) -> Camera:
-    """Behind and above a robot at x, y [m] that heads for ``yaw`` [rad]."""
-    ahead, place = np.array([np.cos(yaw), np.sin(yaw), 0.0]), np.array([x, y, 0.0])
-    eye = place - BACK_M * ahead + [0.0, 0.0, UP_M]
+def chase_camera(x: float, y: float, yaw: float, size: tuple[int, int]) -> Camera:
+    """Return the camera behind and above a robot at x, y [m] with heading ``yaw`` [rad]."""
+    forward, place = np.array([np.cos(yaw), np.sin(yaw), 0.0]), np.array([x, y, 0.0])
+    eye = place - BACK_M * forward + [0.0, 0.0, UP_M]
     up = np.array([0.0, 0.0, 1.0])
-    return Camera(eye, place + AHEAD_M * ahead, up, CHASE_FOV_DEG, size, 0.1, 60.0)
+    return Camera(eye, place + AHEAD_M * forward, up, CHASE_FOV_DEG, size, 0.1, 60.0)
 
 
-def above(low: ArrayLike, high: ArrayLike, size: tuple[int, int]) -> Camera:
-    """Straight above a rectangle (2,), (2,) [m], which fills the picture; x to the right."""
+def overhead_camera(low: ArrayLike, high: ArrayLike, size: tuple[int, int]) -> Camera:
+    """Return the camera above the rectangle between two corners (2,) [m], with x to the right."""
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
-    (wide, deep), (x, y) = high - low, (low + high) / 2.0
-    tall = max(deep, wide * size[1] / size[0])
-    height = tall / 2.0 / np.tan(np.radians(ABOVE_FOV_DEG) / 2.0)
+    (width, depth), (x, y) = high - low, (low + high) / 2.0
+    shown = max(depth, width * size[1] / size[0])
+    height = shown / 2.0 / np.tan(np.radians(OVERHEAD_FOV_DEG) / 2.0)
     eye, target = np.array([x, y, height]), np.array([x, y, 0.0])
     up = np.array([0.0, 1.0, 0.0])
-    return Camera(eye, target, up, ABOVE_FOV_DEG, size, height / 2.0, height * 1.1)
+    return Camera(eye, target, up, OVERHEAD_FOV_DEG, size, height / 2.0, height * 1.1)
 
 
-def _unit(vector: Array) -> Array:
-    found: Array = vector / np.linalg.norm(vector)
-    return found
+def _normalize(vector: Array) -> Array:
+    unit: Array = vector / np.linalg.norm(vector)
+    return unit

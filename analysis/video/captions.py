@@ -1,4 +1,4 @@
-"""What a replay says in its pictures: where the mission stands, and what its colours mean."""
+"""The text in the pictures of a replay: progress of the mission, and meanings of the colours."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -17,43 +17,43 @@ def _rgb(name: str) -> Colour:
 
 
 CLEAR, NEAR, FAILED = _rgb(BLUE), _rgb(VERMILLION), (70, 70, 70)
-_INK, _PAPER, _STRIP = (30, 30, 30), (255, 255, 255), 0.8
+_INK, _PAPER, _OPACITY = (30, 30, 30), (255, 255, 255), 0.8
 
 
 class Caption(NamedTuple):
-    """Of one picture."""
+    """The text in one picture."""
 
-    left: Sequence[str]  # what the top says, from the left
+    left: Sequence[str]  # at the top, from the left
     right: str
     states: Sequence[Colour]  # of the sensors
-    key: Sequence[tuple[Colour, str]]  # what the colours mean
+    key: Sequence[tuple[Colour, str]]  # meanings of the colours
 
 
-def write(picture: Image.Image, caption: Caption) -> None:
-    """Two strips with text, at the top and at the bottom."""
+def write_caption(picture: Image.Image, caption: Caption) -> None:
+    """Write a caption into strips at the top and at the bottom."""
     width, height = picture.size
     em = max(9, height // 32)
     font, pad, strip = _font(em), em // 2, 2 * em
     for top in (0, height - strip):
         part = picture.crop((0, top, width, top + strip))
-        picture.paste(Image.blend(part, Image.new("RGB", part.size, _PAPER), _STRIP), (0, top))
+        paper = Image.new("RGB", part.size, _PAPER)
+        picture.paste(Image.blend(part, paper, _OPACITY), (0, top))
     draw = ImageDraw.Draw(picture)
-    for place, said in enumerate(caption.left):
-        draw.text((pad + place * 11 * em, strip / 2), said, _INK, font, anchor="lm")
+    for number, text in enumerate(caption.left):
+        draw.text((pad + number * 11 * em, strip / 2), text, _INK, font, anchor="lm")
     draw.text((width - pad, strip / 2), caption.right, _INK, font, anchor="rm")
     middle = height - strip / 2
-    x = _chips(draw, caption.states, em, pad, middle)
-    x += 2 * em
+    x = _draw_states(draw, caption.states, em, pad, middle) + 2 * em
     for colour, meaning in caption.key:
         draw.rectangle((x, middle - 0.35 * em, x + 0.9 * em, middle + 0.35 * em), colour)
         draw.text((x + 1.3 * em, middle), meaning, _INK, font, anchor="lm")
         x += 2.8 * em + draw.textlength(meaning, font)
 
 
-def _chips(
+def _draw_states(
     draw: ImageDraw.ImageDraw, states: Sequence[Colour], em: int, x: float, middle: float
 ) -> float:
-    """A square a sensor with its number; returns where they end."""
+    """Draw a numbered square for each sensor; return the x at which they end."""
     font = _font(em)
     draw.text((x, middle), "sensors", _INK, font, anchor="lm")
     x += draw.textlength("sensors", font) + 0.6 * em

@@ -1,4 +1,4 @@
-"""Pictures as a video: the same bytes for the same pictures on one machine."""
+"""Encode pictures as a video; equal pictures give equal bytes on one machine."""
 
 import io
 import tempfile
@@ -13,17 +13,17 @@ from PIL import Image
 
 from .camera import Pixels
 
-# Bit-exact: without the names and versions of what wrote it, and without dates. Its table of
-# contents comes first, so that it plays while it is loaded.
+# Bit-exact: without dates, names and versions of encoders. The index comes first, so that the
+# video plays while it is loaded.
 _CONTAINER = {"fflags": "+bitexact", "movflags": "+faststart"}
-_CODEC = {"crf": "21", "preset": "fast"}  # 18 cannot be told from the original, 28 can
-_END_MS = 1000.0  # for how long a GIF shows its last picture, before it begins again
-_COLOURS = 256  # of a GIF, in all its pictures alike
-_EVERY, _SAMPLE = 3, 60
+_CODEC = {"crf": "21", "preset": "fast"}  # 18 looks like the original, 28 has visible artefacts
+_END_MS = 1000.0  # how long a GIF shows its last picture before it begins again
+_COLOURS = 256  # of a GIF, the same in all its pictures
+_PIXEL_STEP, _MAX_SAMPLE = 3, 60  # sample of pixels and pictures from which they are chosen
 
 
-def mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
-    """H.264, of at least one picture (h, w, 3) of even width and height."""
+def encode_mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
+    """Encode at least one picture (h, w, 3) of even width and height as H.264."""
     source = iter(pictures)
     first = next(source)
     with tempfile.TemporaryDirectory() as folder:
@@ -32,7 +32,7 @@ def mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
             rate = Fraction(fps).limit_denominator(1000)
             stream = container.add_stream("libx264", rate=rate, options=_CODEC)
             stream.height, stream.width = first.shape[:2]
-            stream.pix_fmt = "yuv420p"  # what browsers and slides play
+            stream.pix_fmt = "yuv420p"  # the format that browsers and slides play
             stream.codec_context.thread_count = 1  # else the bytes depend on the number of cores
             stream.codec_context.flags |= av.codec.context.Flags.bitexact
             for picture in chain([first], source):
@@ -41,16 +41,17 @@ def mp4(pictures: Iterable[Pixels], fps: float) -> bytes:
         return path.read_bytes()
 
 
-def gif(pictures: Iterable[Pixels], fps: float) -> bytes:
-    """An endless loop of at least one picture (h, w, 3); all are in memory at the same time."""
-    each = list(pictures)
-    # Every so many pixels of every so many pictures, each of which may have colours of its own.
-    sample = np.concatenate([one[::_EVERY, ::_EVERY] for one in each[:: 1 + len(each) // _SAMPLE]])
+def encode_gif(pictures: Iterable[Pixels], fps: float) -> bytes:
+    """Encode at least one picture (h, w, 3) as an endless GIF, with all pictures in memory."""
+    frames = list(pictures)
+    sampled = frames[:: 1 + len(frames) // _MAX_SAMPLE]
+    sample = np.concatenate([frame[::_PIXEL_STEP, ::_PIXEL_STEP] for frame in sampled])
     palette = Image.fromarray(sample).quantize(_COLOURS, kmeans=2)
     images = [
-        Image.fromarray(one).quantize(palette=palette, dither=Image.Dither.NONE) for one in each
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
     ]
-    pause = [1000.0 / fps] * (len(images) - 1) + [_END_MS]
+    durations = [1000.0 / fps] * (len(images) - 1) + [_END_MS]
     file = io.BytesIO()
-    images[0].save(file, "GIF", save_all=True, append_images=images[1:], duration=pause, loop=0)
+    images[0].save(file, "GIF", save_all=True, append_images=images[1:], duration=durations, loop=0)
     return file.getvalue()

@@ -1,4 +1,4 @@
-"""Pictures of a mission: the robot and its obstacles in PyBullet, ground and fans around them."""
+"""Pictures of a mission: robot and obstacles from PyBullet, ground and fans around them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,109 +19,117 @@ from evoros.world.model import World
 
 from .camera import Camera, Floats, Pixels
 from .captions import CLEAR, FAILED, NEAR, Colour
-from .fans import Fan, blend
+from .fans import Fan, blend_fan
 from .ground import GOAL, RING, Ground
 from .motion import Motion
 
 Flags = NDArray[np.bool_]
 CUT_M = 0.6
-"""Obstacles are shown up to this height [m]: what is higher would hide the robot."""
+"""Obstacles are shown up to this height [m]; higher ones would hide the robot."""
 FIXED, MOVABLE = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42)
-_FINER = 2  # so many times as many pixels are rendered, in each direction
-_AROUND_M = 8.0  # of ground around the mission that is painted
-_TRACK_M, _TRACK_PX = 0.04, 2.0  # the least width of the path
-_STUMP_M = 0.3  # shown of a sensor that is silent
+_OVERSAMPLING = 2  # rendered pixels per pixel, in each direction
+_AROUND_M = 8.0  # width of the ground around the mission
+_TRACK_M, _TRACK_PX = 0.04, 2.0  # minimum width of the path
+_SILENT_M = 0.3  # length of the fan of a silent sensor
 
 
 @dataclass(frozen=True)
-class Eye:
+class SensorView:
     """A sensor that is shown."""
 
     link: str  # of the robot
-    frame: Array  # (4, 4): in the robot's frame
+    frame: Array  # (4, 4) in the robot's frame
     half_rad: float  # half its opening
     range_m: float
-    near_m: float  # readings below are marked
+    near_m: float  # readings below it are marked
 
 
 @dataclass(frozen=True, eq=False)
-class Footage:
-    """A mission at some times; ``picture`` must be called in the order of the times."""
+class Renderer:
+    """Renders a mission at n times; ``render`` must be called in the order of the times."""
 
     scene: Scene
-    moves: Motion
-    eyes: Sequence[Eye]
-    readings: Array  # (n, sensors) [m] at these times; NaN: silent
+    motion: Motion
+    sensors: Sequence[SensorView]
+    readings: Array  # (n, sensors) [m]; NaN: silent
     failed: Flags  # (n, sensors) whether it has failed
-    goals: Array  # (n, 2) [m], the next waypoint; NaN: none
-    setting: FigureContext
+    goals: Array  # (n, 2) [m] of the next waypoint; NaN: none
+    context: FigureContext
     ground: Ground
 
-    def picture(self, number: int, camera: Camera) -> Pixels:
-        """(h, w, 3) uint8."""
-        moves = self.moves
-        x, y, yaw = (float(each[number]) for each in (moves.x_m, moves.y_m, moves.yaw_rad))
+    def render(self, number: int, camera: Camera) -> Pixels:
+        """Return the picture (h, w, 3) at a time."""
+        motion = self.motion
+        x, y, yaw = (float(v[number]) for v in (motion.x_m, motion.y_m, motion.yaw_rad))
         pose = Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw)
-        self.scene.move(
-            pose.position,
-            pose.quaternion,
-            {name: float(angles[number]) for name, angles in moves.joints.items()},
-        )
-        states = self.states(number)
-        for eye, colour in zip(self.eyes, states, strict=True):
+        joints = {name: float(angles[number]) for name, angles in motion.joints.items()}
+        self.scene.move(pose.position, pose.quaternion, joints)
+        states = self.classify_readings(number)
+        for sensor, colour in zip(self.sensors, states, strict=True):
             red, green, blue = (part / 255 for part in colour)
-            self.scene.paint(eye.link, (red, green, blue))
-        self._leave_track(number, camera)
-        drawn, depth = self._solids(self._floor(number, (x, y, yaw), camera), camera)
-        for fan in self._fans(number, _matrix(pose), states):
-            blend(drawn, depth, camera, fan)
-        return np.clip(np.round(drawn), 0, 255).astype(np.uint8)
+            self.scene.paint(sensor.link, (red, green, blue))
+        self._extend_track(number, camera)
+        floor = self._project_floor(number, (x, y, yaw), camera)
+        picture, depth = self._render_solids(floor, camera)
+        for fan in self._make_fans(number, _matrix(pose), states):
+            blend_fan(picture, depth, camera, fan)
+        return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
-    def _leave_track(self, number: int, camera: Camera) -> None:
-        back = slice(max(number - 2, 0), number + 1)  # one step twice, so that no joint is seen
-        points = np.stack([self.moves.x_m[back], self.moves.y_m[back]], axis=1)
-        depth = float((camera.pixels @ [*points[-1], 0.0, 1.0])[2])
-        width = max(_TRACK_M, _TRACK_PX * depth / camera.pixels_per_radian)
-        self.ground.track(points, width)
-
-    def states(self, number: int) -> list[Colour]:
-        """The colour of each sensor at a time."""
+    def classify_readings(self, number: int) -> list[Colour]:
+        """Return the colour of each sensor's state at a time."""
         readings, failed = self.readings[number], self.failed[number]
         return [
-            FAILED if broken or np.isnan(reading) else NEAR if reading < eye.near_m else CLEAR
-            for eye, reading, broken in zip(self.eyes, readings, failed, strict=True)
+            FAILED
+            if has_failed or np.isnan(reading)
+            else NEAR
+            if reading < sensor.near_m
+            else CLEAR
+            for sensor, reading, has_failed in zip(self.sensors, readings, failed, strict=True)
         ]
 
-    def _fans(self, number: int, robot: Array, states: Sequence[Colour]) -> list[Fan]:
-        """Those that are to be noticed last, over the others."""
+    def _extend_track(self, number: int, camera: Camera) -> None:
+        steps = slice(max(number - 2, 0), number + 1)  # overlapping, so that no joint is visible
+        points = np.stack([self.motion.x_m[steps], self.motion.y_m[steps]], axis=1)
+        depth = float((camera.pixels @ [*points[-1], 0.0, 1.0])[2])
+        width = max(_TRACK_M, _TRACK_PX * depth / camera.pixels_per_radian)
+        self.ground.extend_track(points, width)
+
+    def _make_fans(self, number: int, robot: Array, states: Sequence[Colour]) -> list[Fan]:
+        """Make the fans in the order of drawing, the most important ones last."""
         fans = []
-        for eye, reading, colour in zip(self.eyes, self.readings[number], states, strict=True):
-            reach, most = (_STUMP_M, _STUMP_M) if np.isnan(reading) else (reading, eye.range_m)
-            fans.append(Fan(robot @ eye.frame, eye.half_rad, float(reach), most, colour))
+        for sensor, reading, colour in zip(
+            self.sensors, self.readings[number], states, strict=True
+        ):
+            silent = np.isnan(reading)
+            reach, range_m = (_SILENT_M, _SILENT_M) if silent else (reading, sensor.range_m)
+            frame = robot @ sensor.frame
+            fans.append(Fan(frame, sensor.half_rad, float(reach), range_m, colour))
         return sorted(fans, key=lambda fan: (CLEAR, FAILED, NEAR).index(fan.colour))
 
-    def _floor(self, number: int, place: tuple[float, float, float], camera: Camera) -> Image.Image:
-        """The ground and the sky, as if nothing stood there."""
+    def _project_floor(
+        self, number: int, pose: tuple[float, float, float], camera: Camera
+    ) -> Image.Image:
+        """Return the ground with the robot's shadow and the goal, and the sky."""
         ground = self.ground.copy()
-        ground.shadow(self.setting.parts, *place)
+        ground.draw_shadow(self.context.parts, *pose)
         goal = self.goals[number]
         if np.isfinite(goal).all():
-            ground.ring(goal.tolist(), 0.3, GOAL, 0.08)
-        return ground.seen(camera)
+            ground.draw_ring(goal.tolist(), 0.3, GOAL, 0.08)
+        return ground.project(camera)
 
-    def _solids(self, floor: Image.Image, camera: Camera) -> tuple[Floats, Floats]:
-        """The picture (h, w, 3) float32 with what stands on the floor, and depths (h, w) [m]."""
-        finer = camera.scaled(_FINER)
-        seen = self.scene.render(finer.view, finer.projection, finer.size, finer.light.tolist())
+    def _render_solids(self, floor: Image.Image, camera: Camera) -> tuple[Floats, Floats]:
+        """Return the picture (h, w, 3) of the solids on the floor, and the depths (h, w) [m]."""
+        fine = camera.scale(_OVERSAMPLING)
+        seen = self.scene.render(fine.view, fine.projection, fine.size, fine.light.tolist())
         solid = seen.bodies != NO_BODY
-        colours = Image.frombuffer("RGBX", finer.size, seen.colours).reduce(_FINER).convert("RGB")
-        free = Image.fromarray(np.where(solid, np.uint8(0), np.uint8(255))).reduce(_FINER)
-        # Where nothing is, PyBullet's picture is white: take away what the floor is not.
+        colours = Image.frombuffer("RGBX", fine.size, seen.colours).reduce(_OVERSAMPLING)
+        free = Image.fromarray(np.where(solid, np.uint8(0), np.uint8(255))).reduce(_OVERSAMPLING)
+        # PyBullet's background is white, so subtract what the floor lacks to white.
         missing = ImageChops.multiply(ImageChops.invert(floor), Image.merge("RGB", [free] * 3))
-        drawn = ImageChops.subtract(colours, missing)
-        part = (slice(_FINER // 2, None, _FINER),) * 2
+        picture = ImageChops.subtract(colours.convert("RGB"), missing)
+        part = (slice(_OVERSAMPLING // 2, None, _OVERSAMPLING),) * 2
         depth = np.where(solid[part], camera.depth(seen.depth[part]), np.float32(np.inf))
-        return np.asarray(drawn, dtype=np.float32).copy(), depth
+        return np.asarray(picture, dtype=np.float32).copy(), depth
 
 
 def _matrix(pose: Pose) -> Array:
@@ -130,63 +138,68 @@ def _matrix(pose: Pose) -> Array:
     return matrix
 
 
-def eyes(robot: Urdf, setting: FigureContext, count: int, near_m: float | None) -> list[Eye]:
-    """The sensors of a robot, in the order of the readings.
+def find_sensors(
+    robot: Urdf, context: FigureContext, count: int, near_m: float | None
+) -> list[SensorView]:
+    """Find the sensors of a robot, in the order of the readings.
 
-    ``near_m`` None is half the range of each.
+    ``near_m`` None stands for half the range of each.
+
+    Raises:
+        InputError: the robot does not have ``count`` sensors.
     """
-    found = []
+    sensors = []
     for number in range(count):
-        for kind, beam in setting.beams.items():
+        for kind, beam in context.beams.items():
             link = f"{kind}_{number}"
             if link in robot.poses:
                 half = math.radians(max(beam.fov_deg, 1.0)) / 2
                 near = beam.range_max_m / 2 if near_m is None else near_m
-                frame = _matrix(_levelled(robot.poses[link], half))
-                found.append(Eye(link, frame, half, beam.range_max_m, near))
-    if len(found) != count:
+                frame = _matrix(_level(robot.poses[link], half))
+                sensors.append(SensorView(link, frame, half, beam.range_max_m, near))
+    if len(sensors) != count:
         raise robot.error(
-            f"must have a link for each of the {count} sensors of the trajectory, and has "
-            f"{len(found)}",
-            "take the description of the robot that flew the mission",
+            f"must have a link for each of the {count} sensors of the trajectory, but has "
+            f"{len(sensors)}",
+            "give the description of the robot that ran the mission",
         )
-    return found
+    return sensors
 
 
-def _levelled(pose: Pose, half_rad: float) -> Pose:
-    """A level frame for a sensor whose beam, if it is as high as it is wide, has level rays.
+def _level(pose: Pose, half_rad: float) -> Pose:
+    """Return a level frame for a sensor whose beam, if as high as wide, has level rays.
 
-    What stands on the ground is met by these, and so lies where a level fan ends.
+    These rays meet obstacles on the ground, so that the end of a level fan is at the obstacle.
     """
     if abs(math.asin(min(1.0, max(-1.0, float(pose.rotation[2, 0]))))) > half_rad:
         return pose
     return Pose.from_rpy(pose.position, 0.0, 0.0, pose.yaw)
 
 
-def painted(world: World, track: Array) -> Ground:
-    """The ground around a mission with its course; ``track`` (n, 2) [m]."""
+def paint_ground(world: World, track: Array) -> Ground:
+    """Paint the ground around a mission with its course; ``track`` (n, 2) [m]."""
     points = np.vstack([track, world.course.route(True)])
     low, high = points.min(axis=0) - _AROUND_M, points.max(axis=0) + _AROUND_M
-    ground = Ground(low, high, [body for body, _ in obstacles(world)])
+    ground = Ground(low, high, [body for body, _ in cut_obstacles(world)])
     for corner in world.course.waypoints:
-        ground.ring(corner, world.course.acceptance_m, RING, 0.03)
+        ground.draw_ring(corner, world.course.acceptance_m, RING, 0.03)
     return ground
 
 
-def obstacles(world: World) -> list[tuple[Body, Shade]]:
-    """What is shown of the world's bodies, and in which colours."""
+def cut_obstacles(world: World) -> list[tuple[Body, Shade]]:
+    """Return the bodies of a world, cut at ``CUT_M``, and their colours."""
     shown = []
     for body in world.obstacles:
-        shapes = tuple(_cut(body, shape) for shape in body.shapes)
-        kept = tuple(shape for shape in shapes if shape is not None)
-        if kept:
+        cut = (_cut(body, shape) for shape in body.shapes)
+        shapes = tuple(shape for shape in cut if shape is not None)
+        if shapes:
             colour = FIXED if body.mass is None else MOVABLE
-            shown.append((replace(body, shapes=kept), colour))
+            shown.append((replace(body, shapes=shapes), colour))
     return shown
 
 
 def _cut(body: Body, shape: Shape) -> Shape | None:
-    """Without what is above ``CUT_M``, if it stands upright; None: all of it is."""
+    """Cut an upright shape at ``CUT_M``; None: all of it is higher."""
     pose = body.pose @ shape.pose
     low, high = bottom_height(shape, pose), top_height(shape, pose)
     if low >= CUT_M:
@@ -202,11 +215,11 @@ def _cut(body: Body, shape: Shape) -> Shape | None:
     return Shape(shape.kind, tuple(size), body.pose.inverse() @ middle)
 
 
-def goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:
-    """(n, 2) [m]: the next waypoint at each record; NaN behind the last.
+def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:
+    """Return the next waypoint (n, 2) [m] at each record; NaN after the last.
 
-    The direction of the course is not recorded: it is that whose first waypoint the robot at
-    ``places`` (n, 2) came nearer to before it had ``visited`` (n,) one.
+    The direction of the course is not recorded. It is the one whose first waypoint the robot at
+    ``places`` (n, 2) came nearer to before it had ``visited`` (n,) a waypoint.
     """
     first = places[: int(np.count_nonzero(visited == 0)) + 1]
     routes = [world.course.route(forward) for forward in (True, False)]
@@ -215,7 +228,7 @@ def goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:
     return np.vstack([route, [[np.nan, np.nan]]])[np.clip(visited, 0, len(route))]
 
 
-def failures(times: Array, count: int, failed: Mapping[int, float]) -> Flags:
-    """(n, count): whether each sensor has failed by then; ``failed`` has times [s] by sensor."""
+def flag_failures(times: Array, count: int, failed: Mapping[int, float]) -> Flags:
+    """Return (n, count) whether each sensor has failed; ``failed`` has times [s] by sensor."""
     since = np.array([failed.get(number, np.inf) for number in range(count)])
     return np.asarray(times[:, None] >= since[None])

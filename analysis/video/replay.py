@@ -1,4 +1,4 @@
-"""A mission as a video: the robot among its obstacles, with what its sensors see."""
+"""A mission as a video: the robot among its obstacles, with the readings of its sensors."""
 
 import argparse
 import math
@@ -22,23 +22,30 @@ from evoros.world.model import World
 from ..product import Product
 from ..tables.records import Record
 from ..tables.study import Study
-from ..tables.tracks import champions_world, track
+from ..tables.tracks import load_champion_world, read_track
 from .camera import Pixels
-from .captions import write
-from .encoding import gif, mp4
-from .film import CAMERAS, Film, cameras, captions, times
-from .motion import check_poses, motion
-from .renderer import Footage, eyes, failures, goals, obstacles, painted
+from .captions import write_caption
+from .encoding import encode_gif, encode_mp4
+from .motion import check_poses, interpolate
+from .render_options import CAMERAS, RenderOptions, make_captions, place_cameras, sample_times
+from .renderer import (
+    Renderer,
+    cut_obstacles,
+    find_goals,
+    find_sensors,
+    flag_failures,
+    paint_ground,
+)
 
-HELP = "a mission of the champion as a video, with what its sensors see"
+HELP = "a mission of the champion as a video, with the readings of its sensors"
 FORMATS = ("mp4", "gif")
-_TYPED = {"start_s": "from", "end_s": "to"}
-"""What the fields of a film are called on the command line, where that differs."""
-_USUAL = {"mp4": ((854, 480), 25.0), "gif": ((480, 270), 10.0)}  # size, pictures per second
+_OPTION_NAMES = {"start_s": "from", "end_s": "to"}
+"""Options whose name differs from that of their field of ``RenderOptions``."""
+_DEFAULTS = {"mp4": ((854, 480), 25.0), "gif": ((480, 270), 10.0)}  # size, pictures per second
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
-    """Which mission, and how it is shown."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the mission and how it is shown."""
     parser.add_argument("--run", metavar="NAME", help="instead of the best run")
     parser.add_argument("--world", metavar="NAME", help="instead of the first")
     parser.add_argument("--camera", choices=CAMERAS, default="chase", help="chase")
@@ -49,84 +56,109 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--to", dest="end", type=float, default=math.inf, metavar="SECONDS")
 
 
-def product(study: Study, options: argparse.Namespace) -> Product:
-    """Of the run that was asked for, else of the best."""
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Make the video of the named run's champion, or of the best run's."""
     study.check_worlds([options.world] if options.world else [])
-    record, take = study.chosen(options.run, partial(_take, world=options.world))
-    film = _film(options, take.name)
-    pictures = _pictures(take, film)
-    video = (gif if options.format == "gif" else mp4)(pictures, film.fps)
-    said = f"{record.name}: the champion in {take.name}, {film.speed:g} times as fast as it was"
-    return Product(said=[said], files={f"replay.{options.format}": video})
+    record, mission = study.choose(options.run, partial(_read_mission, world=options.world))
+    render_options = _parse_options(options, mission.world_name)
+    encode = encode_gif if options.format == "gif" else encode_mp4
+    video = encode(_show_progress(mission, render_options), render_options.fps)
+    name, speed = mission.world_name, render_options.speed
+    message = f"{record.name}: the champion in {name}, at {speed:g} times real time"
+    return Product(messages=[message], files={f"replay.{options.format}": video})
 
 
-def _film(options: argparse.Namespace, title: str) -> Film:
-    size, fps = _USUAL[options.format]
+def _parse_options(options: argparse.Namespace, title: str) -> RenderOptions:
+    size, fps = _DEFAULTS[options.format]
     if options.size is not None:
         match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", options.size)
         if match is None:
             raise InputError(
-                f"--size: must be WIDTHxHEIGHT, not {options.size!r}; for example 854x480"
+                f"--size: must be WIDTHxHEIGHT, not {options.size!r}; set it to 854x480, for "
+                f"example"
             )
         size = int(match[1]), int(match[2])
     fps = fps if options.fps is None else options.fps
-    if options.format == "gif" and not _whole(100 / fps if fps > 0 else 0.0):
+    if options.format == "gif" and not _is_whole(100 / fps if fps > 0 else 0.0):
         raise InputError(
-            f"--fps: of a GIF must divide 100, for its clock ticks in hundredths of a second, "
-            f"not {fps:g}; for example 10, 20 or 25"
+            f"--fps: of a GIF must divide 100, because its clock ticks in hundredths of a second, "
+            f"not {fps:g}; set it to 10, 20 or 25, for example"
         )
+    values = (options.camera, size, fps, options.speed, options.start, options.end, title)
     try:
-        return Film(options.camera, size, fps, options.speed, options.start, options.end, title)
+        return RenderOptions(*values)
     except InputError as error:
-        said = re.sub(r"^Film\.(\w+)", lambda name: f"--{_TYPED.get(name[1], name[1])}", str(error))
-        raise InputError(said) from None
+        pattern = r"^RenderOptions\.(\w+)"
+        raise InputError(re.sub(pattern, _name_option, str(error))) from None
 
 
-def _whole(number: float) -> bool:
+def _name_option(field: re.Match[str]) -> str:
+    return f"--{_OPTION_NAMES.get(field[1], field[1])}"
+
+
+def _is_whole(number: float) -> bool:
     return number >= 1 and abs(number - round(number)) < 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class _Take:
-    """What a film of a champion's mission is made of."""
+class _Mission:
+    """A champion's mission as it is shown."""
 
-    name: str  # of the world
+    world_name: str
     trajectory: pd.DataFrame
     urdf: str
     world: World
-    setting: FigureContext
-    failed: Mapping[int, float]
+    context: FigureContext
+    failed: Mapping[int, float]  # times [s] by sensor
     near_m: float | None
 
 
-def _take(record: Record, world: str | None) -> _Take:
-    """Of the named world, or the first."""
-    name = world or next(iter(record.setting.courses))
-    if name not in record.setting.courses:
-        raise InputError(f"{record.path}: must have the world {name!r}, and has not")
+def _read_mission(record: Record, world: str | None) -> _Mission:
+    """Read the champion's mission in the named world, or in the first."""
+    context = record.context
+    name = world or next(iter(context.courses))
+    if name not in context.courses:
+        raise InputError(f"{record.path}: must have the world {name!r}, but has not; give another")
     path = record.path / "champion" / "robot.urdf"
     trajectory = record.run.trajectory(name)
     check_poses(trajectory, str(path.with_name(f"trajectory_{name}.csv")))
+    near_m = record.values.get("controller.avoidance.range_m")
     try:
         urdf = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
-    return _Take(
+    return _Mission(
         name,
         trajectory,
         urdf,
-        champions_world(record.run, record.setting, name),
-        record.setting,
-        _failed(track(record.run, record.setting, name)),
-        _number(record.values.get("controller.avoidance.range_m")),
+        load_champion_world(record.run, context, name),
+        context,
+        _failure_times(read_track(record.run, context, name)),
+        float(near_m) if isinstance(near_m, int | float) else None,
     )
 
 
-def _pictures(take: _Take, film: Film) -> Iterator[Pixels]:
-    """With a line on the terminal that says how far it is: it takes minutes."""
-    count = len(times(take.trajectory, film))
+def _failure_times(track: pd.DataFrame) -> dict[int, float]:
+    """Return the time [s] at which each failed sensor failed, by the records of its track."""
+    return {
+        int(sensor): float(time)
+        for time, sensors in zip(track["time_s"], track["failed_sensors"], strict=True)
+        for sensor in str(sensors).split(";")
+        if sensor
+    }
+
+
+def _show_progress(mission: _Mission, options: RenderOptions) -> Iterator[Pixels]:
+    """Yield the pictures, with their number on a terminal, because they take minutes."""
+    count = len(sample_times(mission.trajectory, options))
     pictures = replay(
-        take.trajectory, take.urdf, take.world, take.setting, film, take.failed, take.near_m
+        mission.trajectory,
+        mission.urdf,
+        mission.world,
+        mission.context,
+        options,
+        mission.failed,
+        mission.near_m,
     )
     for number, picture in enumerate(pictures, 1):
         yield picture
@@ -136,61 +168,46 @@ def _pictures(take: _Take, film: Film) -> Iterator[Pixels]:
         print(file=sys.stderr)
 
 
-def _failed(story: pd.DataFrame) -> dict[int, float]:
-    """When [s] each sensor failed, of those that did, in a table as ``tracks.track`` makes it."""
-    return {
-        int(number): float(time)
-        for time, numbers in zip(story["time_s"], story["failed_sensors"], strict=True)
-        for number in str(numbers).split(";")
-        if number
-    }
-
-
-def _number(value: object) -> float | None:
-    return float(value) if isinstance(value, int | float) else None
-
-
 def replay(
     trajectory: pd.DataFrame,
     urdf: str,
     world: World,
-    setting: FigureContext,
-    film: Film | None = None,
+    context: FigureContext,
+    options: RenderOptions | None = None,
     failed: Mapping[int, float] | None = None,
     near_m: float | None = None,
 ) -> Iterator[Pixels]:
-    """The pictures (h, w, 3) uint8 of a mission, one after another.
+    """Yield the pictures (h, w, 3) of a mission.
 
     ``trajectory`` is a table as ``champion/trajectory_WORLD.csv`` or ``evoros.replay`` has it,
-    ``urdf`` the robot that flew it, with its sensors. ``failed`` has the times [s] at which sensors
-    failed. Readings below ``near_m`` are marked; None: below half the sensor's range.
+    ``urdf`` the robot that ran it, with its sensors. ``failed`` has the times [s] at which sensors
+    failed. Readings below ``near_m`` are marked; None stands for half the sensor's range.
 
     Raises:
         InputError: PyBullet is not installed, or the trajectory does not fit.
     """
     check_poses(trajectory)
-    film = film or Film()
+    options = options or RenderOptions()
     robot = read_tree(parse(urdf.encode(), "robot.urdf"), "robot.urdf")
     columns = [name for name in trajectory if re.fullmatch(r"range_\d+_m", str(name))]
-    sensors = eyes(robot, setting, len(columns), near_m)
-    moves = motion(trajectory, times(trajectory, film), robot)
-    now = trajectory.iloc[moves.record]
+    sensors = find_sensors(robot, context, len(columns), near_m)
+    motion = interpolate(trajectory, sample_times(trajectory, options), robot)
     places = trajectory[["x_m", "y_m"]].to_numpy(float)
-    next_goals = goals(world, places, trajectory["visited"].to_numpy(int))
-    said = captions(trajectory, moves, world, setting, film)
-    views = list(cameras(moves, world, places, film))
-    with open_scene(urdf, obstacles(world)) as scene:
-        footage = Footage(
+    goals = find_goals(world, places, trajectory["visited"].to_numpy(int))
+    captions = make_captions(trajectory, motion, world, context, options)
+    cameras = list(place_cameras(motion, world, places, options))
+    with open_scene(urdf, cut_obstacles(world)) as scene:
+        renderer = Renderer(
             scene,
-            moves,
+            motion,
             sensors,
-            now[columns].to_numpy(float),
-            failures(moves.time_s, len(columns), failed or {}),
-            next_goals[moves.record],
-            setting,
-            painted(world, places),
+            trajectory.iloc[motion.record][columns].to_numpy(float),
+            flag_failures(motion.time_s, len(columns), failed or {}),
+            goals[motion.record],
+            context,
+            paint_ground(world, places),
         )
-        for number, (camera, caption) in enumerate(zip(views, said, strict=True)):
-            picture = Image.fromarray(footage.picture(number, camera))
-            write(picture, caption._replace(states=footage.states(number)))
+        for number, (camera, caption) in enumerate(zip(cameras, captions, strict=True)):
+            picture = Image.fromarray(renderer.render(number, camera))
+            write_caption(picture, caption._replace(states=renderer.classify_readings(number)))
             yield np.asarray(picture)

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from evoros.analysis.drawing.style import save
-from evoros.analysis.drawing.worlds import worlds
+from evoros.analysis.drawing.worlds import draw_worlds
 
 import evoros
 from evoros.config.compose import compose
@@ -31,11 +31,11 @@ def generated(overrides: list[str]) -> World:
 
 def main(folders: list[str]) -> None:
     examples = {name: generated(overrides) for name, overrides in EXAMPLES.items()}
-    save(worlds(examples), IMAGES / "generated.png", "png")
+    save(draw_worlds(examples), IMAGES / "generated.png", "png")
     for folder in folders:
         run, dense = evoros.load_run(folder), compose(["world=dense"]).build().world
         tracks = {name: [run.trajectory(name)[["x_m", "y_m"]].to_numpy()] for name in dense}
-        save(worlds(dense, tracks), IMAGES / "dense.png", "png")
+        save(draw_worlds(dense, tracks), IMAGES / "dense.png", "png")
 
 
 if __name__ == "__main__":

@@ -14,19 +14,26 @@ import pandas as pd
 import pytest
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.drawing.style import PAGE_IN, save
-from evoros.analysis.figures.claims import claims, finished, kind, missions
+from evoros.analysis.figures.claims import draw_claims
 from evoros.analysis.measures import claims_designs, claims_runs
 from evoros.analysis.measures.coverage import HEADINGS_DEG
-from evoros.analysis.measures.finding import NOT_SUPPORTED, SUPPORTED, UNKNOWN, above, within
-from evoros.analysis.measures.heading_swing import sweeps
+from evoros.analysis.measures.finding import (
+    NOT_SUPPORTED,
+    SUPPORTED,
+    UNKNOWN,
+    judge_above,
+    judge_within,
+)
+from evoros.analysis.measures.heading_swing import measure_swings
 from evoros.analysis.measures.spread import (
-    apart,
-    diversity,
-    mean_apart,
+    mean_distance,
+    pairwise_distances,
+    read_diversity,
     relative_difference,
-    resampled,
+    resample_mean_distance,
 )
 from evoros.analysis.measures.statistics import Interval, fisher, ratio_interval, share_interval
+from evoros.analysis.tables.champion_missions import classify_failure, list_missions
 from evoros.analysis.tables.study import load_study
 from helpers import TINY, tiny
 from hypothesis import given
@@ -71,10 +78,10 @@ def test_a_share_of_nothing_is_not_tested() -> None:
 )
 def test_the_whole_interval_decides(low: float, high: float, expected: str) -> None:
     found = Interval(0.5, low, high)
-    assert above(found, 0.5) == expected
-    assert above(Interval(0.5, math.nan, math.nan), 0.5) == UNKNOWN
-    assert within(found, 0.5, 1.0) == expected
-    assert within(Interval(0.5, math.nan, math.nan), 0, 1) == UNKNOWN
+    assert judge_above(found, 0.5) == expected
+    assert judge_above(Interval(0.5, math.nan, math.nan), 0.5) == UNKNOWN
+    assert judge_within(found, 0.5, 1.0) == expected
+    assert judge_within(Interval(0.5, math.nan, math.nan), 0, 1) == UNKNOWN
 
 
 # Designs -----------------------------------------------------------------------------------------
@@ -123,7 +130,7 @@ def test_redundancy_is_what_six_of_ten_and_random_designs_say(
             designs("none", redundant=some(3, 5)),
         ]
     )
-    found = claims_designs.redundancy(table)
+    found = claims_designs.judge_redundancy(table)
     wilson = share_interval(count, 10)
     assert (found.value, found.low, found.high) == (count / 10, wilson.low, wilson.high)
     assert (found.n, found.reference) == (10, drawn / 100)
@@ -146,47 +153,49 @@ def test_clusters_within_a_radius(count: int, drawn: int, verdict: str) -> None:
             designs("spatial", closest_m=closest(drawn, 100), random=True),
         ]
     )
-    found = claims_designs.damage(table, 0.06)
+    found = claims_designs.judge_damage_clusters(table, 0.06)
     assert (found.value, found.reference, found.verdict) == (count / 10, drawn / 100, verdict)
-    assert claims_designs.damage(table, 0.05).value == 0
+    assert claims_designs.judge_damage_clusters(table, 0.05).value == 0
 
 
 def test_two_configurations_are_found_where_there_are_two_and_named_apart() -> None:
     rng = np.random.default_rng(0)
     front = designs("none", at=list(rng.normal(10, 2, 6)), strategy="front array")
     side = designs("random", at=list(rng.normal(70, 2, 6)))
-    found = claims_designs.configurations(pd.concat([front, side], ignore_index=True))
+    found = claims_designs.judge_configurations(pd.concat([front, side], ignore_index=True))
     assert (found.verdict, found.n) == (SUPPORTED, 12)
     assert "6 front arrays and 6 side mounts" in found.why
     bare = front.assign(strategy=["front array"] * 5 + ["no sensors"])
-    found = claims_designs.configurations(pd.concat([bare, side], ignore_index=True))
+    found = claims_designs.judge_configurations(pd.concat([bare, side], ignore_index=True))
     assert "5 front arrays and 6 side mounts" in found.why  # of 12: one has neither
     same = pd.concat([front.assign(strategy="side mounts"), side], ignore_index=True)
-    assert claims_designs.configurations(same).verdict == NOT_SUPPORTED
+    assert claims_designs.judge_configurations(same).verdict == NOT_SUPPORTED
     third = designs("none", at=list(rng.normal(130, 2, 6)))
     three = pd.concat([front, side, third], ignore_index=True)
-    assert claims_designs.configurations(three).verdict == NOT_SUPPORTED
+    assert claims_designs.judge_configurations(three).verdict == NOT_SUPPORTED
     verdicts = {}
     for spread in (1, 2, 4, 8):
-        one = claims_designs.configurations(designs("none", at=list(rng.normal(60, spread, 12))))
+        one = claims_designs.judge_configurations(
+            designs("none", at=list(rng.normal(60, spread, 12)))
+        )
         verdicts[one.p] = one.verdict
     assert min(verdicts) < 0.5 < max(verdicts)
     expected = {p: NOT_SUPPORTED if p >= 0.5 else UNKNOWN for p in verdicts}
     assert verdicts == expected  # no clusters: less clustered than most clouds, or it may be so
-    few = claims_designs.configurations(front.iloc[:4])
+    few = claims_designs.judge_configurations(front.iloc[:4])
     assert (few.verdict, math.isnan(few.value)) == (UNKNOWN, True)
 
 
 def test_what_is_missing_is_said() -> None:
     other, nothing = designs("stuck", redundant=[True]), pd.DataFrame(columns=["first", "last"])
     needs = {
-        claims_designs.redundancy(other).why,
-        claims_designs.damage(other, 0.03).why,
-        claims_designs.spread_between(other, other[:0]).why,
-        claims_designs.spread_within(nothing, nothing).why,
-        claims_runs.approach(pd.DataFrame()).why,
-        claims_runs.sweep(pd.DataFrame()).why,
-        *(found.why for found in claims_runs.completed(pd.DataFrame())),
+        claims_designs.judge_redundancy(other).why,
+        claims_designs.judge_damage_clusters(other, 0.03).why,
+        claims_designs.judge_spread_between(other, other[:0]).why,
+        claims_designs.judge_spread_within(nothing, nothing).why,
+        claims_runs.judge_approach(pd.DataFrame()).why,
+        claims_runs.judge_heading_swing(pd.DataFrame()).why,
+        *(found.why for found in claims_runs.judge_completion(pd.DataFrame())),
     }
     assert all(why.startswith("needs ") for why in needs)
     assert {"needs runs with failure=random", "needs runs with experiment=free_placement"} <= needs
@@ -198,15 +207,15 @@ def test_what_is_missing_is_said() -> None:
 def test_distances_of_where_designs_look() -> None:
     looks = np.zeros((3, len(HEADINGS_DEG)))
     looks[0, :4], looks[1, 2:6], looks[2, :2] = 1, 3, 1  # half in common; a half of the first
-    distance = apart(pd.DataFrame(looks))
+    distance = pairwise_distances(pd.DataFrame(looks))
     np.testing.assert_allclose(distance, [[0, 0.5, 0.5], [0.5, 0, 1], [0.5, 1, 0]])
-    assert mean_apart(distance) == pytest.approx(2 / 3)
-    assert math.isnan(mean_apart(distance[:1, :1]))
+    assert mean_distance(distance) == pytest.approx(2 / 3)
+    assert math.isnan(mean_distance(distance[:1, :1]))
 
 
 def test_resamples_of_equally_distant_designs_have_that_distance() -> None:
     """A design drawn twice is no pair of designs that agree."""
-    drawn = resampled(1 - np.eye(4))
+    drawn = resample_mean_distance(1 - np.eye(4))
     known = drawn[~np.isnan(drawn)]
     np.testing.assert_allclose(known, 1)
     assert len(drawn) - len(known) < 0.03 * len(drawn)  # 4 of 256: one design, four times
@@ -224,10 +233,10 @@ def test_the_spread_between_runs_is_relative_to_random_designs(free: float, verd
         return pd.concat([own, drawn], ignore_index=True)
 
     mirrored, other = table(15), table(free)
-    found = claims_designs.spread_between(mirrored, other)
+    found = claims_designs.judge_spread_between(mirrored, other)
     ratios = [
-        mean_apart(apart(each.loc[~each.random, HEADINGS_DEG]))
-        / mean_apart(apart(each.loc[each.random, HEADINGS_DEG]))
+        mean_distance(pairwise_distances(each.loc[~each.random, HEADINGS_DEG]))
+        / mean_distance(pairwise_distances(each.loc[each.random, HEADINGS_DEG]))
         for each in (other, mirrored)
     ]
     assert found.value == pytest.approx(ratios[0] - ratios[1])
@@ -246,11 +255,11 @@ def test_no_difference_of_spread_is_not_exact() -> None:
 def test_the_diversity_within_populations() -> None:
     kept = pd.DataFrame({"first": 1.0, "last": np.linspace(0.1, 0.2, 8)})
     more = kept.assign(last=kept["last"] + 0.5)
-    found = claims_designs.spread_within(kept, more)
+    found = claims_designs.judge_spread_within(kept, more)
     assert (found.verdict, found.value) == (SUPPORTED, pytest.approx(0.65))
     assert found.reference == pytest.approx(0.15)
-    assert claims_designs.spread_within(more, kept).verdict == NOT_SUPPORTED
-    assert claims_designs.spread_within(kept, kept).verdict == UNKNOWN
+    assert claims_designs.judge_spread_within(more, kept).verdict == NOT_SUPPORTED
+    assert claims_designs.judge_spread_within(kept, kept).verdict == UNKNOWN
 
 
 # Runs --------------------------------------------------------------------------------------------
@@ -271,7 +280,7 @@ def progress(early: Sequence[float], last: int = 24, gap: float = 0.1) -> pd.Dat
 )
 def test_the_gain_that_came_early(early: list[float], verdict: str) -> None:
     """More than a steady gain would have reached: 15 of 24 generations are 62.5 %."""
-    found = claims_runs.gain(progress(early), "recorded")
+    found = claims_runs.judge_gain(progress(early), "recorded")
     assert found.value == pytest.approx(sum(early) / 24)
     assert (found.verdict, found.reference) == (verdict, 0.625)
 
@@ -279,18 +288,18 @@ def test_the_gain_that_came_early(early: list[float], verdict: str) -> None:
 def test_a_gain_that_may_be_none_says_nothing() -> None:
     table = progress([3.5, 3.5, 3.5])
     table["validated_last"] = [14.0, 6, 11]
-    found = claims_runs.gain(table, "validated")
+    found = claims_runs.judge_gain(table, "validated")
     assert (found.verdict, math.isnan(found.value)) == (UNKNOWN, True)
     assert "no gain for sure" in found.why
-    assert "needs" in claims_runs.gain(table.assign(validated_last=math.nan), "validated").why
-    assert "needs" in claims_runs.gain(progress([3.5, 3.5], last=15), "recorded").why
+    assert "needs" in claims_runs.judge_gain(table.assign(validated_last=math.nan), "validated").why
+    assert "needs" in claims_runs.judge_gain(progress([3.5, 3.5], last=15), "recorded").why
 
 
 @pytest.mark.parametrize(
     ("gap", "verdict"), [(0.2, SUPPORTED), (0.8, NOT_SUPPORTED), (1.5, NOT_SUPPORTED)]
 )
 def test_the_mean_approaches_the_best(gap: float, verdict: str) -> None:
-    found = claims_runs.approach(progress([3] * 6, gap=gap))
+    found = claims_runs.judge_approach(progress([3] * 6, gap=gap))
     assert found.value == pytest.approx(gap)
     assert found.verdict == verdict
 
@@ -315,7 +324,7 @@ def drive(
 def test_the_sweep_of_a_weave_is_twice_its_amplitude_whatever_the_course_and_the_period(
     peak: float, turn: float, period: float
 ) -> None:
-    found = sweeps(drive(60, peak, turn, period_s=period), 2)
+    found = measure_swings(drive(60, peak, turn, period_s=period), 2)
     # A turning point every half a period, of which the first counts not, and one at each end.
     assert len(found) == pytest.approx(2 * 60 / period - 3, abs=1)
     share = turn / (peak * 2 * np.pi / period)
@@ -323,23 +332,23 @@ def test_the_sweep_of_a_weave_is_twice_its_amplitude_whatever_the_course_and_the
 
 
 def test_a_steady_turn_and_small_corrections_are_no_weave() -> None:
-    assert sweeps(drive(60, 0, 5), 2) == []
-    assert sweeps(drive(60, 1.4), 2) == []  # 2.8 deg from peak to peak
-    assert len(sweeps(drive(60, 1.6), 2)) > 0
+    assert measure_swings(drive(60, 0, 5), 2) == []
+    assert measure_swings(drive(60, 1.4), 2) == []  # 2.8 deg from peak to peak
+    assert len(measure_swings(drive(60, 1.6), 2)) > 0
 
 
 def test_only_navigation_between_waypoints_counts() -> None:
     """Of 50 s ten turning points, the first 2.4 s after the begin, then every 4.85 s."""
     whole = drive(50)
-    assert sweeps(whole, 1) == []
-    assert len(sweeps(whole, 2)) == 7
-    assert sweeps(drive(16), 2) == []  # three of them, of which the first does not count
-    assert len(sweeps(drive(18), 2)) == 1
+    assert measure_swings(whole, 1) == []
+    assert len(measure_swings(whole, 2)) == 7
+    assert measure_swings(drive(16), 2) == []  # three of them, of which the first does not count
+    assert len(measure_swings(drive(18), 2)) == 1
     avoiding = whole.assign(mode=np.where(whole.time_s.between(20, 20.5), 1, 2))
-    assert len(sweeps(avoiding, 2)) == 1 + 3  # four before it, six behind it
+    assert len(measure_swings(avoiding, 2)) == 1 + 3  # four before it, six behind it
     reached = drive(50, visited=np.arange(500) // 250)
-    assert len(sweeps(reached, 2)) == 2 + 2
-    assert sweeps(whole.iloc[:1], 2) == []
+    assert len(measure_swings(reached, 2)) == 2 + 2
+    assert measure_swings(whole.iloc[:1], 2) == []
 
 
 @pytest.mark.parametrize(
@@ -348,7 +357,7 @@ def test_only_navigation_between_waypoints_counts() -> None:
 def test_the_sweep_is_the_median_of_runs(deg: float, verdict: str) -> None:
     """A run with many weaves counts once."""
     rows = [("long", 300.0)] * 50 + [(run, deg) for run in "abcdefgh" for _ in range(3)]
-    found = claims_runs.sweep(pd.DataFrame(rows, columns=["run", "sweep_deg"]))
+    found = claims_runs.judge_heading_swing(pd.DataFrame(rows, columns=["run", "swing_deg"]))
     assert (found.value, found.n, found.verdict) == (deg, 9, verdict)
 
 
@@ -362,7 +371,7 @@ def flown(run: str, completed: int, failed: int, before: int = 0) -> pd.DataFram
 
 def test_missions_count_after_a_failure_and_runs_are_the_replicates() -> None:
     table = pd.concat([flown("a", 9, 10, 3), flown("b", 18, 20), flown("c", 10, 10)])
-    first, second = claims_runs.completed(table)
+    first, second = claims_runs.judge_completion(table)
     assert first.value == pytest.approx(37 / 40)
     assert (first.low, first.high) == (pytest.approx(0.9), pytest.approx(1))
     assert (first.n, first.verdict) == (3, UNKNOWN)
@@ -379,7 +388,7 @@ def test_missions_count_after_a_failure_and_runs_are_the_replicates() -> None:
 def test_most_missions_are_completed_or_not(counts: list[int], verdict: str) -> None:
     """Sixty missions of which all or none of a champion are completed say little."""
     table = pd.concat([flown(str(i), count, 10) for i, count in enumerate(counts)])
-    assert next(iter(claims_runs.completed(table))).verdict == verdict
+    assert next(iter(claims_runs.judge_completion(table))).verdict == verdict
 
 
 # The command -------------------------------------------------------------------------------------
@@ -428,15 +437,15 @@ def test_every_claim_has_a_row_and_what_is_missing_is_said(drawn: Path) -> None:
 
 def test_kinds_come_from_the_configuration_and_not_from_names(sweep: Path) -> None:
     study = load_study([sweep / "runs"])
-    assert {record.name: kind(record) for record in study.records} == {
+    assert {record.name: classify_failure(record) for record in study.records} == {
         "x0": "none",
         "x1": "random",
         "x2": "random",
         "free": "none",
     }
-    x1 = study.only("x1")
-    hit = replace(x1, setting=replace(x1.setting, rings=(Ring(0.1, 1.0),)))
-    assert kind(hit) == "spatial"
+    x1 = study.find("x1")
+    hit = replace(x1, context=replace(x1.context, rings=(Ring(0.1, 1.0),)))
+    assert classify_failure(hit) == "spatial"
 
 
 def test_missions_are_those_of_champions_on_fresh_draws(sweep: Path, tmp_path: Path) -> None:
@@ -444,16 +453,16 @@ def test_missions_are_those_of_champions_on_fresh_draws(sweep: Path, tmp_path: P
     shutil.copytree(sweep / "again", tmp_path / "same_draws")
     study = load_study([sweep / "runs", sweep / "again", tmp_path])
     assert len(study.evaluations) == 2
-    own = study.only("x2").run
+    own = study.find("x2").run
     other = own.missions[own.missions.purpose == "validation"]
     other = other.assign(design=-1, draws=other.draws + "/more")  # of a design that was best before
     own.__dict__["missions"] = pd.concat([own.missions, other], ignore_index=True)
-    table = missions(study)
+    table = list_missions(study)
     for name in ("x1", "x2"):
         mine = table[table.run == name]
         counts = mine.groupby("source").size().to_dict()
-        worlds = study.only(name).run.missions.world.nunique()
-        assert counts == {"validated in the run": worlds, "evaluated in planar": 3 * worlds}
+        worlds = study.find(name).run.missions.world.nunique()
+        assert counts == {"validated in the run": worlds, "evaluated in bicycle": 3 * worlds}
         assert mine.failed.all()
     assert set(table[table.run == "x0"].source) == {"validated in the run"}  # flown without failure
     assert not table[table.run == "x0"].failed.any()
@@ -462,7 +471,7 @@ def test_missions_are_those_of_champions_on_fresh_draws(sweep: Path, tmp_path: P
 def test_the_diversity_of_a_population_counts_its_copies(sweep: Path) -> None:
     record = load_study([sweep / "runs" / "x0"]).records[0]
     table = record.run.generations
-    row = diversity(record).iloc[0]
+    row = read_diversity(record).iloc[0]
     assert 0 < row["first"] <= 1
     assert 0 <= row["last"] <= 1
     first = table[table.generation == 0].drop_duplicates("id").iloc[:2]
@@ -470,9 +479,11 @@ def test_the_diversity_of_a_population_counts_its_copies(sweep: Path) -> None:
     copies = pd.concat([table, again, again.iloc[:1]], ignore_index=True)  # the first stands twice
     record.run.__dict__["generations"] = copies
     two = pd.concat([table, again], ignore_index=True)
-    kept = diversity(record).iloc[0]["last"]
+    kept = read_diversity(record).iloc[0]["last"]
     record.run.__dict__["generations"] = two
-    assert kept == pytest.approx(2 / 3 * diversity(record).iloc[0]["last"])  # 2 of 3 pairs differ
+    assert kept == pytest.approx(
+        2 / 3 * read_diversity(record).iloc[0]["last"]
+    )  # 2 of 3 pairs differ
 
 
 def test_the_order_of_folders_changes_no_number(sweep: Path, drawn: Path, tmp_path: Path) -> None:
@@ -514,14 +525,14 @@ def test_thresholds_that_say_nothing_are_refused(
 
 def test_finished_runs_are_kept_as_they_are(sweep: Path) -> None:
     study = load_study([sweep])
-    kept = finished(study)
+    kept = study.select_finished()
     assert kept.records == study.records
     assert kept.evaluations == study.evaluations
 
 
 @pytest.mark.parametrize("width", [PAGE_IN / 2, PAGE_IN])
 def test_nothing_in_the_table_overlaps_or_leaves_the_page(drawn: Path, width: float) -> None:
-    figure = claims(rows(drawn).fillna({"unit": ""}), width)
+    figure = draw_claims(rows(drawn).fillna({"unit": ""}), width)
     renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
     (axes,) = figure.axes
     boxes = [text.get_window_extent(renderer) for text in axes.texts]
@@ -538,9 +549,9 @@ def test_nothing_in_the_table_overlaps_or_leaves_the_page(drawn: Path, width: fl
 
 @pytest.mark.parametrize("kind", ["pdf", "svg", "png"])
 def test_the_same_table_gives_the_same_bytes(kind: str) -> None:
-    found = claims_designs.redundancy(designs(redundant=some(6, 10)))
+    found = claims_designs.judge_redundancy(designs(redundant=some(6, 10)))
     table = pd.DataFrame([found.__dict__])
     first, second = io.BytesIO(), io.BytesIO()
-    save(claims(table), first, kind)
-    save(claims(table.copy()), second, kind)
+    save(draw_claims(table), first, kind)
+    save(draw_claims(table.copy()), second, kind)
     assert first.getvalue() == second.getvalue()

@@ -16,11 +16,12 @@ import pytest
 import yaml
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.drawing.style import save
-from evoros.analysis.figures.compare import compare, comparisons, conclusions
+from evoros.analysis.figures.compare import conclude, draw_comparison
+from evoros.analysis.measures.comparison import compare_treatments
 from evoros.analysis.measures.statistics import holm, mann_whitney, median_interval
-from evoros.analysis.tables.matching import champion_content
+from evoros.analysis.tables.matching import identify_champion
 from evoros.analysis.tables.study import load_study
-from evoros.analysis.tables.validated import validates, validations
+from evoros.analysis.tables.validated import validate_champions, validates
 from helpers import scored, texts, tiny
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -49,7 +50,7 @@ def copied(study: Path, tmp_path: Path) -> Path:
 
 
 def table(*folders: Path) -> pd.DataFrame:
-    found: pd.DataFrame = validations(load_study(folders)).set_index("run")
+    found: pd.DataFrame = validate_champions(load_study(folders)).set_index("run")
     return found
 
 
@@ -168,7 +169,7 @@ def test_a_champion_without_sensors_is_a_design_too(copied: Path) -> None:
     shutil.rmtree(copied / "silent")
     scored(copied / "silent", copied / "bare", "trials=2")
     study = load_study([copied])
-    assert champion_content(study.records[0]) == ((), ())
+    assert identify_champion(study.records[0]) == ((), ())
     assert table(copied).loc["silent_seed-1", "validated_by"] == "evaluation"
 
 
@@ -182,7 +183,7 @@ def test_all_champions_can_be_compared_under_the_same_conditions(
     )
     assert evoros_analyze([*arguments, "--under", "silent"]) == DONE
     said = capsys.readouterr().out.splitlines()
-    assert said[0] == "fitness under silent is known of 4 of 4 champions"
+    assert said[0] == "fitness under silent is known for 4 of 4 champions"
     assert said[1].startswith('fitness under silent, "silence" against "stuck": too few')
     fresh = pd.read_csv(study / "silent" / "designs.csv")
     means = dict(zip(fresh["source"], fresh["fitness_mean"], strict=True))
@@ -190,7 +191,7 @@ def test_all_champions_can_be_compared_under_the_same_conditions(
     for run, value in zip(runs["run"], runs["under silent"], strict=True):
         assert value == means[str(study / "runs" / run)]
     assert evoros_analyze([*arguments, "--under", "nothing"]) == INPUT
-    assert "--under: must be what" in capsys.readouterr().err
+    assert "--under: must be the label" in capsys.readouterr().err
 
 
 def test_an_evaluation_of_none_of_the_champions_compares_nothing(
@@ -202,7 +203,7 @@ def test_an_evaluation_of_none_of_the_champions_compares_nothing(
     folders = [str(study / "runs"), str(tmp_path / "else"), "--output", str(tmp_path / "out")]
     assert evoros_analyze(["compare", *folders, "--under", "else"]) == INPUT
     err = capsys.readouterr().err
-    assert "--under else: must have scored a champion of these runs" in err
+    assert "--under else: must contain a champion of these runs" in err
     assert err.count("\n") == 1
 
 
@@ -254,7 +255,7 @@ def runs_of(values: dict[str, list[float]], validated: float = 0.0) -> pd.DataFr
 
 
 def test_the_comparisons_are_those_of_the_statistics() -> None:
-    found = comparisons(runs_of(FIVE, 0.5))
+    found = compare_treatments(runs_of(FIVE, 0.5))
     assert list(found["measure"]) == ["recorded"] * 3 + ["validated"] * 3
     assert list(zip(found["a"], found["b"], strict=True))[:3] == list(combinations(FIVE, 2))
     first = found.iloc[0]
@@ -272,7 +273,7 @@ def test_the_comparisons_are_those_of_the_statistics() -> None:
 
 
 def test_each_conclusion_is_one_plain_sentence() -> None:
-    said = conclusions(comparisons(runs_of(FIVE)))[:3]
+    said = conclude(compare_treatments(runs_of(FIVE)))[:3]
     assert said[0] == (
         'recorded fitness, "low" against "high": "high" is higher: p = 0.024 (Holm), '
         "A12 = 0.00 (large)"
@@ -283,27 +284,27 @@ def test_each_conclusion_is_one_plain_sentence() -> None:
 
 def test_too_few_replicates_are_said() -> None:
     few = {name: values[:3] for name, values in FIVE.items()}
-    said = conclusions(comparisons(runs_of(few)))
+    said = conclude(compare_treatments(runs_of(few)))
     assert all("too few replicates (3 and 3) for any conclusion: at least 5" in s for s in said)
     two = {name: values[:4] for name, values in list(FIVE.items())[:2]}
-    assert '"high" is higher: p = 0.029' in conclusions(comparisons(runs_of(two)))[0]
+    assert '"high" is higher: p = 0.029' in conclude(compare_treatments(runs_of(two)))[0]
     uneven = {"low": FIVE["low"] * 2, "high": FIVE["high"][:1]}
-    said = conclusions(comparisons(runs_of(uneven)))
+    said = conclude(compare_treatments(runs_of(uneven)))
     assert "too few replicates (10 and 1)" in said[0]
 
 
 def test_one_treatment_has_its_interval_and_nothing_to_compare() -> None:
-    found = comparisons(runs_of({"low": FIVE["low"]}))
+    found = compare_treatments(runs_of({"low": FIVE["low"]}))
     assert list(found["b"]) == ["", ""]
     assert (found["median_a"][0], found["n_a"][0]) == (3.0, 5)
     assert found[["p", "a12", "median_b"]].isna().all().all()
-    assert all("nothing to compare" in line for line in conclusions(found))
+    assert all("nothing to compare" in line for line in conclude(found))
 
 
 def test_runs_without_a_validation_have_none_compared() -> None:
     runs = runs_of(FIVE)
     runs.loc[runs["treatment"] == "mid", "validated"] = nan
-    found = comparisons(runs)
+    found = compare_treatments(runs)
     assert [(row.a, row.b) for row in found[found["measure"] == "validated"].itertuples()] == [
         ("low", "high")
     ]
@@ -313,7 +314,7 @@ def test_runs_without_a_validation_have_none_compared() -> None:
 
 
 def drawn(runs: pd.DataFrame, width: float = 3.5) -> Figure:
-    figure: Figure = compare(runs, comparisons(runs), width)
+    figure: Figure = draw_comparison(runs, compare_treatments(runs), width)
     return figure
 
 
@@ -348,7 +349,7 @@ def test_boxes_are_quartiles_and_whiskers_end_within_one_and_a_half_of_them() ->
 def test_the_numbers_of_the_table_stand_in_the_picture(width: float) -> None:
     runs = runs_of(FIVE, 0.25)
     there = [text.get_text() for text in texts(drawn(runs, width))]
-    for row in comparisons(runs).itertuples():
+    for row in compare_treatments(runs).itertuples():
         assert {f"{row.a} vs {row.b}", f"{row.p_holm:.3f}", f"{row.a12:.2f}"} <= set(there)
         side = f"{row.median_a:.2f} [{row.median_low_a:.2f}, {row.median_high_a:.2f}], n = 5"
         assert side in there
@@ -389,7 +390,7 @@ def test_very_many_comparisons_are_left_to_the_table() -> None:
     many = {f"t{i}": FIVE["low"] for i in range(9)}
     figure = drawn(runs_of(many))
     assert not any(" vs " in text.get_text() for text in texts(figure))
-    assert len(comparisons(runs_of(many))) == 2 * 36
+    assert len(compare_treatments(runs_of(many))) == 2 * 36
 
 
 def test_without_any_validation_there_is_one_panel() -> None:

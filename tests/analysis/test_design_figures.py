@@ -13,7 +13,7 @@ from evoros.analysis.drawing import robot as rover
 from evoros.analysis.drawing.sheet import Sheet
 from evoros.analysis.drawing.style import CATEGORIES
 from evoros.analysis.figures import failure, overlay, panel, regions
-from evoros.analysis.measures import raster
+from evoros.analysis.measures import cones, raster
 from evoros.analysis.product import Product
 from evoros.analysis.tables.study import load_study
 from hypothesis import given, settings
@@ -77,7 +77,7 @@ def areas(cover: pd.DataFrame) -> dict[int, float]:
 
 
 def covers(*rows: dict[str, object], cut: float = 1.0) -> dict[int, float]:
-    return areas(raster.coverage(table(*rows), {"all runs": SETTING}, (cut,)))
+    return areas(raster.count_coverage(table(*rows), {"all runs": SETTING}, (cut,)))
 
 
 def sector(opening_deg: float, radius_m: float = 1.0) -> float:
@@ -123,7 +123,9 @@ def test_the_mirror_image_of_the_champions_covers_the_mirror_image(
 ) -> None:
     own = table(*(sensor(x, y, yaw, run) for x, y, yaw, run in mounts))
     image = own.assign(y_m=-own.y_m, yaw_deg=-own.yaw_deg)
-    one, other = (raster.coverage(each, {"all runs": SETTING}, (0.4,)) for each in (own, image))
+    one, other = (
+        raster.count_coverage(each, {"all runs": SETTING}, (0.4,)) for each in (own, image)
+    )
     swapped = other.assign(y_low_m=-other.y_high_m, y_high_m=-other.y_low_m)
     order = ["x_m", "y_low_m"]
     pd.testing.assert_frame_equal(
@@ -132,10 +134,10 @@ def test_the_mirror_image_of_the_champions_covers_the_mirror_image(
 
 
 def test_cones_are_cut_at_the_robots_length_and_shown_whole() -> None:
-    assert overlay.cuts(table(sensor(0, 0, 0)), {"all runs": SETTING}) == (0.4, 1.0)
-    assert overlay.cuts(table(sensor(0, 0, 0)), {"all runs": SETTING}, 0.7) == (0.7, 1.0)
-    assert overlay.cuts(table(sensor(0, 0, 0)), {"all runs": SETTING}, 2.0) == (1.0,)
-    assert overlay.cuts(table(bare("a")), {"all runs": SETTING}) == ()
+    assert overlay.choose_cuts(table(sensor(0, 0, 0)), {"all runs": SETTING}) == (0.4, 1.0)
+    assert overlay.choose_cuts(table(sensor(0, 0, 0)), {"all runs": SETTING}, 0.7) == (0.7, 1.0)
+    assert overlay.choose_cuts(table(sensor(0, 0, 0)), {"all runs": SETTING}, 2.0) == (1.0,)
+    assert overlay.choose_cuts(table(bare("a")), {"all runs": SETTING}) == ()
 
 
 # What is drawn of them.
@@ -144,8 +146,8 @@ def test_cones_are_cut_at_the_robots_length_and_shown_whole() -> None:
 def drawn(*rows: dict[str, object], width: float = 3.5) -> tuple[pd.DataFrame, Figure]:
     sensors = table(*rows)
     chosen = dict.fromkeys(sensors.treatment, SETTING)
-    cover = raster.coverage(sensors, chosen, overlay.cuts(sensors, chosen))
-    return cover, overlay.overlay(cover, sensors, chosen, width)
+    cover = raster.count_coverage(sensors, chosen, overlay.choose_cuts(sensors, chosen))
+    return cover, overlay.draw_overlay(cover, sensors, chosen, width)
 
 
 def test_the_shades_are_the_counts_of_the_table() -> None:
@@ -216,15 +218,15 @@ def test_types_of_sensors_have_shapes_of_their_own() -> None:
         (legend,) = figure.legends
         names = [each.get_text() for each in legend.get_texts()]
         assert names[-2:] == ["lidar", "sonar"]
-    assert len(set(rover.markers_of(table(*mixed)).values())) == 2
+    assert len(set(rover.assign_markers(table(*mixed)).values())) == 2
 
 
 # A panel a champion.
 
 
 def panels(*rows: dict[str, object], width: float = 7.0) -> Figure:
-    sensors = panel.ranked(table(*rows))
-    figure: Figure = panel.panel(sensors, dict.fromkeys(sensors.treatment, SETTING), width)
+    sensors = panel.rank_pairs(table(*rows))
+    figure: Figure = panel.draw_panels(sensors, dict.fromkeys(sensors.treatment, SETTING), width)
     return figure
 
 
@@ -246,7 +248,7 @@ PAIRS = (
 
 
 def test_twins_share_a_colour_that_tells_how_far_they_face_aside() -> None:
-    assert panel.ranked(table(*PAIRS))["rank"].tolist() == [2, 2, 0, 0, 1, 1]
+    assert panel.rank_pairs(table(*PAIRS))["rank"].tolist() == [2, 2, 0, 0, 1, 1]
     first, second, third = CATEGORIES[:3]
     assert colours(panels(*PAIRS).axes[0]) == [third, third, first, first, second, second]
 
@@ -287,7 +289,7 @@ def test_a_panel_a_replicate_on_a_page(treatments: int, each: int, width: float)
     figure = panels(*rows, width=width)
     assert [axes.get_title()[0] for axes in figure.axes] == [str(r["seed"]) for r in rows]
     assert figure.get_figwidth() == width
-    assert figure.get_figheight() <= panel.PAGE_HIGH_IN or width < 7.0
+    assert figure.get_figheight() <= panel.PAGE_HEIGHT_IN or width < 7.0
     tops = [round(axes.get_position().y1, 6) for axes in figure.axes]
     firsts = [tops[t * each] for t in range(treatments)]
     assert firsts == sorted(set(firsts), reverse=True)  # each treatment begins a row
@@ -302,10 +304,10 @@ def test_panels_of_a_sheet_have_their_shape_and_lie_apart_on_the_page(
     columns: int, rows: list[tuple[float, float]]
 ) -> None:
     page = Sheet(7.0, columns, [ratio for ratio, _ in rows], [head for _, head in rows])
-    figure = page.figure()
+    figure = page.make_figure()
     for row, (ratio, _) in enumerate(rows):
         for column in range(columns):
-            box = page.axes(figure, row, column).get_position()
+            box = page.add_panel(figure, row, column).get_position()
             wide, tall = box.width * 7.0, box.height * figure.get_figheight()
             assert tall / wide == pytest.approx(ratio)
     boxes = [axes.get_position() for axes in figure.axes]
@@ -325,7 +327,7 @@ def row_of(x: float, index: int, z: float = 0.1) -> dict[str, object]:
 
 def test_distances_and_probabilities_of_known_mounts() -> None:
     sensors = table(row_of(0.0, 0), row_of(0.025, 1), row_of(0.06, 2), row_of(0.0, 3, z=0.18))
-    damage = failure.damage(sensors, RINGS[::-1])  # in whatever order
+    damage = failure.list_damage(sensors, RINGS[::-1])  # in whatever order
     found = {(r.centre, r.sensor): (r.distance_m, r.probability) for r in damage.itertuples()}
     expected = {
         (0, 0): (0.0, 1.0),
@@ -348,7 +350,7 @@ def test_the_probabilities_are_those_of_the_failure_that_missions_meet() -> None
     rng = np.random.default_rng(5)
     places = np.column_stack([rng.uniform(0, 0.15, (5, 2)), np.full(5, 0.1)])
     rows = [sensor(x, y, 0, sensor=i, pair=i, z_m=z) for i, (x, y, z) in enumerate(places.tolist())]
-    mean = failure.damage(table(*rows), RINGS).groupby("sensor").probability.mean()
+    mean = failure.list_damage(table(*rows), RINGS).groupby("sensor").probability.mean()
     channels = Channels(np.zeros(5), np.ones(5), places, 0.1)
     model, draws = SpatialFailure(), 4000
     hits = np.mean([np.isfinite(model.draw(channels, rng)[0].onset) for _ in range(draws)], axis=0)
@@ -357,8 +359,8 @@ def test_the_probabilities_are_those_of_the_failure_that_missions_meet() -> None
 
 def test_the_rings_surround_the_sensor_that_is_hit_and_the_labels_say_the_table() -> None:
     sensors = table(row_of(0.0, 0), row_of(0.05, 1), row_of(0.12, 2))
-    damage = failure.damage(sensors, RINGS)
-    figure = failure.failure(damage, SETTING)
+    damage = failure.list_damage(sensors, RINGS)
+    figure = failure.draw_failure(damage, SETTING)
     for centre, axes in enumerate(figure.axes):
         circles = [patch for patch in axes.patches if isinstance(patch, Circle)]
         place = (0.0, (0.0, 0.05, 0.12)[centre])
@@ -377,33 +379,33 @@ def test_the_rings_surround_the_sensor_that_is_hit_and_the_labels_say_the_table(
 
 
 def test_of_twins_the_left_one_is_hit_and_the_other_is_named() -> None:
-    figure = failure.failure(failure.damage(table(*PAIRS[:4]), RINGS), SETTING)
+    figure = failure.draw_failure(failure.list_damage(table(*PAIRS[:4]), RINGS), SETTING)
     titles = [axes.get_title(loc="left").split("\n")[0] for axes in figure.axes]
     assert titles == ["sensor 0 hit (mirrored: 1)", "sensor 2 hit (mirrored: 3)"]
 
 
 def test_labels_keep_apart() -> None:
-    labels = failure._apart([0.0, 0.01, 0.02, 0.5], 0.05)
+    labels = failure._spread([0.0, 0.01, 0.02, 0.5], 0.05)
     assert np.diff(labels).min() >= 0.05 - 1e-12
-    assert failure._apart([0.0, 1.0], 0.5) == [0.0, 1.0]
+    assert failure._spread([0.0, 1.0], 0.5) == [0.0, 1.0]
 
 
 # Where sensors may be.
 
 
 def test_the_table_of_regions_has_each_region_and_its_mirror_image() -> None:
-    found = regions.table({"all runs": SETTING}).set_index(["region", "twin"])
+    found = regions.list_regions({"all runs": SETTING}).set_index(["region", "twin"])
     left, image = found.loc["left", False], found.loc["left", True]
     assert (left.x1_m, left.y1_m, left.yaw_low_deg, left.yaw_high_deg) == (0.2, 0.05, 40.0, 90.0)
     assert (image.x1_m, image.y1_m) == (0.2, -0.05)
     assert (image.yaw_low_deg, image.yaw_high_deg) == (-90.0, -40.0)
     assert len(found) == 4
     alone = FigureContext(**{**vars(SETTING), "mirrored": False})
-    assert len(regions.table({"all runs": alone})) == 2
+    assert len(regions.list_regions({"all runs": alone})) == 2
 
 
 def test_regions_are_drawn_with_fans_of_their_headings_and_names() -> None:
-    (axes,) = regions.regions({"all runs": SETTING}).axes
+    (axes,) = regions.draw_regions({"all runs": SETTING}).axes
     texts = {text.get_text() for text in axes.texts}
     assert texts == {"left\n40 to 90°", "front\n\N{MINUS SIGN}30 to 30°"}
     shapes = [np.asarray(patch.get_xy())[:-1] for patch in axes.patches]
@@ -416,12 +418,12 @@ def test_regions_are_drawn_with_fans_of_their_headings_and_names() -> None:
 
 
 def test_where_only_twins_are_is_dashed() -> None:
-    (axes,) = regions.regions({"all runs": SETTING}).axes
+    (axes,) = regions.draw_regions({"all runs": SETTING}).axes
     dashed = [np.asarray(p.get_xy()) for p in axes.patches if p.get_linestyle() == "--"]
     assert dashed
     assert all(shape[:, 0].max() < 0 for shape in dashed)  # right of the middle: left's twins
     assert "mirrored" in axes.get_title(loc="left")
-    (axes,) = regions.regions(
+    (axes,) = regions.draw_regions(
         {"all runs": FigureContext(**{**vars(SETTING), "mirrored": False})}
     ).axes
     assert not [patch for patch in axes.patches if patch.get_linestyle() == "--"]
@@ -432,10 +434,10 @@ def test_where_only_twins_are_is_dashed() -> None:
 
 
 def test_round_parts_are_round_and_all_are_where_they_are() -> None:
-    base, wheel = (rover.outline(part) for part in SETTING.parts)
+    base, wheel = (cones.outline_part(part) for part in SETTING.parts)
     assert sorted(map(tuple, base.tolist())) == [(-0.2, -0.1), (-0.2, 0.1), (0.2, -0.1), (0.2, 0.1)]
     assert np.hypot(*(wheel - (0.1, 0.12)).T) == pytest.approx(np.full(len(wheel), 0.05))
-    swept = rover.outline(Part("rod", ((0.0, 0.0), (1.0, 0.0)), 0.1, 0.1, False))
+    swept = cones.outline_part(Part("rod", ((0.0, 0.0), (1.0, 0.0)), 0.1, 0.1, False))
     assert (swept.min(axis=0).tolist(), swept.max(axis=0).tolist()) == (
         pytest.approx([-0.1, -0.1]),
         pytest.approx([1.1, 0.1]),
@@ -452,7 +454,9 @@ def folder(path: Path, setting: FigureContext = SETTING, seed: int = 0, mounts: 
     status = {"state": "finished", "best_fitness": 17.0 + seed, "best_validated_fitness": 15.0}
     files = {
         "config.yaml": f"seed: {seed}\nfailure: {{_target_: a.{path.parent.name}.B}}\n",
-        "manifest.json": '{"command": "evoros"}',
+        "manifest.json": json.dumps(
+            {"command": "evoros", "choices": {"failure": path.parent.name}}
+        ),
         "status.json": json.dumps(status),
         "missions.csv": "generation,design,world,trial\n",
         "setting.json": setting.text,
@@ -489,7 +493,7 @@ def test_a_figure_is_as_wide_as_its_columns(name: str, columns: int, tmp_path: P
 
 def product(name: str, *paths: Path, **options: object) -> Product:
     given = {"columns": None, "cut": None, "run": None, **options}
-    made: Product = MADE[name].product(load_study(paths), argparse.Namespace(**given))
+    made: Product = MADE[name].make_product(load_study(paths), argparse.Namespace(**given))
     return made
 
 
@@ -502,11 +506,11 @@ def test_the_failure_of_the_best_run_that_has_it_or_of_the_one_that_is_named(
         folder(tmp_path / "spatial" / f"seed-{seed}", seed=seed, mounts=TWO)
     every = [tmp_path / "none", tmp_path / "spatial"]
     made = product("failure", *every)
-    assert "seed-1" in made.said[0]  # validated alike: the one with more recorded
+    assert "seed-1" in made.messages[0]  # validated alike: the one with more recorded
     assert made.table is not None
     assert len(made.table) == 4
-    assert made.said[0].endswith("the other 1 runs have none")
-    assert "seed-0" in product("failure", *every, run="seed-0").said[0]
+    assert made.messages[0].endswith("the other 1 runs have none")
+    assert "seed-0" in product("failure", *every, run="seed-0").messages[0]
     out = str(tmp_path / "out")
     assert evoros_analyze(["failure", str(every[0]), "--output", out]) == INPUT
     assert "give one with failure=spatial" in capsys.readouterr().err
@@ -519,7 +523,7 @@ def test_without_sensors_nothing_can_be_damaged_and_the_rest_is_drawn(
     bald = folder(tmp_path / "run")
     out = str(tmp_path / "out")
     assert evoros_analyze(["failure", str(bald), "--output", out]) == INPUT
-    assert "choose another with --run" in capsys.readouterr().err
+    assert "choose another run with --run" in capsys.readouterr().err
     for name in ("overlay", "panel", "regions"):
         assert evoros_analyze([name, str(bald), "--output", out]) == DONE
     sensors = pd.read_csv(tmp_path / "out" / "panel.csv")

@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from evoros.analysis.drawing.style import save
-from evoros.analysis.figures.fitness import bests, fitness, quartiles
+from evoros.analysis.figures.fitness import draw_fitness
+from evoros.analysis.tables.generations import compute_quartiles, select_bests
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
@@ -39,41 +40,41 @@ def points(axes: Axes) -> list[tuple[float, float]]:
 
 def saved(table: pd.DataFrame, kind: str) -> bytes:
     file = io.BytesIO()
-    save(fitness(table), file, kind)
+    save(draw_fitness(table), file, kind)
     return file.getvalue()
 
 
 def test_each_line_is_that_of_the_table_computed_by_hand() -> None:
     expected = {"best, recorded": BEST, "mean of pool": MEAN, "best, validated": VALIDATED}
-    assert lines(fitness(TABLE)) == {
+    assert lines(draw_fitness(TABLE)) == {
         name: list(enumerate(values)) for name, values in expected.items()
     }
 
 
 def test_every_row_is_a_point() -> None:
-    (axes,) = fitness(TABLE).axes
+    (axes,) = draw_fitness(TABLE).axes
     rows = zip(TABLE["generation"], TABLE["fitness"], strict=True)
     assert sorted(points(axes)) == sorted((float(x), float(y)) for x, y in rows)
 
 
 def test_the_order_of_the_rows_changes_no_line() -> None:
-    assert lines(fitness(TABLE.iloc[::-1])) == lines(fitness(TABLE))
+    assert lines(draw_fitness(TABLE.iloc[::-1])) == lines(draw_fitness(TABLE))
 
 
 def test_without_validation_there_is_no_line_of_it() -> None:
-    drawn = lines(fitness(TABLE.assign(validated_fitness=NAN)))
+    drawn = lines(draw_fitness(TABLE.assign(validated_fitness=NAN)))
     assert set(drawn) == {"best, recorded", "mean of pool"}
 
 
 def test_generations_are_whole_and_named_in_the_axes() -> None:
-    (axes,) = fitness(TABLE).axes
+    (axes,) = draw_fitness(TABLE).axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("generation", "fitness (Eq. 1)")
     assert all(float(tick).is_integer() for tick in axes.get_xticks())
 
 
 @pytest.mark.parametrize("width", [3.5, 7.0])
 def test_the_figure_is_as_wide_as_asked(width: float) -> None:
-    assert fitness(TABLE, width).get_figwidth() == width
+    assert draw_fitness(TABLE, width).get_figwidth() == width
 
 
 @pytest.mark.parametrize("kind", ["svg", "pdf", "png"])
@@ -110,7 +111,7 @@ STUDY = pd.concat(
 
 def test_quartiles_over_the_replicates_are_those_computed_by_hand() -> None:
     """Of 2, 4, 6, 20: 3.5, 5, 9.5 by linear interpolation; with those runs that are there."""
-    table = quartiles(STUDY).set_index(["treatment", "generation"])
+    table = compute_quartiles(STUDY).set_index(["treatment", "generation"])
     calm, later = table.loc[("calm", 0)], table.loc[("calm", 1)]
     assert calm[["recorded_q1", "recorded_median", "recorded_q3"]].tolist() == [3.5, 5.0, 9.5]
     assert calm[["validated_q1", "validated_median", "validated_q3"]].tolist() == [1.5, 3.0, 4.5]
@@ -122,8 +123,8 @@ def test_quartiles_over_the_replicates_are_those_computed_by_hand() -> None:
 
 
 def test_several_runs_are_a_panel_a_treatment_with_the_lines_of_the_table() -> None:
-    table = quartiles(STUDY)
-    panels = [axes for axes in fitness(STUDY, 7.0).axes if axes.get_title()]
+    table = compute_quartiles(STUDY)
+    panels = [axes for axes in draw_fitness(STUDY, 7.0).axes if axes.get_title()]
     assert [axes.get_title() for axes in panels] == ["calm (n = 4)", "storm (n = 1)"]
     drawn = {str(line.get_label()): line.get_ydata() for line in panels[0].get_lines()}
     calm = table[table["treatment"] == "calm"]
@@ -138,13 +139,13 @@ def test_several_runs_are_a_panel_a_treatment_with_the_lines_of_the_table() -> N
 
 def test_the_best_of_a_run_with_a_confirmation_is_a_confirmed_one() -> None:
     table = TABLE.assign(loss=[NAN, NAN, 0.5, 0.0, NAN, 1.0])
-    assert bests(table)["fitness"].tolist() == [2.5, 4.0, 5.5]
-    assert bests(TABLE)["fitness"].tolist() == BEST
+    assert select_bests(table)["fitness"].tolist() == [2.5, 4.0, 5.5]
+    assert select_bests(TABLE)["fitness"].tolist() == BEST
 
 
 def test_of_equals_the_first_is_the_best_as_in_the_run() -> None:
     table = TABLE.assign(fitness=1.0, id=range(6))
-    assert bests(table)["id"].tolist() == [0, 3, 5]
+    assert select_bests(table)["id"].tolist() == [0, 3, 5]
 
 
 def test_the_layout_of_what_is_saved_has_no_digits_left_to_chance() -> None:

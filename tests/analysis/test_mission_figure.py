@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis.figures.mission import mission, product, stretches
+from evoros.analysis.figures.mission import draw_missions, make_product, split_by_mode
 from evoros.analysis.tables.study import load_study
-from evoros.analysis.tables.tracks import champions_mission, champions_worlds, track
+from evoros.analysis.tables.tracks import find_champion_mission, load_champion_worlds, read_track
 from helpers import tiny
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -52,12 +52,12 @@ def setting(run: Run) -> FigureContext:
 
 @pytest.fixture(scope="module")
 def worlds(run: Run, setting: FigureContext) -> dict[str, World]:
-    return dict(champions_worlds(run, setting))
+    return dict(load_champion_worlds(run, setting))
 
 
 def panel(worlds: dict[str, World], table: pd.DataFrame = TABLE) -> Axes:
     axes: Axes
-    (axes,) = mission(table, {"near": worlds["near"]}, MODES).axes
+    (axes,) = draw_missions(table, {"near": worlds["near"]}, MODES).axes
     return axes
 
 
@@ -88,8 +88,8 @@ def test_from_a_record_on_the_path_has_the_mode_that_was_decided_there(
 
 
 def test_the_pieces_are_the_whole_path_one_after_another(run: Run, setting: FigureContext) -> None:
-    path = track(run, setting, "near")
-    pieces = list(stretches(path))
+    path = read_track(run, setting, "near")
+    pieces = list(split_by_mode(path))
     whole = np.concatenate([pieces[0][1][:1], *(piece[1:] for _, piece in pieces)])
     np.testing.assert_array_equal(whole, path[["x_m", "y_m"]].to_numpy())
     modes = [mode for mode, piece in pieces for _ in piece[1:]]
@@ -114,12 +114,12 @@ def test_the_title_says_how_the_mission_ended(worlds: dict[str, World]) -> None:
     assert title("collision") == "near\ncollision at 0 s"
     assert title("time_limit") == "near\ntime limit, 0 s"
     assert title("simulation_failure") == "near\nsimulation failure"
-    assert panel(worlds, TABLE[:0]).get_title() == "near\nnot flown"
+    assert panel(worlds, TABLE[:0]).get_title() == "near\nnot run"
 
 
 def test_a_track_is_the_recorded_trajectory(run: Run, setting: FigureContext) -> None:
     for world in setting.courses:
-        path, recorded = track(run, setting, world), run.trajectory(world)
+        path, recorded = read_track(run, setting, world), run.trajectory(world)
         columns = ["time_s", "x_m", "y_m", "yaw_rad", "contact"]
         np.testing.assert_array_equal(path[columns].to_numpy(), recorded[columns].to_numpy())
         names = np.array(["none", *setting.modes])[recorded["mode"]]
@@ -133,8 +133,8 @@ def test_sensors_fail_in_the_track_when_they_failed_in_the_mission(
     """By the readings: a silent sensor has none from that record on, and has them before."""
     found = 0
     for world in setting.courses:
-        path, recorded = track(run, setting, world), run.trajectory(world)
-        mission_row = champions_mission(run, world)
+        path, recorded = read_track(run, setting, world), run.trajectory(world)
+        mission_row = find_champion_mission(run, world)
         for row in np.flatnonzero(path["failed_sensors"] != ""):
             sensor = path["failed_sensors"][row]
             assert (
@@ -149,7 +149,7 @@ def test_sensors_fail_in_the_track_when_they_failed_in_the_mission(
 
 def test_the_mission_is_the_champions_first(run: Run, setting: FigureContext) -> None:
     for world in setting.courses:
-        row, path = champions_mission(run, world), track(run, setting, world)
+        row, path = find_champion_mission(run, world), read_track(run, setting, world)
         assert row["design"] == run.champion["design"].iloc[0]
         assert (row["purpose"], row["trial"]) == ("selection", 0)
         assert path["time_s"].iloc[-1] == row["time_s"]
@@ -160,7 +160,7 @@ def test_with_a_confirmation_it_is_the_confirmed_one(run: Run) -> None:
     again = run.missions[run.missions["purpose"] == "selection"].assign(purpose="confirmation")
     both = Run(run.path)
     both.__dict__["missions"] = pd.concat([again.assign(trial=7), run.missions])
-    chosen = champions_mission(both, "near")
+    chosen = find_champion_mission(both, "near")
     assert (chosen["purpose"], chosen["trial"]) == ("confirmation", 7)
 
 
@@ -171,18 +171,18 @@ def test_a_mode_that_the_setting_does_not_know_is_one_line(
     odd.__dict__["missions"] = run.missions
     fewer = FigureContext(**{**vars(setting), "modes": ()})
     with pytest.raises(InputError, match=r"trajectory_near.csv: mode must be from 0 to 0"):
-        track(odd, fewer, "near")
+        read_track(odd, fewer, "near")
 
 
 def test_a_lost_world_is_one_line(run: Run, setting: FigureContext, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"world_near.sdf: must be there"):
-        champions_worlds(Run(tmp_path), setting)
+    with pytest.raises(InputError, match=r"world_near.sdf: must exist"):
+        load_champion_worlds(Run(tmp_path), setting)
 
 
 def test_the_best_run_is_drawn_by_itself_and_any_other_by_its_name(run: Run) -> None:
     study = load_study([run.path])
     assert study.ranked[0].path == run.path
-    assert study.only("run").path == run.path
+    assert study.find("run").path == run.path
 
 
 def test_a_damaged_world_is_left_out_and_a_damaged_run_makes_room_for_the_next(
@@ -192,16 +192,16 @@ def test_a_damaged_world_is_left_out_and_a_damaged_run_makes_room_for_the_next(
         shutil.copytree(run.path, tmp_path / name)
     options = argparse.Namespace(run=None, world=None, columns=None)
     (tmp_path / "one" / "champion" / "world_near.sdf").write_text("<sdf")
-    made = product(load_study([tmp_path]), options)
+    made = make_product(load_study([tmp_path]), options)
     assert made.table is not None
     assert set(made.table["world"]) == {"far"}
     (tmp_path / "one" / "champion" / "trajectory_far.csv").unlink()
-    made = product(load_study([tmp_path]), options)
-    assert made.said[0].startswith("two: one of 2 runs, fitness ")
+    made = make_product(load_study([tmp_path]), options)
+    assert made.messages[0].startswith("two: one of 2 runs, fitness ")
     assert len(made.figure.axes if made.figure else []) == 2
     # One world, then both of them, and so the run.
     assert [message.count("is left out") for message in caplog.messages] == [1, 1, 1, 0]
-    assert f"{tmp_path / 'one'}: must have a whole mission" in caplog.messages[-1]
+    assert f"{tmp_path / 'one'}: must have a complete mission" in caplog.messages[-1]
     (tmp_path / "two" / "generations" / "00002.csv").write_text("generation,id\n")
-    with pytest.raises(InputError, match="of none of the runs the champion can be shown"):
-        product(load_study([tmp_path]), options)
+    with pytest.raises(InputError, match="no run has a champion that can be shown"):
+        make_product(load_study([tmp_path]), options)

@@ -8,7 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from evoros.analysis.report.playback import RECORDS, changes, differences, kept, playback, playbacks
+from evoros.analysis.report.playback import (
+    MAX_RECORDS,
+    encode_changes,
+    encode_differences,
+    encode_playback,
+    select_playbacks,
+    thin_out,
+)
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study, load_study
 from helpers import tiny
@@ -44,21 +51,21 @@ def filled(pairs: list[list[int]], n: int) -> list[int]:
 
 
 def played(record: Record, world: str) -> Json:
-    content: Json = json.loads(playback(record))
+    content: Json = json.loads(encode_playback(record))
     missions: list[Json] = content["missions"]
     return next(each for each in missions if each["world"] == world)
 
 
 @given(st.lists(st.none() | st.integers(-(10**7), 10**7)))
 def test_the_sums_of_the_differences_are_the_values(values: list[int | None]) -> None:
-    found = summed(differences(values))
+    found = summed(encode_differences(values))
     expected = [math.nan if value is None else value / 1000 for value in values]
     np.testing.assert_array_equal(found, expected)
 
 
 @given(st.lists(st.integers(0, 3), min_size=1))
 def test_the_changes_give_every_value_and_no_two_are_alike(values: list[int]) -> None:
-    found = changes(values)
+    found = encode_changes(values)
     assert filled(found, len(values)) == values
     assert all(a[1] != b[1] for a, b in pairwise(found))
 
@@ -110,7 +117,7 @@ def test_a_waypoint_is_reached_where_the_count_of_them_grows(study: Study) -> No
     flown, mission = record.run.trajectory("near"), played(record, "near")
     grows = flown["visited"].diff().fillna(flown["visited"]) > 0
     assert [at for at, _ in mission["reached"]] == pytest.approx(flown["time_s"][grows].tolist())
-    course = record.setting.courses["near"]
+    course = record.context.courses["near"]
     for (_, corner), here in zip(mission["reached"], flown[grows].itertuples(), strict=True):
         goal = course.waypoints[corner] if corner >= 0 else course.home[:2]
         assert math.dist((here.x_m, here.y_m), goal) <= course.acceptance_m + 0.1
@@ -118,8 +125,8 @@ def test_a_waypoint_is_reached_where_the_count_of_them_grows(study: Study) -> No
 
 @given(st.integers(1, 50_000))
 def test_of_a_long_mission_evenly_many_records_stay_with_both_ends(records: int) -> None:
-    rows = kept(records)
-    assert len(rows) == min(records, RECORDS)
+    rows = thin_out(records)
+    assert len(rows) == min(records, MAX_RECORDS)
     assert (rows[0], rows[-1]) == (0, records - 1)
     steps = np.diff(rows)
     assert steps.size == 0 or steps.max() - steps.min() <= 1
@@ -133,13 +140,13 @@ def test_the_best_of_each_treatment_is_always_played_and_others_as_far_as_they_f
         fitness = [float(record.run.status["best_validated_fitness"]) for record in own]
         return str(own[fitness.index(max(fitness))].name)
 
-    least = playbacks(study, 0.0)
+    least = select_playbacks(study, 0.0)
     assert list(least) == [best("random"), best("spatial")]
     size = sum(map(len, least.values()))
     (other,) = {record.name for record in study.records} - set(least)
-    more = len(playback(study.only(other)))
-    assert list(playbacks(study, size + more - 1)) == list(least)
-    assert list(playbacks(study, size + more)) == [*least, other]
+    more = len(encode_playback(study.find(other)))
+    assert list(select_playbacks(study, size + more - 1)) == list(least)
+    assert list(select_playbacks(study, size + more)) == [*least, other]
 
 
 def test_what_cannot_be_played_is_said_and_left_out(
@@ -152,7 +159,7 @@ def test_what_cannot_be_played_is_said_and_left_out(
                 copied.parent.mkdir(parents=True, exist_ok=True)
                 copied.write_bytes(file.read_bytes())
     (tmp_path / "spatial_0" / "champion" / "world_far.sdf").write_text("no world")
-    found = playbacks(load_study([tmp_path]), 1e9)
+    found = select_playbacks(load_study([tmp_path]), 1e9)
     assert set(found) == {"random_0", "random_1"}
     (line,) = caplog.messages
     assert "spatial_0/champion/world_far.sdf" in line
@@ -162,7 +169,7 @@ def test_what_cannot_be_played_is_said_and_left_out(
 
 def test_nothing_in_it_ends_the_element_that_holds_it(study: Study) -> None:
     record = study.records[0]
-    named = Record("</script><!--", record.run, record.setting, record.values)
-    text = playback(named)
+    named = Record("</script><!--", record.run, record.context, record.values)
+    text = encode_playback(named)
     assert "<" not in text
     assert json.loads(text)["run"] == "</script><!--"

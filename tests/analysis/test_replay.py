@@ -16,12 +16,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.video.camera import Camera, Pixels, above, chase
+from evoros.analysis.video.camera import Camera, Pixels, chase_camera, overhead_camera
 from evoros.analysis.video.captions import CLEAR, FAILED, NEAR
-from evoros.analysis.video.encoding import gif, mp4
-from evoros.analysis.video.film import Film
-from evoros.analysis.video.motion import motion
-from evoros.analysis.video.renderer import CUT_M, goals, obstacles
+from evoros.analysis.video.encoding import encode_gif, encode_mp4
+from evoros.analysis.video.motion import interpolate
+from evoros.analysis.video.render_options import RenderOptions
+from evoros.analysis.video.renderer import CUT_M, cut_obstacles, find_goals
 from evoros.analysis.video.replay import replay
 from helpers import ROOT, USER_PARTS, tiny
 from PIL import Image
@@ -116,7 +116,7 @@ def test_a_robot_covers_the_pixels_that_its_pose_says(
     x, y, yaw = place
     size = (640, 360)
     low, high = (x - 0.5, y - 0.4), (x + 0.5, y + 0.4)
-    camera = chase(*place, size) if follows else above(low, high, size)
+    camera = chase_camera(*place, size) if follows else overhead_camera(low, high, size)
     picture = looked(camera, *place)
     pose = Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw)
     corners = np.array(
@@ -154,7 +154,7 @@ def test_wheels_point_where_they_roll_on_a_circle(rover: Urdf) -> None:
     x = radius * np.sin(yaw) - rear[0] * np.cos(yaw)
     y = radius * (1 - np.cos(yaw)) - rear[0] * np.sin(yaw)
     path = pd.DataFrame({"time_s": time, "x_m": x, "y_m": y, "yaw_rad": yaw, "mode": 2})
-    moves = motion(path.assign(visited=0), time[5:-5], rover)
+    moves = interpolate(path.assign(visited=0), time[5:-5], rover)
     base = left[0] - rear[0]
     expected = math.atan(base / (radius - left[1])), math.atan(base / (radius + left[1]))
     for side, angle in zip(("left", "right"), expected, strict=True):
@@ -166,7 +166,7 @@ def test_wheels_point_where_they_roll_on_a_circle(rover: Urdf) -> None:
 
 def test_between_records_the_robot_is_between_their_places(rover: Urdf) -> None:
     path = table([1.0], [1.0]).assign(x_m=[0.0, 1.0], yaw_rad=[3.1, -3.1])
-    moves = motion(path, np.array([0.0, 0.025, 0.1]), rover)
+    moves = interpolate(path, np.array([0.0, 0.025, 0.1]), rover)
     assert moves.x_m == pytest.approx([0.0, 0.25, 1.0])
     turn = 2 * math.pi - 6.2  # the short way round
     assert moves.yaw_rad == pytest.approx([3.1, 3.1 + turn / 4, 3.1 + turn])
@@ -180,10 +180,10 @@ def shown(
     urdf: str, setting: FigureContext, readings: list[float], world: World = OPEN, **more: Any
 ) -> tuple[Pixels, Camera]:
     """The picture of these readings, and its camera, which follows."""
-    film = Film(size=SIZE, fps=10.0, speed=1.0, end_s=0.05)
+    options = RenderOptions(size=SIZE, fps=10.0, speed=1.0, end_s=0.05)
     path = table(readings, readings)
-    (first, *_) = replay(path, urdf, world, setting, film, **more)
-    return first, chase(1.0, 2.0, 0.0, SIZE)
+    (first, *_) = replay(path, urdf, world, setting, options, **more)
+    return first, chase_camera(1.0, 2.0, 0.0, SIZE)
 
 
 def ahead(rover: Urdf, sensor: int, distance: float) -> Array:
@@ -243,7 +243,7 @@ def test_a_fan_has_the_colour_of_its_state(
 def test_a_fan_is_hidden_behind_an_obstacle(
     urdf: str, setting: FigureContext, rover: Urdf, sensor: int
 ) -> None:
-    camera = chase(1.0, 2.0, 0.0, SIZE)
+    camera = chase_camera(1.0, 2.0, 0.0, SIZE)
     point = ahead(rover, sensor, 1.5)
     between = camera.eye + 0.9 * (point - camera.eye)
     place = (float(between[0]), float(between[1]), 0.25)
@@ -276,7 +276,7 @@ def test_a_robot_of_another_mission_is_refused(urdf: str, setting: FigureContext
 def test_what_stands_high_is_cut_and_its_foot_stays(shape: Shape, pose: Pose) -> None:
     elsewhere = changed(COURSE, home_x_m=-5.0, waypoints=((-4.0, 0.0),))
     world = World("high", (GROUND, Body("a", pose, (shape,))), elsewhere, "a.sdf", "2")
-    ((body, _),) = obstacles(world)
+    ((body, _),) = cut_obstacles(world)
     (cut,) = body.shapes
     placed = body.pose @ cut.pose
     assert top_height(cut, placed) == pytest.approx(CUT_M)
@@ -288,14 +288,14 @@ def test_low_obstacles_are_whole_and_those_overhead_are_not_shown() -> None:
     low = Body("low", Pose((2.0, 1.0, 0.2)), (Shape("box", (0.4, 0.4, 0.4)),), mass=5.0)
     roof = Body("roof", Pose((2.0, 1.0, 2.0)), (Shape("box", (9.0, 9.0, 0.1)),))
     world = World("roofed", (GROUND, low, roof), COURSE, "roofed.sdf", "3")
-    assert [body for body, _ in obstacles(world)] == [low]
+    assert [body for body, _ in cut_obstacles(world)] == [low]
 
 
 @pytest.mark.parametrize("forward", [True, False])
 def test_the_next_waypoint_is_that_of_the_direction_that_was_driven(forward: bool) -> None:
     route = COURSE.route(forward)
     places = np.vstack([[0.0, 0.0], 0.8 * route[0], route[0], route[1]])
-    found = goals(OPEN, places, np.array([0, 0, 1, 6]))
+    found = find_goals(OPEN, places, np.array([0, 0, 1, 6]))
     assert found[:3].tolist() == [route[0].tolist(), route[0].tolist(), route[1].tolist()]
     assert np.isnan(found[3]).all()  # behind the last
 
@@ -305,7 +305,7 @@ def test_links_that_show_meshes_show_what_collides_instead(urdf: str) -> None:
     mesh = '<mesh filename="package://nowhere/wheel.dae"/>'
     cylinder = '<cylinder length="0.056" radius="0.0635"/>'
     assert urdf.count(cylinder) == 4
-    camera = above((-0.5, -0.5), (0.5, 0.5), (100, 100))
+    camera = overhead_camera((-0.5, -0.5), (0.5, 0.5), (100, 100))
     covered = []
     for each in (urdf, urdf.replace(cylinder, mesh)):
         with open_scene(each, []) as scene:
@@ -337,20 +337,20 @@ def test_as_many_pictures_as_speed_and_rate_say(
     setting: FigureContext,
 ) -> None:
     path = table(*[[1.0] * 6] * 10)
-    film = Film("above", (64, 64), fps, speed, start, end)
-    pictures = list(replay(path, urdf, OPEN, setting, film))
+    options = RenderOptions("above", (64, 64), fps, speed, start, end)
+    pictures = list(replay(path, urdf, OPEN, setting, options))
     assert [each.shape for each in pictures] == [(64, 64, 3)] * count
 
 
 @pytest.fixture(scope="module")
 def pictures(run: Run, urdf: str, setting: FigureContext) -> list[Pixels]:
     path = run.trajectory("near")
-    film = Film(size=(160, 90), fps=5.0, speed=2.0, end_s=2.0, title="near")
-    return list(replay(path, urdf, OPEN, setting, film))
+    options = RenderOptions(size=(160, 90), fps=5.0, speed=2.0, end_s=2.0, title="near")
+    return list(replay(path, urdf, OPEN, setting, options))
 
 
 def test_an_mp4_plays_the_pictures_at_their_rate(pictures: list[Pixels]) -> None:
-    with av.open(io.BytesIO(mp4(pictures, 5.0))) as container:
+    with av.open(io.BytesIO(encode_mp4(pictures, 5.0))) as container:
         assert isinstance(container, av.container.InputContainer)
         (stream,) = container.streams.video
         decoded = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
@@ -362,7 +362,7 @@ def test_an_mp4_plays_the_pictures_at_their_rate(pictures: list[Pixels]) -> None
 
 
 def test_a_gif_plays_the_pictures_and_rests_on_the_last(pictures: list[Pixels]) -> None:
-    with Image.open(io.BytesIO(gif(pictures, 5.0))) as image:
+    with Image.open(io.BytesIO(encode_gif(pictures, 5.0))) as image:
         assert image.n_frames == len(pictures)  # type: ignore[attr-defined]
         assert image.info["loop"] == 0
         pauses = []
@@ -388,9 +388,9 @@ def test_another_trajectory_gives_another_video(
     pictures: list[Pixels], run: Run, urdf: str, setting: FigureContext
 ) -> None:
     path = run.trajectory("near")
-    film = Film(size=(160, 90), fps=5.0, speed=2.0, end_s=2.0, title="near")
+    options = RenderOptions(size=(160, 90), fps=5.0, speed=2.0, end_s=2.0, title="near")
     path["yaw_rad"] += 0.3 * path["time_s"]
-    assert mp4(replay(path, urdf, OPEN, setting, film), 5.0) != mp4(pictures, 5.0)
+    assert encode_mp4(replay(path, urdf, OPEN, setting, options), 5.0) != encode_mp4(pictures, 5.0)
 
 
 def test_the_example_films_another_mission(
@@ -401,7 +401,7 @@ def test_the_example_films_another_mission(
     (tmp_path / "outputs").mkdir()
     (tmp_path / "outputs" / "mine").symlink_to(run.path)
     monkeypatch.chdir(tmp_path)
-    less = block.replace("Film(", "Film(size=(64, 64), end_s=1.0, ")
+    less = block.replace("RenderOptions(", "RenderOptions(size=(64, 64), end_s=1.0, ")
     exec(less.replace("int(row.trial)\n", f"int(row.trial), {str(USER_PARTS)!r}\n"), {})
     with av.open("worst.mp4") as container:
         assert container.streams.video[0].frames == 4  # 1 s of the mission in steps of 0.4 s
@@ -417,7 +417,7 @@ DAMAGES: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], str]] = {
         lambda frame: frame.assign(time_s=frame.time_s.iloc[::-1].to_numpy()),
         "row 1",
     ),
-    "empty": (lambda frame: frame.iloc[:0], "not flown"),
+    "empty": (lambda frame: frame.iloc[:0], "could not be run"),
     "an unknown mode": (lambda frame: frame.assign(mode=9), "mode"),
 }
 

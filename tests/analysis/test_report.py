@@ -11,9 +11,10 @@ import pytest
 from browser import chromium, complaints, requests
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures import fitness as fitness_module
-from evoros.analysis.figures.fitness import fitness
-from evoros.analysis.report.html import picture, table
-from evoros.analysis.report.section import chapter
+from evoros.analysis.figures.fitness import draw_fitness
+from evoros.analysis.report.pictures import embed_figure
+from evoros.analysis.report.section import render_section
+from evoros.analysis.report.templates import format_table, render
 from evoros.analysis.subcommands import parse
 from evoros.analysis.tables.study import load_study
 from helpers import TINY, tiny
@@ -80,7 +81,7 @@ def generations(best: float) -> pd.DataFrame:
 
 
 def test_figures_of_one_page_share_no_name_and_point_at_nothing_else() -> None:
-    pieces = [picture(fitness(generations(best)), f"figure{best:.0f}") for best in (3, 4)]
+    pieces = [embed_figure(draw_fitness(generations(best)), f"figure{best:.0f}") for best in (3, 4)]
     page = Elements("".join(pieces))
     names = [attributes["id"] for _, attributes in page.all if attributes.get("id")]
     assert len(names) == len(set(names)) > 0
@@ -92,8 +93,8 @@ def test_figures_of_one_page_share_no_name_and_point_at_nothing_else() -> None:
 
 
 def test_too_large_a_drawing_becomes_a_picture(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evoros.analysis.report.html.LARGEST", 100)
-    ((_, _), (tag, attributes)) = Elements(picture(fitness(generations(3.0)), "one")).all
+    monkeypatch.setattr("evoros.analysis.report.pictures.MAX_SVG", 100)
+    ((tag, attributes),) = Elements(embed_figure(draw_fitness(generations(3.0)), "one")).all
     assert tag == "img"
     assert str(attributes["src"]).startswith("data:image/png;base64,iVBOR")
 
@@ -108,7 +109,11 @@ def test_numbers_of_a_column_have_the_same_decimals_and_text_is_escaped() -> Non
             "yes": [True, False, True],
         }
     )
-    cells = [text for text in Elements(table(frame)).texts["td"] if text.strip()]
+    cells = [
+        text
+        for text in Elements(render("versions.html", versions=format_table(frame))).texts["td"]
+        if text.strip()
+    ]
     rows = [["<b>", "18.00", "0.5", "1", "yes"], ["&", "8.75", "1.2e-05", "20", "no"]]
     assert cells == [*rows[0], *rows[1], "0.04", "300", "yes"]
 
@@ -177,10 +182,10 @@ def test_a_fault_in_a_figure_costs_that_figure_alone(
     def broken(*_: object) -> None:
         raise ZeroDivisionError("<oh>\nno")
 
-    monkeypatch.setattr(fitness_module, "product", broken)
+    monkeypatch.setattr(fitness_module, "make_product", broken)
     options = parse(["report", str(sweep / "spatial")])
     study = load_study(options.folders)
-    page = {name: chapter(name, study, options, False) for name in ("fitness", "regions")}
+    page = {name: render_section(name, study, options, False) for name in ("fitness", "regions")}
     assert "ZeroDivisionError: &lt;oh&gt; no" in page["fitness"]
     assert "<svg" in page["regions"]
     assert caplog.messages == ["fitness: cannot be drawn (ZeroDivisionError: <oh> no); left out"]
@@ -305,7 +310,7 @@ def test_a_sensor_that_failed_is_named(browser: Chrome, player: WebElement, swee
     assert player.get_attribute("data-failed") == ""
     seek(browser, player, float(flown["time_s"].iloc[-1]))
     assert player.get_attribute("data-failed") == str(sensor)
-    assert f"sensor {sensor} failed at" in part(player, "said").text
+    assert f"sensor {sensor} failed at" in part(player, "status").text
 
 
 def test_keys_play_and_move(browser: Chrome, player: WebElement) -> None:

@@ -11,12 +11,12 @@ from evoros.analysis.measures.statistics import (
     Interval,
     a12,
     holm,
-    least_p,
-    least_replicates,
     magnitude,
     mann_whitney,
     mean_interval,
     median_interval,
+    minimum_p,
+    minimum_replicates,
     share_interval,
     spearman,
 )
@@ -230,12 +230,12 @@ def test_a_share_and_the_ends_of_wilsons_formula() -> None:
 
 @pytest.mark.parametrize(("m", "n"), [(1, 1), (2, 3), (4, 4), (5, 5), (3, 10)])
 def test_the_least_p_is_that_of_samples_that_do_not_overlap(m: int, n: int) -> None:
-    assert least_p(m, n) == pytest.approx(mann_whitney(range(m), range(100, 100 + n)))
+    assert minimum_p(m, n) == pytest.approx(mann_whitney(range(m), range(100, 100 + n)))
 
 
 def test_replicates_that_are_needed_by_hand() -> None:
     """2 / C(2n, n): 1/10 of 3, 1/35 of 4, 1/126 of 5, 1/462 of 6."""
-    assert [least_replicates(count) for count in (1, 2, 3, 6, 7, 23, 24)] == [4, 5, 5, 5, 6, 6, 7]
+    assert [minimum_replicates(count) for count in (1, 2, 3, 6, 7, 23, 24)] == [4, 5, 5, 5, 6, 6, 7]
     assert 2 / comb(6, 3) == 0.1
 
 

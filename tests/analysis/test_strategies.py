@@ -7,11 +7,23 @@ import numpy as np
 import pandas as pd
 import pytest
 from evoros.analysis.drawing.style import PAGE_IN, letter
-from evoros.analysis.figures.strategies import strategies
-from evoros.analysis.measures.clusters import best_silhouette, clusters, p_of_samples
-from evoros.analysis.measures.coverage import HEADINGS_DEG, ahead, directions, profiles, shares
-from evoros.analysis.measures.design_features import ALL, FRONT, SIDE, compared, traits
-from evoros.analysis.measures.pairs import nearness, paper_rings
+from evoros.analysis.figures.strategies import draw_strategies
+from evoros.analysis.measures.clusters import compare_with_samples, cut_best, find_clusters
+from evoros.analysis.measures.coverage import (
+    HEADINGS_DEG,
+    compute_directions,
+    compute_profiles,
+    normalize_profiles,
+    share_ahead,
+)
+from evoros.analysis.measures.design_features import (
+    ALL,
+    FRONT,
+    SIDE,
+    compare_with_random,
+    describe_designs,
+)
+from evoros.analysis.measures.pairs import measure_nearness, paper_rings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
@@ -53,7 +65,7 @@ MOUNTS = st.lists(st.tuples(PLACES, PLACES, ANGLES), min_size=1, max_size=5)
 
 
 def seen(table: pd.DataFrame) -> dict[float, float]:
-    (row,) = profiles(table).to_numpy()
+    (row,) = compute_profiles(table).to_numpy()
     return {float(h): float(n) for h, n in zip(HEADINGS_DEG, row, strict=True) if n}
 
 
@@ -88,28 +100,32 @@ def test_the_mirror_image_of_a_design_has_the_mirrored_profile(mounts: list[Moun
     one, other = design("a", mounts), design("a", image)
     mirrored = {-h if h > -180 else h: n for h, n in seen(one).items()}
     assert mirrored == pytest.approx(seen(other))
-    np.testing.assert_allclose(directions(profiles(one)), directions(profiles(other)), atol=1e-9)
-    assert ahead(one).iloc[0] == pytest.approx(ahead(other).iloc[0])
+    np.testing.assert_allclose(
+        compute_directions(compute_profiles(one)),
+        compute_directions(compute_profiles(other)),
+        atol=1e-9,
+    )
+    assert share_ahead(one).iloc[0] == pytest.approx(share_ahead(other).iloc[0])
 
 
 @pytest.mark.parametrize("turn", [5.0, 10, 60])
 def test_designs_are_as_far_apart_as_their_cones_are_turned(turn: float) -> None:
     one, other = ([(0, 0, 30.0), (0, 0, -70.0)], [(0, 0, 30 + turn), (0, 0, -70.0 - turn)])
-    each = [directions(profiles(design("a", mounts)))[0] for mounts in (one, other)]
+    each = [compute_directions(compute_profiles(design("a", mounts)))[0] for mounts in (one, other)]
     np.testing.assert_allclose(each[1] - each[0], turn)
 
 
 def test_the_directions_of_one_cone_are_those_of_its_opening() -> None:
     """As near as sectors of 5 deg tell: where the opening ends, half a sector is half covered."""
-    (found,) = directions(profiles(design("a", [(0, 0, 40)])))
+    (found,) = compute_directions(compute_profiles(design("a", [(0, 0, 40)])))
     np.testing.assert_allclose(found, 25 + 30 * (np.arange(36) + 0.5) / 36, atol=2.5)
-    (ahead_,) = directions(profiles(design("a", [(0, 0, 0)])))
+    (ahead_,) = compute_directions(compute_profiles(design("a", [(0, 0, 0)])))
     np.testing.assert_allclose(ahead_, 15 * (np.arange(36) + 0.5) / 36, atol=2.5)
     np.testing.assert_allclose(ahead_[:29], 15 * (np.arange(29) + 0.5) / 36)  # exact up to 12.5
-    (back,) = directions(profiles(design("a", [(0, 0, 180)])))
+    (back,) = compute_directions(compute_profiles(design("a", [(0, 0, 180)])))
     np.testing.assert_allclose(back, 180 - ahead_[::-1], atol=1e-9)
     blind = design("a", [(math.nan, math.nan, math.nan)])
-    assert (directions(profiles(blind)) == 180).all()
+    assert (compute_directions(compute_profiles(blind)) == 180).all()
 
 
 @pytest.mark.parametrize(
@@ -117,17 +133,21 @@ def test_the_directions_of_one_cone_are_those_of_its_opening() -> None:
     [([0], 1), ([15], 1), ([30], 0.5), ([45], 0), ([-35], 1 / 3), ([0, 90], 0.5), ([180], 0)],
 )
 def test_the_share_ahead_by_hand(yaws: list[float], share: float) -> None:
-    assert ahead(design("a", [(0, 0, yaw) for yaw in yaws])).iloc[0] == pytest.approx(share)
+    assert share_ahead(design("a", [(0, 0, yaw) for yaw in yaws])).iloc[0] == pytest.approx(share)
 
 
 def test_a_design_without_sensors_covers_nothing_and_is_far_from_all_others() -> None:
     blind = design("b", [(math.nan, math.nan, math.nan)])
-    table = profiles(pd.concat([design("a", [(0, 0, 0)]), blind, design("c", [(0, 0, 90)])]))
+    table = compute_profiles(
+        pd.concat([design("a", [(0, 0, 0)]), blind, design("c", [(0, 0, 90)])])
+    )
     assert table.sum(axis=1).tolist() == [6, 0, 6]
-    distance = np.abs(shares(table)[:, None] - shares(table)[None]).sum(axis=2) / 2
+    distance = (
+        np.abs(normalize_profiles(table)[:, None] - normalize_profiles(table)[None]).sum(axis=2) / 2
+    )
     np.testing.assert_allclose(distance, 1 - np.eye(3), atol=1e-12)
-    assert math.isnan(ahead(blind).iloc[0])
-    assert nearness(blind).iloc[0].tolist() == [0, False, math.inf, 0.0]
+    assert math.isnan(share_ahead(blind).iloc[0])
+    assert measure_nearness(blind).iloc[0].tolist() == [0, False, math.inf, 0.0]
 
 
 # Clusters ------------------------------------------------------------------------------------
@@ -138,7 +158,7 @@ def two_groups(n: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def test_two_groups_apart_are_two_clusters() -> None:
-    found = clusters(two_groups(8, np.random.default_rng(1)))
+    found = find_clusters(two_groups(8, np.random.default_rng(1)))
     assert found.count == 2
     assert found.p < 0.01
     assert sorted(np.bincount(found.labels)[1:]) == [8, 8]
@@ -149,7 +169,7 @@ def test_a_cloud_without_structure_seldom_has_clusters() -> None:
     """The test keeps its level: about one in twenty clouds, round or long, looks clustered."""
     rng = np.random.default_rng(3)
     shape = np.diag([3.0, 1, 1, 0.5, 0.1])
-    found = [clusters(rng.standard_normal((20, 5)) @ shape, draws=99).real for _ in range(25)]
+    found = [find_clusters(rng.standard_normal((20, 5)) @ shape, draws=99).real for _ in range(25)]
     assert sum(found) <= stats.binom.ppf(0.999, 25, 0.05)
 
 
@@ -159,7 +179,7 @@ def test_designs_around_one_are_one_cluster_however_near(spread_deg: float) -> N
     base = np.array([35.0, 45, 55])
     yaws = base + rng.normal(0, spread_deg, (30, 3))
     table = designs([[(0.1, 0.1, yaw) for yaw in each] for each in yaws])
-    assert clusters(directions(profiles(table)), 99).count == 1
+    assert find_clusters(compute_directions(compute_profiles(table)), 99).count == 1
 
 
 def test_designs_turned_more_and_more_are_no_clusters() -> None:
@@ -170,13 +190,13 @@ def test_designs_turned_more_and_more_are_no_clusters() -> None:
     for _ in range(20):
         yaws = rng.uniform(20, 70, 30)
         table = designs([[(0.1, 0.1, yaw + off) for off in offsets] for yaw in yaws])
-        found.append(clusters(directions(profiles(table)), 49).real)
+        found.append(find_clusters(compute_directions(compute_profiles(table)), 49).real)
     assert sum(found) <= stats.binom.ppf(0.999, 20, 0.05)
 
 
 def test_equal_points_and_few_points_have_no_clusters() -> None:
     for points in (np.ones((9, 3)), np.eye(4), np.empty((0, 3))):
-        found = clusters(points)
+        found = find_clusters(points)
         assert (found.count, found.labels.tolist()) == (1, [1] * len(points))
 
 
@@ -191,7 +211,7 @@ def test_the_silhouette_by_hand() -> None:
             1 - 1 / 10.5,
         ]
     )
-    assert clusters(points, 9).silhouette == pytest.approx(by_hand)
+    assert find_clusters(points, 9).silhouette == pytest.approx(by_hand)
 
 
 @settings(max_examples=25, deadline=None)
@@ -202,7 +222,7 @@ def test_clusters_are_those_of_scipy(n: int, seed: int) -> None:
     tree, distance = linkage(points, "ward"), cdist(points, points)
     cuts = [fcluster(tree, k, "maxclust") for k in range(2, min(5, n - 1) + 1)]
     scores = [silhouette(distance, labels) for labels in cuts]
-    score, labels = best_silhouette(points)
+    score, labels = cut_best(points)
     assert score == pytest.approx(max(scores))
     expected = cuts[int(np.argmax(scores))]
     np.testing.assert_array_equal(labels[:, None] == labels, expected[:, None] == expected)
@@ -225,7 +245,7 @@ def silhouette(distance: np.ndarray, labels: np.ndarray) -> float:
 def test_the_order_of_points_changes_nothing() -> None:
     points = two_groups(6, np.random.default_rng(2))
     order = np.random.default_rng(0).permutation(len(points))
-    one, other = clusters(points, 99), clusters(points[order], 99)
+    one, other = find_clusters(points, 99), find_clusters(points[order], 99)
     assert (one.silhouette, one.p, one.expected) == (other.silhouette, other.p, other.expected)
     assert (one.labels[order][0] == one.labels[order]).tolist() == (
         other.labels[0] == other.labels
@@ -235,10 +255,10 @@ def test_the_order_of_points_changes_nothing() -> None:
 def test_samples_of_the_pool_look_like_the_pool() -> None:
     rng = np.random.default_rng(5)
     cloud, apart = rng.standard_normal((200, 3)), two_groups(100, rng)
-    clustered = clusters(apart[::10], 9).silhouette
-    assert p_of_samples(clustered, 20, cloud, 99) == 0.01  # none of the 99
-    assert p_of_samples(clustered, 20, apart, 99) > 0.05
-    assert math.isnan(p_of_samples(clustered, 150, cloud, 9))
+    clustered = find_clusters(apart[::10], 9).silhouette
+    assert compare_with_samples(clustered, 20, cloud, 99) == 0.01  # none of the 99
+    assert compare_with_samples(clustered, 20, apart, 99) > 0.05
+    assert math.isnan(compare_with_samples(clustered, 150, cloud, 9))
 
 
 # Redundancy and damage -------------------------------------------------------------------------
@@ -257,28 +277,28 @@ def test_samples_of_the_pool_look_like_the_pool() -> None:
 )
 def test_redundancy_of_known_pairs(second: Mount, redundant: bool) -> None:
     table = design("a", [(0.2, 0.1, 20), second], mirrored=True)
-    assert bool(nearness(table).redundant.iloc[0]) is redundant
+    assert bool(measure_nearness(table).redundant.iloc[0]) is redundant
 
 
 def test_twins_are_not_redundant_and_other_thresholds_count() -> None:
     middle = design("a", [(0.2, 0.01, 5)], mirrored=True)
-    assert not nearness(middle).redundant.iloc[0]
+    assert not measure_nearness(middle).redundant.iloc[0]
     alone = design("a", [(0.2, 0.01, 5), (0.2, -0.01, -5)])
-    assert nearness(alone).redundant.iloc[0]
-    assert not nearness(alone, near_m=0.019).redundant.iloc[0]
-    assert not nearness(alone, near_deg=9).redundant.iloc[0]
+    assert measure_nearness(alone).redundant.iloc[0]
+    assert not measure_nearness(alone, near_m=0.019).redundant.iloc[0]
+    assert not measure_nearness(alone, near_deg=9).redundant.iloc[0]
 
 
 def test_directions_are_compared_around_the_circle() -> None:
-    assert nearness(design("a", [(0, 0, 175), (0, 0, -175)])).redundant.iloc[0]
+    assert measure_nearness(design("a", [(0, 0, 175), (0, 0, -175)])).redundant.iloc[0]
 
 
 def test_what_a_blow_takes_by_hand() -> None:
     """In a row at 0, 2, 7 cm: of the ends 1 + 1 + 1/3 and 1 + 2/3 + 1/3, of the middle 2 + 2/3."""
-    row = nearness(design("a", [(0, 0, 0), (0, 0.02, 90), (0, 0.07, 90)])).iloc[0]
+    row = measure_nearness(design("a", [(0, 0, 0), (0, 0.02, 90), (0, 0.07, 90)])).iloc[0]
     assert row.lost == pytest.approx((7 / 3 + 8 / 3 + 2) / 3)
     assert row.closest_m == pytest.approx(0.02)
-    row = nearness(design("a", [(0, 0, 0), (0, 0.02, 90)]), [Ring(0.01, 0.5)]).iloc[0]
+    row = measure_nearness(design("a", [(0, 0, 0), (0, 0.02, 90)]), [Ring(0.01, 0.5)]).iloc[0]
     assert row.lost == pytest.approx(0.5)
 
 
@@ -291,7 +311,9 @@ def test_what_a_blow_takes_is_what_the_failure_model_takes(mounts: list[Mount]) 
     channels = Channels(limits, limits, position, 0.1)
     model, rng = SpatialFailure(), np.random.default_rng(0)
     hits = [np.isfinite(model.draw(channels, rng)[0].onset).sum() for _ in range(1500)]
-    assert nearness(table, paper_rings()).lost.iloc[0] == pytest.approx(np.mean(hits), abs=0.2)
+    assert measure_nearness(table, paper_rings()).lost.iloc[0] == pytest.approx(
+        np.mean(hits), abs=0.2
+    )
 
 
 @settings(max_examples=25, deadline=None)
@@ -300,7 +322,7 @@ def test_neither_the_mirror_nor_the_order_of_sensors_counts(
     mounts: list[Mount], order: list[int]
 ) -> None:
     image = [(x, -y, -yaw) for x, y, yaw in (mounts[i] for i in order if i < len(mounts))]
-    one, other = nearness(design("a", mounts)), nearness(design("a", image))
+    one, other = measure_nearness(design("a", mounts)), measure_nearness(design("a", image))
     pd.testing.assert_frame_equal(one, other)
 
 
@@ -332,13 +354,13 @@ def study() -> Sensors:
 
 @pytest.fixture(scope="module")
 def table(study: Sensors) -> pd.DataFrame:
-    made: pd.DataFrame = traits(*study)
+    made: pd.DataFrame = describe_designs(*study)
     return made
 
 
 @pytest.fixture(scope="module")
 def numbers(table: pd.DataFrame) -> pd.DataFrame:
-    made: pd.DataFrame = compared(table)
+    made: pd.DataFrame = compare_with_random(table)
     return made
 
 
@@ -362,7 +384,7 @@ def test_rates_and_clusters_are_those_that_were_made(
 
 def test_the_mean_profile_is_that_of_the_champions(study: Sensors, numbers: pd.DataFrame) -> None:
     rows = numbers[(numbers.treatment == "none") & (numbers.measure == "coverage")]
-    champions = profiles(study[0][study[0].treatment == "none"])
+    champions = compute_profiles(study[0][study[0].treatment == "none"])
     np.testing.assert_allclose(rows.value, champions.mean())
     assert (rows.low <= rows.value).all()
     assert (rows.value <= rows.high).all()
@@ -374,14 +396,16 @@ def test_random_designs_with_other_numbers_of_sensors_are_no_baseline(
     champions, initial = study
     fewer = design("single", [(0.1, 0.1, 45)], "none", mirrored=True)
     more = pd.concat([initial, fewer], ignore_index=True)
-    pd.testing.assert_frame_equal(traits(champions, initial), traits(champions, more))
+    pd.testing.assert_frame_equal(
+        describe_designs(champions, initial), describe_designs(champions, more)
+    )
 
 
 def test_a_champion_without_sensors_is_counted(study: Sensors) -> None:
     blind = design("random999", [(math.nan, math.nan, math.nan)], "random").assign(design=math.nan)
-    table = traits(pd.concat([study[0], blind], ignore_index=True), study[1])
+    table = describe_designs(pd.concat([study[0], blind], ignore_index=True), study[1])
     only = table[(table.treatment == "random") & (~table.random | (table.index % 4 == 0))]
-    summary = compared(only).set_index("measure")
+    summary = compare_with_random(only).set_index("measure")
     assert summary.value["redundant"] == pytest.approx(6 / 7)
     assert summary.n[SIDE] == 6  # it looks nowhere
 
@@ -396,7 +420,7 @@ def test_the_order_and_the_side_of_runs_change_no_number(
     )
     expected, got = (
         each.sort_values(["treatment", "measure", "at"])
-        for each in (numbers, compared(traits(shuffled, study[1])))
+        for each in (numbers, compare_with_random(describe_designs(shuffled, study[1])))
     )
     pd.testing.assert_frame_equal(
         expected.reset_index(drop=True), got.reset_index(drop=True), rtol=1e-9
@@ -407,7 +431,7 @@ def test_the_order_and_the_side_of_runs_change_no_number(
 def test_the_picture_shows_the_counts_and_the_means(
     table: pd.DataFrame, numbers: pd.DataFrame, width: float
 ) -> None:
-    figure = strategies(table, numbers, width)
+    figure = draw_strategies(table, numbers, width)
     assert figure.get_figwidth() == width
     panels = [axes for part in figure.subfigs for axes in part.axes]
     assert [axes.get_title() for axes in panels[:2]] == ["none (8)", "random (6)"]

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 import yaml
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.tables.folders import folders_in, short_names
+from evoros.analysis.tables.folders import list_folders, shorten_names
 from evoros.analysis.tables.study import load_study
-from evoros.analysis.tables.treatments import ALONE, labels
+from evoros.analysis.tables.treatments import SINGLE, label_treatments, name_part, read_choices
 from evoros.analysis.tables.values import read_values
 from helpers import TINY, everything, tiny
 from hypothesis import given
@@ -143,9 +143,9 @@ def test_an_empty_folder_beside_a_run_is_said(
     assert evoros_analyze(given) == DONE
     assert (
         capsys.readouterr().err
-        == f"{tmp_path / 'empty'}: must hold runs, and holds none; left out\n"
+        == f"{tmp_path / 'empty'}: must contain runs, but contains none; left out\n"
     )
-    with pytest.raises(InputError, match="must hold whole runs"):
+    with pytest.raises(InputError, match="must contain complete runs"):
         load_study([tmp_path / "empty"])
     with pytest.raises(InputError, match="must be a folder"):
         load_study([tmp_path / "nowhere"])
@@ -169,7 +169,7 @@ PARTS = st.lists(st.sampled_from(["a", "b", "c"]), min_size=1, max_size=3)
 @given(st.lists(PARTS, unique_by=tuple, max_size=8))
 def test_short_names_are_distinct_ends_of_the_paths(paths: list[list[str]]) -> None:
     folders = [Path("/", *parts) for parts in paths]
-    names = short_names(folders)
+    names = shorten_names(folders)
     assert len(set(names.values())) == len(folders)
     assert all(str(folder).endswith(names[folder].removeprefix("//")) for folder in folders)
 
@@ -178,7 +178,7 @@ def test_nothing_is_looked_for_inside_a_run(tmp_path: Path) -> None:
     for folder in ("b10", "b9", "b9/figures/c", ".hidden/d"):
         (tmp_path / folder).mkdir(parents=True, exist_ok=True)
         (tmp_path / folder / "config.yaml").touch()
-    assert list(folders_in(tmp_path)) == [tmp_path / "b9", tmp_path / "b10"]
+    assert list(list_folders(tmp_path)) == [tmp_path / "b9", tmp_path / "b10"]
 
 
 def conditions(**more: Any) -> dict[str, Any]:
@@ -192,12 +192,17 @@ def conditions(**more: Any) -> dict[str, Any]:
 
 
 RANDOM = {"failure._target_": "evoros.failure.random.RandomFailure", "failure.count": 1}
+CHOSEN = {"NoFailure": {"failure": "none"}, "RandomFailure": {"failure": "random"}}
+
+
+def chosen(values: dict[str, Any]) -> dict[str, str]:
+    return CHOSEN[values["failure._target_"].rpartition(".")[2]]
 
 
 @pytest.mark.parametrize(
     ("each", "expected"),
     [
-        ([conditions(), conditions(seed=1)], [ALONE, ALONE]),
+        ([conditions(), conditions(seed=1)], [SINGLE, SINGLE]),
         ([conditions(), conditions(**RANDOM)], ["none", "random"]),
         ([conditions(), conditions(trials=2)], ["trials=1", "trials=2"]),
         (
@@ -205,11 +210,41 @@ RANDOM = {"failure._target_": "evoros.failure.random.RandomFailure", "failure.co
             ["none", "none", "random, trials=2"],
         ),
         ([conditions(), conditions(**{"world.yard.sdf": "y"})], ["maze", "maze+yard"]),
-        ([conditions(), conditions(**{"executor.workers": 3})], [ALONE, ALONE]),
+        ([conditions(), conditions(**{"executor.workers": 3})], [SINGLE, SINGLE]),
     ],
 )
 def test_labels_say_what_differs(each: list[dict[str, Any]], expected: list[str]) -> None:
-    assert labels(each) == expected
+    assert label_treatments(each, list(map(chosen, each))) == expected
+
+
+def test_a_part_is_named_by_its_choice_and_without_one_by_its_class() -> None:
+    recorded = {
+        "failure": "mine",
+        "filter@failure.effect": "stuck",
+        "controller/navigation": "l1",
+        "world/course@course": "square",
+        "experiment": None,
+    }
+    choices = read_choices(recorded)
+    assert choices == {
+        "failure": "mine",
+        "failure.effect": "stuck",
+        "controller.navigation": "l1",
+        "course": "square",
+    }
+    targets = {"failure._target_": "mine.parts.Burst", "simulator._target_": "mine.parts.Moon"}
+    assert name_part("failure", targets, choices) == "mine"
+    assert name_part("simulator", targets, choices) == "Moon"
+    assert read_choices(None) == read_choices(["failure"]) == {}
+
+
+def test_treatments_of_one_class_are_told_apart_by_their_choices_alone_if_they_differ() -> None:
+    """The same values are one treatment, whatever they were chosen by."""
+    same = [conditions(), conditions()]
+    assert label_treatments(same, [{"failure": "none"}, {"failure": "calm"}]) == [SINGLE, SINGLE]
+    odd = [conditions(), conditions(**{"failure._target_": "mine.none.Calm"})]
+    assert label_treatments(odd, [{"failure": "none"}, {"failure": "calm"}]) == ["none", "calm"]
+    assert label_treatments(odd, [{}, {}]) == ["NoFailure", "Calm"]
 
 
 CONDITIONS = st.fixed_dictionaries(
@@ -226,7 +261,7 @@ CONDITIONS = st.fixed_dictionaries(
 def test_runs_have_one_label_if_and_only_if_they_differ_in_nothing_but_seeds(
     each: list[dict[str, Any]],
 ) -> None:
-    names = labels(each)
+    names = label_treatments(each)
     for one, name in zip(each, names, strict=True):
         for other, other_name in zip(each, names, strict=True):
             alike = {**one, "seed": 0} == {**other, "seed": 0}

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.figures.transfer import summary, transfer
+from evoros.analysis.figures.transfer import draw_transfer, summarize
 from evoros.analysis.measures.statistics import mean_interval, spearman
-from evoros.analysis.tables.paired_scores import scored_twice
+from evoros.analysis.tables.paired_scores import pair_scores
 from evoros.analysis.tables.study import load_study
 from helpers import scored, texts, tiny
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -37,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def pairs(*folders: Path, between: str | None = None) -> pd.DataFrame:
-    found: pd.DataFrame = scored_twice(load_study(folders), between)
+    found: pd.DataFrame = pair_scores(load_study(folders), between)
     return found
 
 
@@ -73,7 +73,7 @@ def test_designs_that_only_one_has_are_no_pairs(folder: Path, tmp_path: Path) ->
     assert list(table["design"]) == ["d"]  # that is what "b" is here
     (tmp_path / "two.csv").write_text("\n".join([HEADER, rows[1]]))
     scored(tmp_path / "other", tmp_path / "two.csv", "trials=2")
-    with pytest.raises(InputError, match="no design was scored twice"):
+    with pytest.raises(InputError, match="no design has scores under two conditions"):
         pairs(folder / "spatial", tmp_path / "other")
 
 
@@ -176,7 +176,7 @@ def table_of(xs: list[float], ys: list[float], group: str = "", **other: object)
 
 def test_the_summary_by_hand() -> None:
     """Ranks 2 1 4 3 5 6 against 1 ... 6: 1 - 6 * 4 / (6 * 35); the losses add up to 1."""
-    (row,) = summary(table_of(X, Y)).to_dict("records")
+    (row,) = summarize(table_of(X, Y)).to_dict("records")
     assert row["n"] == 6
     assert row["spearman"] == pytest.approx(1 - 24 / 210)
     assert row["loss"] == pytest.approx(1 / 6)
@@ -187,7 +187,7 @@ def test_the_summary_by_hand() -> None:
 
 def test_groups_are_summed_up_apart() -> None:
     two = pd.concat([table_of(X, Y, "b"), table_of(X, X[::-1], "a")], ignore_index=True)
-    found = summary(two).set_index("group")
+    found = summarize(two).set_index("group")
     assert list(found.index) == ["b", "a"]
     assert found.loc["a", "spearman"] == pytest.approx(-1)
     assert found.loc["b", "spearman"] == pytest.approx(1 - 24 / 210)
@@ -213,7 +213,7 @@ def test_the_command_writes_table_summary_and_picture(
 
 
 def drawn(table: pd.DataFrame, width: float = 3.5) -> Figure:
-    figure: Figure = transfer(table, summary(table), width)
+    figure: Figure = draw_transfer(table, summarize(table), width)
     return figure
 
 
@@ -244,7 +244,7 @@ def test_without_trials_there_are_no_bars() -> None:
 
 def test_the_summary_stands_below_and_too_few_are_marked() -> None:
     there = {text.get_text() for text in texts(drawn(table_of(X, Y)))}
-    one = summary(table_of(X, Y)).iloc[0]
+    one = summarize(table_of(X, Y)).iloc[0]
     order = f"{one['spearman']:.2f} [{one['spearman_low']:.2f}, {one['spearman_high']:.2f}]"
     assert {"6", "all", order} <= there
     few = {text.get_text() for text in texts(drawn(table_of(X[:4], Y[:4])))}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis.drawing.worlds import worlds
+from evoros.analysis.drawing.worlds import draw_worlds
 from helpers import USER_PARTS, content, tiny
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -465,7 +465,7 @@ def test_the_champion_keeps_the_worlds_that_it_met(tmp_path: Path) -> None:
 def test_a_picture_has_every_obstacle_where_it_stands() -> None:
     open_, closed = field(enclosed=False).draw_world(FIXED), field().draw_world(FIXED)
     track = np.array([[0.0, 0.0], [1.0, 2.0]])
-    drawn = worlds({"open": open_, "closed": closed}, {"closed": [track]}, width=5.0)
+    drawn = draw_worlds({"open": open_, "closed": closed}, {"closed": [track]}, width=5.0)
     assert drawn.get_figwidth() == 5.0
     for axes, world in zip(drawn.axes[:2], (open_, closed), strict=True):
         (solids,) = axes.collections
@@ -488,7 +488,7 @@ def test_a_picture_has_what_leans_and_what_is_raised() -> None:
     lean = Pose.from_rpy((6.0, 0.0, 0.5), 1e-6, 0.0, 0.0)  # as a file with rounded angles has it
     post = Body("post", lean, (Shape("cylinder", (0.3, 1.0)),))
     shelf = Body("shelf", Pose((0.0, 6.0, 1.05)), (Shape("box", (1.0, 1.0, 0.1)),))
-    drawn = worlds({"two": replace(world, bodies=(*ground, post, shelf))})
+    drawn = draw_worlds({"two": replace(world, bodies=(*ground, post, shelf))})
     (solids,) = drawn.axes[0].collections
     boxes = [path.get_extents().bounds for path in solids.get_paths()]
     np.testing.assert_allclose(boxes[0], (5.7, -0.3, 0.6, 0.6), atol=1e-5)

@@ -85,7 +85,7 @@ def test_a_figure_that_raises_leaves_a_finished_run_and_one_warning(
     def failing(*_: object) -> None:
         raise ZeroDivisionError("no\nluck")
 
-    monkeypatch.setattr("evoros.analysis.figures.fitness.product", failing)
+    monkeypatch.setattr("evoros.analysis.figures.fitness.make_product", failing)
     folder = tmp_path / "run"
     assert tiny(folder, WANTED) == DONE
     said = [line for line in capsys.readouterr().err.splitlines() if "no luck" in line]

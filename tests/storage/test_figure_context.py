@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from documents import documented
-from evoros.analysis.tables.designs import candidate_mounts, sensors
+from evoros.analysis.tables.designs import list_mounts, place_sensors
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -129,7 +129,7 @@ def test_sensors_are_where_the_robot_has_them(
     mounts = [Mount("sonar", "mast", x, y, 0.05, turn, 12.5) for x, y, turn in poses]
     with_sensors = robot.with_sensors(mounts, EVOLVING.design.sensors)
     table = pd.read_csv(io.StringIO(design_table({1: Design(tuple(mounts))})))
-    found = sensors(table, replace(SETTING, places={"mast": place}))
+    found = place_sensors(table, replace(SETTING, places={"mast": place}))
     expected = with_sensors.sensor_poses()
     np.testing.assert_allclose(found[["x_m", "y_m", "z_m"]], expected[:, :3], atol=1e-12)
     turned = np.radians(found.yaw_deg) - expected[:, 3]
@@ -147,7 +147,7 @@ def test_a_candidate_has_the_mounts_of_its_design(data: st.DataObject) -> None:
     design = space.decode(genome)
     row = pd.DataFrame([{"id": 7, **space.to_row(genome)}])
     record = type("Record", (), {"setting": SETTING, "values": VALUES})()
-    found = candidate_mounts(row, record)
+    found = list_mounts(row, record)
     assert [_mount(each) for each in found.to_dict("records")] == list(design.mounts)
     assert list(found.sensor) == list(range(len(design.mounts)))
 
@@ -158,7 +158,7 @@ def _mount(row: dict[str, object]) -> Mount:
 
 
 def test_a_design_without_sensors_has_no_rows(setting: FigureContext) -> None:
-    assert sensors(pd.read_csv(io.StringIO(design_table({1: Design(())}))), setting).empty
+    assert place_sensors(pd.read_csv(io.StringIO(design_table({1: Design(())}))), setting).empty
 
 
 def test_its_fields_are_documented_in_order(setting: FigureContext) -> None:

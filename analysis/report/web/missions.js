@@ -1,39 +1,39 @@
-// The embedded missions as arrays, and what holds at a time; see analysis/playback.py.
+// Decodes the embedded missions (see playback.py) and finds their state at a time.
 
-/** Running sums of what was recorded as differences; null stays a gap. */
-function summed(differences, unit) {
+/** Returns the running sums of differences; null becomes NaN. */
+function sum(differences, unit) {
   const values = new Float64Array(differences.length);
-  let sum = 0;
+  let total = 0;
   differences.forEach((difference, i) => {
-    if (difference !== null) sum += difference;
-    values[i] = difference === null ? NaN : sum * unit;
+    if (difference !== null) total += difference;
+    values[i] = difference === null ? NaN : total * unit;
   });
   return values;
 }
 
-/** The values at each of n records, of [first record, value] where they change. */
-function filled(changes, n) {
+/** Returns the values at n records from [first record, value] of each change. */
+function fill(changes, n) {
   const values = new Int32Array(n);
   changes.forEach(([first, value]) => values.fill(value, first));
   return values;
 }
 
-/** A mission as arrays: seconds, metres, radians; NaN where a sensor is silent. */
-function decoded(raw) {
+/** Decodes a mission to arrays [s, m, rad]; readings are NaN while a sensor is silent. */
+function decode(raw) {
   const n = raw.x.length;
   return {
     ...raw,
-    time: summed(filled(raw.time, n), 1e-3),
-    x: summed(raw.x, 1e-3),
-    y: summed(raw.y, 1e-3),
-    yaw: summed(raw.yaw, 1e-3),
-    mode: filled(raw.mode, n),
-    contact: filled(raw.contact, n),
-    readings: raw.readings.map((each) => summed(each, 1e-3)),
+    time: sum(fill(raw.time, n), 1e-3),
+    x: sum(raw.x, 1e-3),
+    y: sum(raw.y, 1e-3),
+    yaw: sum(raw.yaw, 1e-3),
+    mode: fill(raw.mode, n),
+    contact: fill(raw.contact, n),
+    readings: raw.readings.map((readings) => sum(readings, 1e-3)),
   };
 }
 
-/** The last record at or before a time. */
+/** Returns the last record at or before a time. */
 function recordAt(times, time) {
   let low = 0, high = times.length - 1;
   while (low < high) {
@@ -44,7 +44,7 @@ function recordAt(times, time) {
   return low;
 }
 
-/** Between two records the robot goes straight on. */
+/** Interpolates the pose between a record and the next. */
 function poseAt(mission, last, time) {
   const next = Math.min(last + 1, mission.time.length - 1);
   const span = mission.time[next] - mission.time[last];
@@ -53,10 +53,10 @@ function poseAt(mission, last, time) {
   return { x: between(mission.x), y: between(mission.y), yaw: between(mission.yaw) };
 }
 
-/** What a sensor says at the last record, and whether it failed. */
+/** Returns a sensor's reading at the last record, and whether it has failed. */
 function stateOf(now, sensor) {
   const reading = now.mission.readings[sensor][now.last];
-  const failure = now.mission.failed.find((each) => each.sensor === sensor);
+  const failure = now.mission.failed.find((entry) => entry.sensor === sensor);
   return {
     reading: Number.isNaN(reading) ? null : reading,
     failed: failure !== undefined && failure.at_s <= now.time,

@@ -1,4 +1,4 @@
-// What is seen from above: metres, x to the right, y up.
+// Drawings from above, in metres: x to the right, y up.
 
 /** Maps metres to the pixels of a canvas: `across` metres fit into its shorter side. */
 function viewOf(canvas, x, y, across) {
@@ -18,7 +18,7 @@ function tracePolygon(context, view, vertices) {
   context.closePath();
 }
 
-/** Fills all points within `radius` of a convex polygon, which may be a single point. */
+/** Fills all points within `radius` of a convex polygon or a single point. */
 function fillShape(context, view, shape, fill, edge, line) {
   const grow = shape.radius * view.scale;
   context.lineJoin = context.lineCap = "round";
@@ -44,7 +44,7 @@ function fillShape(context, view, shape, fill, edge, line) {
   context.stroke();
 }
 
-/** Grid lines each `step` metres. */
+/** Draws grid lines every `step` metres. */
 function drawGrid(context, canvas, view, step, colour) {
   const [x0, y0] = view.at(0, 0);
   const gap = step * view.scale;
@@ -62,7 +62,7 @@ function drawGrid(context, canvas, view, step, colour) {
   context.stroke();
 }
 
-/** A bar of so many metres, labelled, in the lower left corner. */
+/** Draws a labelled bar of `metres` in the lower left corner. */
 function drawScale(context, canvas, view, metres, look, ratio) {
   const x = 12 * ratio, y = canvas.height - 12 * ratio, long = metres * view.scale;
   const text = `${metres} m`;
@@ -75,7 +75,7 @@ function drawScale(context, canvas, view, metres, look, ratio) {
   context.fillText(text, x, y - 5 * ratio);
 }
 
-/** The corners with the circles in which they count, in the order of the configuration. */
+/** Draws the waypoints with their acceptance circles, and home. */
 function drawCourse(context, view, course, reached, look, ratio) {
   context.font = `${11 * ratio}px system-ui, sans-serif`;
   context.textAlign = "center";
@@ -98,7 +98,7 @@ function drawCourse(context, view, course, reached, look, ratio) {
   context.textAlign = "start";
 }
 
-/** Points `from` to `to` of a path, as one line for each stretch of one colour. */
+/** Draws points `from` to `to` of a path, one line for each stretch of one colour. */
 function drawPath(context, view, mission, from, to, colourOf, line) {
   context.lineWidth = line;
   context.lineJoin = context.lineCap = "round";
@@ -127,33 +127,33 @@ function drawCross(context, px, py, size, colour, line) {
   context.stroke();
 }
 
-/** From the robot's frame to the world's. */
-function placed(pose, x, y) {
+/** Transforms a point from the robot's frame to the world's. */
+function toWorld(pose, x, y) {
   const cos = Math.cos(pose.yaw), sin = Math.sin(pose.yaw);
   return [pose.x + cos * x - sin * y, pose.y + sin * x + cos * y];
 }
 
 function drawRobot(context, view, pose, parts, look, line) {
   for (const part of parts) {
-    const vertices = part.vertices.map(([x, y]) => placed(pose, x, y));
+    const vertices = part.vertices.map(([x, y]) => toWorld(pose, x, y));
     const fill = part.wheel ? look.wheel : look.body;
     fillShape(context, view, { vertices, radius: part.radius }, fill, look.ink, line);
   }
 }
 
-/** A sensor's cone up to its reading; what is pitched reaches less far on the plane. */
+/** Draws a sensor's cone up to its reading, projected to the ground plane. */
 function drawCone(context, view, pose, sensor, state, look, ratio) {
-  const [px, py] = view.at(...placed(pose, sensor.x, sensor.y));
+  const [px, py] = view.at(...toWorld(pose, sensor.x, sensor.y));
   const middle = pose.yaw + sensor.yaw, half = sensor.fov / 2;
   const colour = state.failed ? look.silent : look.pairs[sensor.pair % look.pairs.length];
   const silent = state.reading === null;
-  const nothing = silent || state.reading > 0.98 * sensor.range;
+  const clear = silent || state.reading > 0.98 * sensor.range;
   const range = (silent ? 0.2 * sensor.range : state.reading) * sensor.level * view.scale;
   context.beginPath();
   context.moveTo(px, py);
   context.arc(px, py, range, -middle - half, -middle + half);
   context.closePath();
-  context.globalAlpha = nothing ? 0.1 : 0.28;
+  context.globalAlpha = clear ? 0.1 : 0.28;
   context.fillStyle = colour;
   context.fill();
   context.globalAlpha = 1;
@@ -161,15 +161,15 @@ function drawCone(context, view, pose, sensor, state, look, ratio) {
   if (silent) context.setLineDash([4 * ratio, 4 * ratio]);
   else context.beginPath();
   context.arc(px, py, range, -middle - half, -middle + half);
-  context.lineWidth = (nothing ? 1 : 2.5) * ratio;
+  context.lineWidth = (clear ? 1 : 2.5) * ratio;
   context.stroke();
   context.setLineDash([]);
 }
 
-/** Where a sensor is. */
+/** Draws the place of a sensor. */
 function drawSensor(context, view, pose, sensor, state, look, ratio) {
   context.beginPath();
-  context.arc(...view.at(...placed(pose, sensor.x, sensor.y)), 4 * ratio, 0, 2 * Math.PI);
+  context.arc(...view.at(...toWorld(pose, sensor.x, sensor.y)), 4 * ratio, 0, 2 * Math.PI);
   context.fillStyle = state.failed ? look.silent : look.pairs[sensor.pair % look.pairs.length];
   context.fill();
   context.lineWidth = ratio;
@@ -177,9 +177,9 @@ function drawSensor(context, view, pose, sensor, state, look, ratio) {
   context.stroke();
 }
 
-/** Where one has failed. */
+/** Crosses out a failed sensor. */
 function drawFailure(context, view, pose, sensor, look, ratio) {
-  const [px, py] = view.at(...placed(pose, sensor.x, sensor.y));
+  const [px, py] = view.at(...toWorld(pose, sensor.x, sensor.y));
   drawCross(context, px, py, 7 * ratio, look.paper, 5 * ratio);
   drawCross(context, px, py, 7 * ratio, look.ink, 2.5 * ratio);
 }

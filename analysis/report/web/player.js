@@ -1,15 +1,15 @@
-// The player: which mission, what time, and what of it is shown.
+// The player: chooses the mission and the time, and draws them.
 
 function startPlayer(root) {
   const find = (name) => root.querySelector(`[data-part="${name}"]`);
   const parts = Object.fromEntries(
     ["run", "world", "speed", "course", "close", "readings", "timeline", "play", "scrub", "clock",
-      "said", "ended", "key", "nearer", "farther"].map((name) => [name, find(name)]));
-  const books = document.querySelectorAll("script[data-label]");
+      "status", "ended", "key", "nearer", "farther"].map((name) => [name, find(name)]));
+  const scripts = document.querySelectorAll("script[data-label]");
   const now = { run: null, mission: null, time: 0, last: 0, across: 3, playing: false };
   let look = null, ground = null, before = null;
 
-  function looks() {
+  function readColours() {
     const style = getComputedStyle(root);
     const colour = (name) => style.getPropertyValue(`--${name}`).trim();
     const names = ["paper", "ink", "soft", "grid", "obstacle", "edge", "body", "wheel", "silent",
@@ -24,14 +24,14 @@ function startPlayer(root) {
   }
 
   function fit() {
-    if (!parts.course.clientWidth) return; // not on the screen
+    if (!parts.course.clientWidth) return; // hidden
     parts.readings.style.height = `${Math.max(3, now.run.sensors.length) * 32}px`;
     for (const name of ["course", "close", "readings", "timeline"]) {
       const canvas = parts[name];
       canvas.width = Math.round(canvas.clientWidth * ratio());
       canvas.height = Math.round(canvas.clientHeight * ratio());
     }
-    looks();
+    readColours();
     drawGround();
     draw();
   }
@@ -43,7 +43,7 @@ function startPlayer(root) {
     return viewOf(parts.course, (x0 + x1) / 2, (y0 + y1) / 2, Math.min(width, height) / scale);
   }
 
-  /** What does not move is drawn once. */
+  /** Draws what does not move, once. */
   function drawGround() {
     ground = document.createElement("canvas");
     ground.width = parts.course.width;
@@ -100,14 +100,14 @@ function startPlayer(root) {
     drawScale(near, parts.close, view, 0.5, look, ratio());
     drawReadings(parts.readings, now, look, ratio());
     drawTimeline(parts.timeline, now, look, ratio());
-    tell(pose);
+    updateStatus(pose);
   }
 
-  /** The same in words, and for whoever asks the page. */
-  function tell(pose) {
+  /** Updates the status line, and the data attributes for tests and scripts. */
+  function updateStatus(pose) {
     const mission = now.mission, end = mission.time[mission.time.length - 1];
     const mode = now.run.modes[mission.mode[now.last]] || "none";
-    const failed = mission.failed.filter((each) => each.at_s <= now.time);
+    const failures = mission.failed.filter((failure) => failure.at_s <= now.time);
     const visited = mission.reached.filter(([at]) => at <= now.time).length;
     const touching = mission.contact[now.last] === 1;
     parts.scrub.value = now.time;
@@ -115,16 +115,16 @@ function startPlayer(root) {
     parts.clock.textContent = `${now.time.toFixed(1)} / ${end.toFixed(1)} s`;
     const words = [mode, `${visited} of ${mission.goals} waypoints`];
     if (touching) words.push("touches an obstacle");
-    for (const each of failed) {
-      words.push(`sensor ${each.sensor} failed at ${each.at_s.toFixed(1)} s (${each.by})`);
+    for (const { sensor, at_s, by } of failures) {
+      words.push(`sensor ${sensor} failed at ${at_s.toFixed(1)} s (${by})`);
     }
-    parts.said.textContent = words.join(" · ");
+    parts.status.textContent = words.join(" · ");
     Object.assign(root.dataset, {
       run: now.run.run, world: mission.world, playing: now.playing, mode, visited, touching,
       time: now.time.toFixed(3), x: pose.x.toFixed(4), y: pose.y.toFixed(4),
-      yaw: pose.yaw.toFixed(4), failed: failed.map((each) => each.sensor).join(" "),
+      yaw: pose.yaw.toFixed(4), failed: failures.map((failure) => failure.sensor).join(" "),
       readings: now.run.sensors.map((_, i) => stateOf(now, i).reading)
-        .map((each) => (each === null ? "" : each.toFixed(3))).join(" "),
+        .map((reading) => (reading === null ? "" : reading.toFixed(3))).join(" "),
     });
   }
 
@@ -135,27 +135,27 @@ function startPlayer(root) {
     if (now.time >= end && now.playing) play(false);
   }
 
-  function step(stamp) {
+  function animate(stamp) {
     if (!now.playing) return;
-    const passed = before === null ? 0 : Math.min(0.1, (stamp - before) / 1000);
+    const elapsed = before === null ? 0 : Math.min(0.1, (stamp - before) / 1000);
     before = stamp;
-    seek(now.time + passed * Number(parts.speed.value));
-    requestAnimationFrame(step);
+    seek(now.time + elapsed * Number(parts.speed.value));
+    requestAnimationFrame(animate);
   }
 
   function play(on) {
     const end = now.mission.time[now.mission.time.length - 1];
     if (on && now.time >= end) now.time = 0;
-    const begins = on && !now.playing;
+    const starts = on && !now.playing;
     now.playing = on;
     before = null;
     parts.play.textContent = on ? "❚❚ Pause" : "▶ Play";
     draw();
-    if (begins) requestAnimationFrame(step);
+    if (starts) requestAnimationFrame(animate);
   }
 
   function chooseWorld() {
-    now.mission = decoded(now.run.missions[Number(parts.world.value)]);
+    now.mission = decode(now.run.missions[Number(parts.world.value)]);
     now.time = 0;
     now.playing = false;
     parts.scrub.max = now.mission.time[now.mission.time.length - 1];
@@ -165,10 +165,10 @@ function startPlayer(root) {
   }
 
   function chooseRun() {
-    now.run = JSON.parse(books[Number(parts.run.value)].textContent);
-    const kept = parts.world.selectedOptions[0]?.textContent;
+    now.run = JSON.parse(scripts[Number(parts.run.value)].textContent);
+    const world = parts.world.selectedOptions[0]?.textContent;
     parts.world.replaceChildren(...now.run.missions.map((mission, i) =>
-      new Option(mission.world, i, false, mission.world === kept)));
+      new Option(mission.world, i, false, mission.world === world)));
     parts.key.replaceChildren(...now.run.modes.slice(1).map((mode, i) => {
       const swatch = document.createElement("i");
       swatch.style.background = `var(--mode${(i + 1) % 5})`;
@@ -179,7 +179,7 @@ function startPlayer(root) {
     chooseWorld();
   }
 
-  function key(event) {
+  function handleKey(event) {
     if (event.target instanceof HTMLSelectElement || event.ctrlKey || event.metaKey) return;
     const leap = event.shiftKey ? 10 : 1;
     const end = now.mission.time[now.mission.time.length - 1];
@@ -202,15 +202,15 @@ function startPlayer(root) {
     draw();
   }
 
-  books.forEach((book, i) => parts.run.add(new Option(book.dataset.label, i)));
+  scripts.forEach((script, i) => parts.run.add(new Option(script.dataset.label, i)));
   parts.run.addEventListener("change", chooseRun);
   parts.world.addEventListener("change", chooseWorld);
   parts.play.addEventListener("click", () => play(!now.playing));
   parts.scrub.addEventListener("input", () => seek(Number(parts.scrub.value)));
   parts.nearer.addEventListener("click", () => zoom(0.8));
   parts.farther.addEventListener("click", () => zoom(1.25));
-  root.addEventListener("keydown", key);
-  // A button answers to the space bar when it is let go: once is enough.
+  root.addEventListener("keydown", handleKey);
+  // A focused button would react again when the space bar is released.
   root.addEventListener("keyup", (event) => event.key === " " && event.preventDefault());
   for (const query of ["(prefers-color-scheme: dark)", "print"]) {
     matchMedia(query).addEventListener("change", fit);

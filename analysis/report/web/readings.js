@@ -1,13 +1,13 @@
-// What is seen over time: the readings of the sensors, and where in the mission we are.
+// Readings of the sensors over time, and the timeline of the mission.
 
 const WINDOW_S = 30;
 
-function heading(sensor) {
+function formatHeading(sensor) {
   const degrees = Math.round(sensor.yaw * 180 / Math.PI);
   return degrees ? `${Math.abs(degrees)}° ${degrees > 0 ? "left" : "right"}` : "ahead";
 }
 
-/** A row a sensor: its number and heading, a bar of its reading now, a strip of the last ones. */
+/** Draws a row for each sensor: number, heading, a bar of the reading, a strip of the last ones. */
 function drawReadings(canvas, now, look, ratio) {
   const context = canvas.getContext("2d");
   const { run, mission, time, last } = now;
@@ -25,7 +25,7 @@ function drawReadings(canvas, now, look, ratio) {
     context.fillRect(0, middle - 5 * ratio, 10 * ratio, 10 * ratio);
     if (state.failed) drawCross(context, 5 * ratio, middle, 6 * ratio, look.ink, 2 * ratio);
     context.fillStyle = look.ink;
-    context.fillText(`${i}  ${heading(sensor)}`, 18 * ratio, middle);
+    context.fillText(`${i}  ${formatHeading(sensor)}`, 18 * ratio, middle);
     context.fillStyle = look.soft;
     context.fillRect(left, top, bar, tall);
     context.fillRect(strip.x, top, strip.wide, tall);
@@ -34,8 +34,8 @@ function drawReadings(canvas, now, look, ratio) {
       context.fillRect(left, top, bar * Math.min(1, state.reading / sensor.range), tall);
     }
     context.fillStyle = look.ink;
-    const said = state.reading === null ? "silent" : `${state.reading.toFixed(2)} m`;
-    context.fillText(said, left + bar + 6 * ratio, middle);
+    const text = state.reading === null ? "silent" : `${state.reading.toFixed(2)} m`;
+    context.fillText(text, left + bar + 6 * ratio, middle);
     drawStrip(context, mission, i, last, time, { ...strip, top, tall, range: sensor.range },
       colour, ratio);
   });
@@ -62,7 +62,7 @@ function drawStrip(context, mission, sensor, last, time, box, colour, ratio) {
   context.stroke();
 }
 
-/** The whole mission as a band coloured by mode, with failures, collisions and the time. */
+/** Draws the mission as a band coloured by mode, with failures, collisions and the time. */
 function drawTimeline(canvas, now, look, ratio) {
   const context = canvas.getContext("2d");
   const { mission, time } = now;

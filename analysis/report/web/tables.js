@@ -1,4 +1,4 @@
-// Tables sort by the column whose heading is clicked.
+// Sorts a table by the column whose heading is clicked.
 
 function sortBy(table, column, descending) {
   const keyOf = (row) => row.cells[column].textContent;
@@ -6,7 +6,7 @@ function sortBy(table, column, descending) {
   const rows = [...body.rows].sort((one, other) => {
     const [a, b] = [keyOf(one), keyOf(other)];
     const [x, y] = [parseFloat(a), parseFloat(b)];
-    if (a === "" || b === "") return (a === "") - (b === ""); // what is missing stays last
+    if (a === "" || b === "") return (a === "") - (b === ""); // empty cells stay last
     const order = Number.isNaN(x) || Number.isNaN(y) ? a.localeCompare(b, "en") : x - y;
     return descending ? -order : order;
   });
@@ -18,7 +18,7 @@ document.querySelectorAll("table.sortable").forEach((table) => {
   heads.forEach((head, column) => {
     head.querySelector("button").addEventListener("click", () => {
       const descending = head.getAttribute("aria-sort") === "ascending";
-      heads.forEach((each) => each.removeAttribute("aria-sort"));
+      heads.forEach((other) => other.removeAttribute("aria-sort"));
       head.setAttribute("aria-sort", descending ? "descending" : "ascending");
       sortBy(table, column, descending);
     });

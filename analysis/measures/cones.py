@@ -1,0 +1,90 @@
+"""Cones of sensors and outlines of robots from above, in the robot's frame (x forward, y left)."""
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+import pandas as pd
+
+from evoros.base.arrays import Array
+from evoros.geometry.footprint import convex_hull
+from evoros.storage.figure_context import FigureContext, Part
+
+Window = tuple[float, float, float, float]
+"""Minimum and maximum x, minimum and maximum y [m]."""
+CONE = ["x_m", "y_m", "yaw_deg", "fov_deg", "range_m"]
+_CORNERS = 96  # of a full circle
+
+
+def outline_part(part: Part) -> Array:
+    """Return the corners (k, 2) [m] of the area that a part covers."""
+    return dilate(np.array(part.vertices), part.radius_m)
+
+
+def dilate(vertices: Array, radius_m: float) -> Array:
+    """Return the corners (k, 2) [m] of all points within a radius of a convex polygon (n, 2)."""
+    turn = np.linspace(0.0, 2 * math.pi, _CORNERS, endpoint=False)
+    rim = radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    swept: Array = (vertices[:, None] + rim).reshape(-1, 2)
+    return convex_hull(swept)
+
+
+def trace_cones(sensors: pd.DataFrame, reach_m: float = math.inf) -> list[Array]:
+    """Return the cone (k, 2) [m] of each sensor as ``trace_sector`` does, cut at ``reach_m``.
+
+    ``sensors`` has the columns of ``designs.COLUMNS``. A cone is drawn with its range along the
+    ground, because its lowest rays are nearly level.
+    """
+    return [
+        trace_sector(x, y, yaw, fov, min(range_m, reach_m))
+        for x, y, yaw, fov, range_m in sensors[CONE].to_numpy(dtype=np.float64).tolist()
+    ]
+
+
+def trace_sector(
+    x_m: float, y_m: float, yaw_deg: float, opening_deg: float, radius_m: float
+) -> Array:
+    """Return the tip and the arc (k, 2) [m] of a sector about ``yaw_deg``, from the right."""
+    count = 2 + math.ceil(opening_deg / 360 * _CORNERS)
+    angles = np.radians(yaw_deg + np.linspace(-opening_deg / 2, opening_deg / 2, count))
+    arc = radius_m * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    sector: Array = np.array([x_m, y_m]) + np.vstack([[0.0, 0.0], arc])
+    return sector
+
+
+def find_covered(sensors: pd.DataFrame, x: Array, y: Array, cell_m: float, reach_m: float) -> Array:
+    """Return whether the cone of any sensor contains the points x, y [m].
+
+    All three arrays have the same shape. A cone extends at least half a cell to either side, so
+    that a single ray covers cells, too.
+    """
+    covered = np.zeros(x.shape, dtype=bool)
+    for sensor_x, sensor_y, yaw, fov, range_m in sensors[CONE].to_numpy(dtype=np.float64).tolist():
+        dx, dy = x - sensor_x, y - sensor_y
+        cos, sin = math.cos(math.radians(yaw)), math.sin(math.radians(yaw))
+        forward, aside = cos * dx + sin * dy, np.abs(cos * dy - sin * dx)
+        angle = np.degrees(np.arctan2(aside, forward))
+        on_axis = (forward >= 0) & (aside <= cell_m / 2)
+        near = np.hypot(dx, dy) <= min(range_m, reach_m)
+        covered |= near & ((angle <= fov / 2 + 1e-9) | on_axis)
+    return covered
+
+
+def fit_window(
+    contexts: Iterable[FigureContext],
+    sensors: pd.DataFrame,
+    reach_m: float,
+    margin_m: float = 0.03,
+) -> Window:
+    """Return the window that contains the robots and cones, symmetric about the x axis."""
+    outlines = [outline_part(part) for context in contexts for part in context.parts]
+    points = np.vstack([*outlines, *trace_cones(sensors, reach_m), np.zeros((1, 2))])
+    (x_low, _), (x_high, _) = points.min(axis=0), points.max(axis=0)
+    y = float(np.abs(points[:, 1]).max()) + margin_m
+    return float(x_low) - margin_m, float(x_high) + margin_m, -y, y
+
+
+def robot_length(context: FigureContext) -> float:
+    """Return the length of the robot [m]."""
+    x = np.concatenate([outline_part(part)[:, 0] for part in context.parts])
+    return float(np.ptp(x))

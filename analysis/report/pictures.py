@@ -1,0 +1,74 @@
+"""Figures as elements of an HTML page."""
+
+import base64
+import io
+import re
+from xml.etree import ElementTree
+
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from ..drawing.style import save
+
+MAX_SVG = 1_000_000
+"""Maximum size in bytes of an embedded SVG; larger figures become PNGs."""
+SCALE = 1.5  # enlargement for screens, which are farther away than paper
+_CSS_PER_IN, _PT_PER_IN = 96, 72
+_NAMESPACE = re.compile(r"\{[^}]*\}")
+
+
+def embed_figure(figure: Figure, name: str) -> Markup:
+    """Return a figure as an ``svg`` element, or as an ``img`` if it is large.
+
+    ``name`` must be unique in the page.
+    """
+    file = io.BytesIO()
+    save(figure, file, "svg", as_text=True)  # so that its text can be searched and copied
+    if len(file.getvalue()) <= MAX_SVG:
+        return inline_svg(file.getvalue(), name)
+    file = io.BytesIO()
+    save(figure, file, "png")
+    data = base64.b64encode(file.getvalue()).decode()
+    width = round(figure.get_figwidth() * _CSS_PER_IN * SCALE)
+    return Markup('<img alt="{}" width="{}" src="data:image/png;base64,{}">').format(
+        name, width, data
+    )
+
+
+def inline_svg(svg: bytes, name: str) -> Markup:
+    """Convert an SVG file to an element of HTML, without namespaces, metadata and styles.
+
+    Its ids begin with ``name``, so that figures of one page do not refer to each other's elements.
+    """
+    root = ElementTree.fromstring(svg)
+    for parent in root.iter():
+        for child in list(parent):
+            if _strip_namespace(child.tag) in ("metadata", "style"):
+                parent.remove(child)
+    for element in root.iter():
+        element.tag = _strip_namespace(element.tag)
+        attributes = {_strip_namespace(key): value for key, value in element.attrib.items()}
+        element.attrib = {key: _prefix(key, value, name) for key, value in attributes.items()}
+    _set_width(root, name)
+    return Markup(ElementTree.tostring(root, encoding="unicode"))
+
+
+def _strip_namespace(name: str) -> str:
+    return _NAMESPACE.sub("", name)
+
+
+def _prefix(key: str, value: str, name: str) -> str:
+    """Prefix ids and references to them."""
+    if key == "id":
+        return f"{name}-{value}"
+    if key == "href" and value.startswith("#"):
+        return f"#{name}-{value[1:]}"
+    return value.replace("url(#", f"url(#{name}-")
+
+
+def _set_width(root: ElementTree.Element, name: str) -> None:
+    """Set the width on a screen; the page limits it to the available room."""
+    points = float(root.attrib.pop("width").removesuffix("pt"))
+    width = points * _CSS_PER_IN / _PT_PER_IN * SCALE
+    root.attrib.pop("height")
+    root.attrib |= {"style": f"width:{width:.0f}px", "role": "img", "aria-label": name}

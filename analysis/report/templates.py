@@ -1,0 +1,69 @@
+"""The Jinja2 templates of the page, and tables as the templates show them."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+WEB = Path(__file__).parent / "web"
+_TEMPLATES = Environment(
+    loader=FileSystemLoader(WEB),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+
+
+def render(template: str, **values: Any) -> Markup:
+    """Render a template of ``web/``; all values are escaped but ``Markup``."""
+    return Markup(_TEMPLATES.get_template(template).render(values))
+
+
+def read_asset(name: str) -> Markup:
+    """Read a style or script of ``web/``, to be embedded as it is."""
+    return Markup((WEB / name).read_text())
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with formatted cells."""
+
+    columns: list[tuple[str, bool]]  # heading, and whether the column has numbers
+    rows: list[tuple[str, ...]]
+
+
+def format_table(frame: pd.DataFrame) -> Table:
+    """Format the cells of a table; missing values are empty."""
+    columns = [_format_column(frame[name]) for name in frame.columns]
+    names = map(str, frame.columns)
+    heads = [(name, numeric) for name, (numeric, _) in zip(names, columns, strict=True)]
+    return Table(heads, list(zip(*(texts for _, texts in columns), strict=True)))
+
+
+def _format_column(column: pd.Series) -> tuple[bool, list[str]]:
+    """Return whether a column has numbers, and its cells.
+
+    All numbers have the same decimals, which give the greatest one four digits.
+    """
+    values = column.to_numpy()
+    if values.dtype.kind in "iu":
+        return True, [str(value) for value in values]
+    if values.dtype.kind != "f":
+        return False, ["" if pd.isna(value) else _format_value(value) for value in column]
+    sizes = np.abs(values[np.isfinite(values) & (values != 0)])
+    decimals = max(0, 3 - math.floor(math.log10(sizes.max()))) if sizes.size else 0
+    whole = bool(np.all(sizes == np.round(sizes)))
+    form = ".0f" if whole else f".{decimals}f"
+    if sizes.size and not whole and sizes.min() < 10.0**-decimals:
+        form = ".3g"
+    return True, ["" if math.isnan(value) else format(value, form) for value in values]
+
+
+def _format_value(value: object) -> str:
+    return ("yes" if value else "no") if isinstance(value, bool | np.bool_) else str(value)

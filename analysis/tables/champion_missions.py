@@ -1,0 +1,77 @@
+"""Missions of champions on fresh draws, from their own runs and from evaluations."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from .matching import (
+    find_differences,
+    identify_champion,
+    read_champion_genes,
+    select_conditions,
+)
+from .treatments import name_part
+from .validated import Scores, read_evaluations
+
+if TYPE_CHECKING:
+    from .records import EvaluationRecord, Record
+    from .study import Study
+
+
+def list_missions(study: "Study") -> pd.DataFrame:
+    """List the missions of champions on fresh draws under the failure of their evolution.
+
+    Columns: ``run``; ``kind`` of its failure; ``source``, where the missions were run; ``failed``,
+    whether a sensor had failed; ``completed``; ``draws``, the key of the mission's random draws.
+    """
+    evaluations = read_evaluations(study)
+    frames = []
+    for record in study.records:
+        for source, missions in _sources(record, evaluations):
+            marks = {"kind": classify_failure(record), "source": source, "run": record.name}
+            failed = missions.failed_sensors.notna()
+            outcome = {"failed": failed, "completed": missions.completed, "draws": missions.draws}
+            frames.append(pd.DataFrame({**marks, **outcome}))
+    # Evaluations with the same seed have missions in common, each of which counts once.
+    table = pd.concat(frames, ignore_index=True)
+    return table.drop_duplicates(["source", "run", "draws"], ignore_index=True)
+
+
+def _sources(record: "Record", evaluations: list[Scores]) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Yield the missions of a run's champion by their source: the run, then evaluations."""
+    missions = record.run.missions
+    best = record.run.champion.design.iloc[0]
+    yield (
+        "validated in the run",
+        missions[(missions.purpose == "validation") & (missions.design == best)],
+    )
+    for evaluation, designs in evaluations:
+        if _has_conditions_of(evaluation, record):
+            simulator = name_part("simulator", evaluation.values, evaluation.choices)
+            yield f"evaluated in {simulator}", _select_champion(evaluation, designs, record)
+
+
+def classify_failure(record: "Record") -> str:
+    """Classify a run's failure: spatial if it has rings of damage, else its choice."""
+    name = name_part("failure", record.values, record.choices)
+    return "spatial" if record.context.rings and name != "combined" else name
+
+
+def _select_champion(
+    evaluation: "EvaluationRecord", designs: pd.DataFrame, record: "Record"
+) -> pd.DataFrame:
+    """Select the missions of a run's champion in an evaluation."""
+    content = identify_champion(record)
+    champion = designs[[other == content for other in designs["content"]]]
+    keys = set(zip(champion.source.astype(str), champion.design.astype(str), strict=True))
+    missions = evaluation.missions
+    names = zip(missions.source.astype(str), missions.design.astype(str), strict=True)
+    return missions[[name in keys for name in names]]
+
+
+def _has_conditions_of(evaluation: "EvaluationRecord", record: "Record") -> bool:
+    """Whether an evaluation has the conditions of a run, in any simulator."""
+    differing = find_differences(select_conditions(evaluation), select_conditions(record))
+    evolved = read_champion_genes(record)
+    return all(key.startswith("simulator.") or key in evolved for key in differing)
