@@ -28,23 +28,13 @@ def evolve(
     search = experiment.start_search()
     for number in range(generations):
         individuals = search.ask()
-        candidates = search.tell(scores.evaluate(number, individuals))
-        best = scores.best(candidates)
-        scores.validate(number, best.individual)
-        generation = Generation(
-            number=number,
-            candidates=candidates,
-            genes=[experiment.space.to_row(each.individual.genome) for each in candidates],
-            best=best,
-            validated_fitness=dict(scores.validated),
-            screened_fitness=dict(scores.screened) if experiment.confirmation else {},
-            losses=scores.losses,
-        )
+        fitness = scores.evaluate(number, individuals)
+        candidates = search.tell(fitness)
+        generation = scores.conclude(number, candidates)
         journal.write_generation(generation)
         observer.generation(generation)
-    _record_champion(
-        experiment, journal, dispatcher, best.individual, scores.born[best.individual.id]
-    )
+    champion = generation.best.individual
+    _record_champion(experiment, journal, dispatcher, champion, scores.born[champion.id])
     return generation
 
 
@@ -52,7 +42,7 @@ def _record_champion(
     experiment: Experiment,
     journal: Journal,
     dispatcher: Dispatcher,
-    best: Individual,
+    individual: Individual,
     born: int,
 ) -> None:
     """Run the champion's first mission in each world again, and record both.
@@ -60,13 +50,14 @@ def _record_champion(
     These are missions that gave the champion its fitness, confirming ones if there are any.
     """
     purpose = CONFIRMATION if experiment.confirmation else SELECTION
-    scenario, design = experiment.scenario_for(purpose), experiment.space.decode(best.genome)
-    missions = experiment.plan.missions(purpose, born, best.id, design)[: len(experiment.world)]
+    scenario, design = experiment.scenario_for(purpose), experiment.space.decode(individual.genome)
+    missions = experiment.plan.missions(purpose, born, individual.id, design)
+    missions = missions[: len(experiment.world)]
     robot = None
     with suppress(InputError):  # a part refuses every design of the run, and so this one
         robot = scenario.with_design(design).robot
     champion = Champion(
-        id=best.id,
+        id=individual.id,
         design=design,
         gene_names={gene.key: name for name, gene in experiment.design.genes.items()},
         robot=robot,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from evoros.design.design import Design
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.journal import Journal, Observer
+from evoros.evolution.journal import Generation, Journal, Observer
 from evoros.fitness.scoring import fitness_of
 from evoros.mission.plan import CONFIRMATION, SELECTION, VALIDATION
 from evoros.optimizer.protocol import Candidate, Individual
@@ -46,14 +46,27 @@ class Scores:
         self.confirmed.update(confirmed)
         return [confirmed.get(number, screened[number]) for number in designs]
 
-    def validate(self, generation: int, individual: Individual) -> None:
-        """Score an individual under the validation's draws, unless it has been already."""
-        trials = self.experiment.plan.validation_trials
-        if trials and individual.id not in self.validated:
-            designs = self._decode([individual])
-            self.validated |= self._score(generation, designs, VALIDATION)
+    def conclude(self, number: int, candidates: Sequence[Candidate]) -> Generation:
+        """Return the generation of these candidates, whose best is validated.
 
-    def best(self, candidates: Sequence[Candidate]) -> Candidate:
+        Raises:
+            InputError, RunStopped: see ``evaluate``.
+        """
+        best, space = self._find_best(candidates), self.experiment.space
+        if self.experiment.plan.validation_trials and best.individual.id not in self.validated:
+            designs = self._decode([best.individual])
+            self.validated |= self._score(number, designs, VALIDATION)
+        return Generation(
+            number=number,
+            candidates=candidates,
+            genes=[space.to_row(candidate.individual.genome) for candidate in candidates],
+            best=best,
+            validated_fitness=dict(self.validated),
+            screened_fitness=dict(self.screened) if self.experiment.confirmation else {},
+            losses={i: self.screened[i] - fitness for i, fitness in self.confirmed.items()},
+        )
+
+    def _find_best(self, candidates: Sequence[Candidate]) -> Candidate:
         """Return the fittest candidate, one of the confirmed ones if there are any.
 
         A search that may lose its best so far keeps others that were never confirmed.
@@ -62,11 +75,6 @@ class Scores:
             candidates,
             key=lambda candidate: (candidate.individual.id in self.confirmed, candidate.fitness),
         )
-
-    @property
-    def losses(self) -> dict[int, float]:
-        """Screened minus confirmed fitness of each confirmed individual."""
-        return {number: self.screened[number] - value for number, value in self.confirmed.items()}
 
     def _decode(self, individuals: Sequence[Individual]) -> dict[int, Design]:
         space = self.experiment.space

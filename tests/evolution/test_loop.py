@@ -1,0 +1,98 @@
+"""The loop of an evolution writes to a journal of any kind."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from helpers import USER_PARTS, tiny
+
+from evoros import load_run
+from evoros.base.arrays import Array
+from evoros.base.console import DONE
+from evoros.config.compose import compose
+from evoros.evolution.dispatch import MissionResult
+from evoros.evolution.journal import Champion, Generation
+from evoros.evolution.loop import evolve
+from evoros.mission.mission import Mission, MissionKey
+from evoros.mission.outcome import Outcome
+
+
+@dataclass
+class Memory:
+    """A journal and an observer in memory, with all that happened in order."""
+
+    outcomes: dict[MissionKey, Outcome] = field(default_factory=dict)
+    generations: list[Generation] = field(default_factory=list)
+    champion: Champion | None = None
+    tracks: Mapping[str, Array] = field(default_factory=dict)
+    events: list[str] = field(default_factory=list)
+
+    def has(self, mission: Mission) -> bool:
+        return mission.key in self.outcomes
+
+    def find(self, mission: Mission) -> Outcome | None:
+        return self.outcomes.get(mission.key)
+
+    def record(self, results: Sequence[MissionResult]) -> None:
+        self.outcomes |= {mission.key: outcome for mission, outcome in results}
+        self.events.append("recorded")
+
+    def write_generation(self, generation: Generation) -> None:
+        self.generations.append(generation)
+        self.events.append("generation written")
+
+    def has_champion(self, champion: Champion) -> bool:
+        return self.champion is not None and self.champion.id == champion.id
+
+    def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
+        self.champion, self.tracks = champion, trajectories
+        self.events.append("champion written")
+
+    def begin(self, generation: int, missions: int, known: int) -> None:
+        self.events.append(f"{known} of {missions} known")
+
+    def mission(self, mission: Mission, outcome: Outcome) -> None:
+        assert self.outcomes[mission.key] is outcome
+
+    def generation(self, generation: Generation) -> None:
+        assert self.generations[-1] is generation
+
+
+@pytest.mark.parametrize("more", [(), ("confirmation=strict", "optimizer.population_size=6")])
+def test_a_journal_in_memory_has_what_a_run_folder_has(more: Sequence[str], tmp_path: Path) -> None:
+    assert tiny(tmp_path / "run", *more) == DONE
+    run = load_run(tmp_path / "run")
+    experiment = compose(["experiment=tiny", "executor=serial", *more], USER_PARTS).build()
+    memory = Memory()
+    generations = experiment.optimizer.generations
+    with experiment.executor.open() as pool:
+        last = evolve(experiment, memory, memory, generations, pool)
+    assert last is memory.generations[-1]
+    assert len(memory.outcomes) == len(run.missions)
+    for generation in memory.generations:
+        table = run.generations[run.generations.generation == generation.number]
+        assert list(table.fitness) == [candidate.fitness for candidate in generation.candidates]
+        assert list(table.id) == [candidate.individual.id for candidate in generation.candidates]
+        best = table[table.id == generation.best.individual.id].iloc[0]
+        assert best.validated_fitness == generation.validated
+        assert ("loss" in table) == bool(more) == (generation.loss is not None)
+    assert memory.champion is not None
+    assert set(run.champion.design) == {memory.champion.id}
+    assert set(memory.tracks) == set(experiment.world)
+    for world, track in memory.tracks.items():
+        assert run.trajectory(world).to_numpy().shape == track.shape
+
+
+def test_what_the_journal_has_is_not_run_again() -> None:
+    experiment = compose(["experiment=tiny", "executor=serial"], USER_PARTS).build()
+    memory = Memory()
+    with experiment.executor.open() as pool:
+        first = evolve(experiment, memory, memory, 2, pool)
+        memory.events.clear()
+        again = evolve(experiment, memory, memory, 2, pool)
+    assert again.summary == first.summary
+    assert not {"recorded", "champion written"} & set(memory.events)
+    known = [event.split() for event in memory.events if event.endswith("known")]
+    assert known
+    assert all(words[0] == words[2] for words in known)
