@@ -1,178 +1,25 @@
-"""The SDF reader: world poses by composition, bodies by joints, and an error for all else."""
-
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+"""The SDF reader: which bodies are fixed, which move, and which move as one."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-
-from evoros.formats.sdf.reader import read_sdf
-from evoros.geometry.shapes import Body, Pose
-
-BOX = "<geometry><box><size>1 2 3</size></box></geometry>"
-COLLISION = f"<collision name='c'>{BOX}</collision>"
-LINK = f"<link name='l'>{COLLISION}</link>"
-STATIC = "<static>true</static>"
-MASS = "<inertial><mass>2</mass></inertial>"
-
-unhurried = settings(deadline=None)
-
-
-def read(content: str, version: str = "1.9") -> tuple[Body, ...]:
-    return read_sdf(f'<sdf version="{version}">{content}</sdf>'.encode(), "w.sdf")
-
-
-def world(content: str, version: str = "1.9") -> tuple[Body, ...]:
-    return read(f"<world name='w'>{content}</world>", version)
-
-
-def assert_pose(
-    pose: Pose, position: NDArray[np.float64] | Sequence[float], rotation: Rotation
-) -> None:
-    np.testing.assert_allclose(np.array(pose.position), position, atol=1e-7)
-    assert (Rotation.from_quat(pose.quaternion).inv() * rotation).magnitude() < 1e-7
-
-
-# ---- World poses of nested things, against scipy's rotations.
-
-triples = st.tuples(*[st.floats(-5, 5)] * 3)
-
-
-@dataclass(frozen=True)
-class Place:
-    """A pose, and one of the ways in which SDF can write it."""
-
-    position: tuple[float, float, float]
-    rpy: tuple[float, float, float]
-    form: str
-
-    @property
-    def rotation(self) -> Rotation:
-        return Rotation.from_euler("xyz", self.rpy)
-
-    def text(self, base: str = "") -> str:
-        position = " ".join(map(repr, self.position))
-        relative = f" relative_to='{base}'" if base else ""
-        if self.form == "quat":
-            rest = " ".join(repr(float(q)) for q in self.rotation.as_quat())
-            return f"<pose{relative} rotation_format='quat_xyzw'>{position} {rest}</pose>"
-        if self.form == "degrees":
-            rest = " ".join(repr(math.degrees(a)) for a in self.rpy)
-            return f"<pose{relative} degrees='true'>{position}\n {rest}</pose>"
-        return f"<pose{relative}>{position} <!-- here --> {' '.join(map(repr, self.rpy))}</pose>"
-
-
-@dataclass(frozen=True)
-class Tree:
-    """A model: frames one upon the other, a box on the last, and models in it."""
-
-    place: Place
-    frames: tuple[Place, ...]
-    link: Place
-    box: Place
-    parts: tuple["Tree", ...] = field(default=())
-
-    def text(self, name: str) -> str:
-        frames = [
-            f"<frame name='f{i}'>{place.text('' if i == 0 else f'f{i - 1}')}</frame>"
-            for i, place in enumerate(self.frames)
-        ]
-        base = f"f{len(frames) - 1}" if frames else ""
-        parts = [part.text(f"m{i}") for i, part in enumerate(self.parts)]
-        # What is relative to something may stand before it.
-        return (
-            f"<model name='{name}'>{self.place.text()}<static>true</static>"
-            f"<link name='l'>{self.link.text(base)}"
-            f"<collision name='c'>{self.box.text()}{BOX}</collision></link>"
-            f"{''.join(reversed(frames))}{''.join(parts)}</model>"
-        )
-
-    def boxes(self, place: tuple[np.ndarray, Rotation]) -> list[tuple[np.ndarray, Rotation]]:
-        here = compose(place, self.place)
-        last = here
-        for step in (*self.frames, self.link, self.box):
-            last = compose(last, step)
-        return [last, *(box for part in self.parts for box in part.boxes(here))]
-
-
-def compose(frame: tuple[np.ndarray, Rotation], place: Place) -> tuple[np.ndarray, Rotation]:
-    position, rotation = frame
-    return position + rotation.apply(place.position), rotation * place.rotation
-
-
-places = st.builds(Place, triples, triples, st.sampled_from(["euler", "quat", "degrees"]))
-leaves = st.builds(Tree, places, st.lists(places, max_size=3).map(tuple), places, places)
-trees = st.recursive(
-    leaves,
-    lambda deeper: st.builds(
-        lambda leaf, parts: Tree(leaf.place, leaf.frames, leaf.link, leaf.box, tuple(parts)),
-        leaves,
-        st.lists(deeper, min_size=1, max_size=3),
-    ),
-    max_leaves=5,
+from sdf_cases import (
+    BOX,
+    COLLISION,
+    LINK,
+    MASS,
+    STATIC,
+    Place,
+    assert_pose,
+    compose,
+    places,
+    read,
+    triples,
+    unhurried,
+    world,
 )
-
-
-@unhurried
-@given(trees)
-def test_nested_poses_compose(tree: Tree) -> None:
-    bodies = world(tree.text("top"))
-    expected = tree.boxes((np.zeros(3), Rotation.identity()))
-    assert len(bodies) == len(expected)
-    for body, (position, rotation) in zip(bodies, expected, strict=True):
-        (shape,) = body.shapes
-        assert (body.mass, shape.kind, shape.size) == (None, "box", (1.0, 2.0, 3.0))
-        assert_pose(body.pose @ shape.pose, position, rotation)
-
-
-@unhurried
-@given(places, places, places)
-def test_models_can_be_relative_to_models_and_to_frames(a: Place, b: Place, c: Place) -> None:
-    (body,) = world(
-        f"<model name='m'>{STATIC}{c.text('inner::l')}{LINK}</model>"
-        f"<frame name='f' attached_to='g'>{b.text()}</frame><frame name='g'>{a.text()}</frame>"
-        f"<model name='inner'>{STATIC}<link name='l'>{a.text()}</link>{b.text('f')}</model>"
-    )
-    steps = (a, b, b, a, c)  # g, f on g, inner on f, its link, m on that
-    frame = (np.zeros(3), Rotation.identity())
-    for step in steps:
-        frame = compose(frame, step)
-    assert_pose(body.pose, *frame)
-
-
-@unhurried
-@given(places, places)
-def test_a_pose_and_its_inverse_and_its_matrix_agree(a: Place, b: Place) -> None:
-    pose_a, pose_b = (
-        Pose.from_matrix(place.position, place.rotation.as_matrix()) for place in (a, b)
-    )
-    frame = compose((np.array(a.position), a.rotation), b)
-    assert_pose(pose_a @ pose_b, *frame)
-    assert_pose(pose_a.inverse() @ (pose_a @ pose_b), b.position, b.rotation)
-    np.testing.assert_allclose(pose_a.rotation, a.rotation.as_matrix(), atol=1e-9)
-
-
-@unhurried
-@given(places, places, places, places)
-def test_state_has_the_last_word_in_world_poses(a: Place, b: Place, c: Place, d: Place) -> None:
-    two = f"<link name='k'>{b.text()}{COLLISION}</link>"
-    moved, own = world(
-        f"<model name='m'>{STATIC}{a.text()}{LINK}{two}</model>"
-        f"<state world_name='w'><sim_time>1 2</sim_time><model name='m'>{c.text()}"
-        f"<scale>1 1 1</scale><link name='k'>{d.text()}<velocity>0 0 0 0 0 0</velocity></link>"
-        "</model></state>",
-        "1.6",
-    )
-    assert_pose(moved.pose, c.position, c.rotation)
-    assert_pose(own.pose, d.position, d.rotation)
-
-
-# ---- Bodies: what is fixed, what moves, what moves as one.
 
 
 def test_the_last_static_counts() -> None:

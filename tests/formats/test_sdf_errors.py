@@ -1,4 +1,4 @@
-"""What the SDF reader leaves out, what it reports, and what it refuses: by file, line and cure."""
+"""Elements that the SDF reader ignores, reports or refuses, with file, line and fix."""
 
 import logging
 
@@ -26,7 +26,7 @@ def world(content: str) -> tuple[Body, ...]:
     return read_sdf(text.encode(), "w.sdf")
 
 
-# ---- What is left out.
+# ---- Ignored and reported elements.
 
 
 def test_what_cannot_matter_is_left_out_quietly(caplog: pytest.LogCaptureFixture) -> None:
@@ -87,7 +87,7 @@ def test_a_link_that_has_no_mass_or_no_collision_is_reported(
     assert no_collision.startswith("w.sdf:2: <link> of link 'ghost'")
 
 
-# ---- What cannot be used.
+# ---- Refused elements.
 
 
 def put(element: str, where: str) -> str:
@@ -178,7 +178,7 @@ UNUSABLE = [
 
 
 @pytest.mark.parametrize(("element", "where", "says"), UNUSABLE)
-def test_what_cannot_be_used_is_an_error_with_file_line_and_cure(
+def test_what_cannot_be_used_is_an_error_with_file_line_and_fix(
     element: str, where: str, says: str
 ) -> None:
     with pytest.raises(InputError) as caught:

@@ -1,4 +1,4 @@
-"""Faulty files are made for real; each must give one line that names the file and the fault."""
+"""Robot descriptions are expanded; each faulty file gives one line with the file and the fault."""
 
 import os
 import time

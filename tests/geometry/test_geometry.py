@@ -1,4 +1,4 @@
-"""Footprints and clearances, held against formulas and samplings that share nothing with them."""
+"""Footprints and clearances, compared with independent formulas and samplings."""
 
 import math
 import time

@@ -1,96 +1,28 @@
-"""Robots are held against independent readers of URDF: yourdfpy and PyBullet."""
+"""Robots are compared with independent readers of URDF: yourdfpy and PyBullet."""
 
-import dataclasses
-import io
-import math
 import pickle
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
-from hydra.utils import instantiate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
-from omegaconf import OmegaConf
+from robot_cases import (
+    ROBOTS,
+    SENSORS,
+    car,
+    independent,
+    load,
+    rover,
+    some_mounts,
+)
 
-from evoros.base import resources as assets
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
-from evoros.drive.ackermann import Ackermann
-from evoros.filter.protocol import Filter
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Pose
-from evoros.robot.loading import MountDefaults, load_robot
-from evoros.robot.model import Robot
-from evoros.sensor.protocol import Mount
-
-ROBOTS = ["erle_rover", "erle_rover_as_run", "two_wheeler"]
-
-
-@dataclass(frozen=True)
-class Whisker:
-    """The least sensor: one ray."""
-
-    period_s: float = 0.1
-    range_min_m: float = 0.0
-    range_max_m: float = 1.0
-    size_m: Sequence[float] = (0.01, 0.02, 0.03)
-    mass_kg: float = 0.012
-    filters: Mapping[str, Filter] = field(default_factory=dict)
-
-    def rays(self) -> Array:
-        return np.array([[1.0, 0.0, 0.0]])
-
-    def gazebo(self, name: str) -> str:
-        return f'<sensor name="{name}" type="ray"/>'
-
-
-SENSORS: Any = {"sonar": Whisker(), "whisker": Whisker()}
-
-
-def configuration(name: str) -> dict[str, Any]:
-    with initialize_config_dir(str(assets.bundled_folder("conf")), version_base=None):
-        composed = compose(overrides=[f"+robot={name}"])
-    config: dict[str, Any] = cast(Any, OmegaConf.to_container(composed))["robot"]
-    return config
-
-
-def load(name: str = "erle_rover", **changes: Any) -> Robot:
-    config = {**configuration(name), **changes}
-    mount = {key: value for key, value in config["mount"].items() if key != "_target_"}
-    return load_robot(
-        description=config["description"],
-        arguments=config["arguments"],
-        packages=config["packages"],
-        mount=MountDefaults(**mount),
-        drive=instantiate(config["drive"], _convert_="all"),
-    )
-
-
-@cache
-def rover(name: str = "erle_rover") -> Robot:
-    return load(name)
-
-
-def car(name: str = "erle_rover") -> Ackermann:
-    drive = rover(name).drive
-    assert isinstance(drive, Ackermann)
-    return drive
-
-
-def independent(urdf: str) -> Any:
-    import yourdfpy
-
-    return yourdfpy.URDF.load(io.BytesIO(urdf.encode()), load_meshes=False)
 
 
 def test_the_default_rover_has_the_measures_of_the_paper() -> None:
@@ -146,74 +78,6 @@ def matrix(pose: Pose) -> Array:
     placed[:3, :3] = pose.rotation
     placed[:3, 3] = pose.position
     return placed
-
-
-angles = st.floats(-180.0, 180.0)
-mounts = st.lists(
-    st.builds(
-        Mount,
-        sensor=st.sampled_from(["whisker", "sonar"]),
-        link=st.just("base_link"),
-        x_m=st.floats(-1, 1),
-        y_m=st.floats(-1, 1),
-        z_m=st.floats(0, 1),
-        yaw_deg=angles,
-        pitch_deg=st.floats(-90, 90),
-    ),
-    max_size=8,
-)
-
-
-@settings(max_examples=50, deadline=None)
-@given(mounts)
-def test_sensors_are_where_they_were_asked_to_be(placed: list[Mount]) -> None:
-    robot = rover().with_sensors(placed, SENSORS)
-    model = independent(robot.urdf)
-    poses, frames = robot.sensor_poses(), robot.sensor_frames()
-    assert poses.shape == (len(placed), 5)
-    for i, mount in enumerate(robot.mounts):
-        frame = model.get_transform(f"{mount.sensor}_{i}", "base_link")
-        np.testing.assert_allclose(frames[i], frame, atol=1e-12)
-        assert frame[:3, 3] == pytest.approx([mount.x_m, mount.y_m, mount.z_m], abs=1e-12)
-        yaw, pitch = math.radians(mount.yaw_deg), math.radians(mount.pitch_deg)
-        beam = (math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), math.sin(pitch))
-        assert frame[:3, 0] == pytest.approx(beam, abs=1e-12)
-        assert poses[i, 3:] == pytest.approx([yaw, pitch], abs=1e-12)
-
-
-@settings(max_examples=50, deadline=None)
-@given(mounts)
-def test_sensors_of_a_type_are_together_in_their_order(placed: list[Mount]) -> None:
-    robot = rover().with_sensors(placed, SENSORS)
-    assert list(robot.mounts) == [m for name in SENSORS for m in placed if m.sensor == name]
-    root = etree.fromstring(robot.urdf.encode())
-    blocks = root.xpath("gazebo[sensor]")
-    names = [f"{mount.sensor}_{i}" for i, mount in enumerate(robot.mounts)]
-    assert [block.get("reference") for block in blocks] == names
-    assert [block[0].get("name") for block in blocks] == names
-
-
-def some_mounts(count: int = 6) -> list[Mount]:
-    return [Mount("sonar", "base_link", 0.2, 0.01 * i, 0.166, 10.0 * i, 12.5) for i in range(count)]
-
-
-def test_equipping_again_replaces_the_sensors() -> None:
-    once = rover().with_sensors(some_mounts(2), SENSORS)
-    assert (
-        rover().with_sensors(some_mounts(), SENSORS).with_sensors(some_mounts(2), SENSORS).urdf
-        == once.urdf
-    )
-    assert once.with_sensors([], SENSORS).urdf == rover().urdf
-
-
-def test_equipping_is_fast_enough_for_every_individual() -> None:
-    robot = rover()
-    best = math.inf
-    for _ in range(20):
-        start = time.perf_counter()
-        assert robot.with_sensors(some_mounts(), SENSORS).urdf
-        best = min(best, time.perf_counter() - start)
-    assert best < 2e-3
 
 
 def test_a_robot_travels_to_workers() -> None:
@@ -299,165 +163,11 @@ def test_the_wheelbase_follows_the_description(front: float, rear: float) -> Non
     assert drive.rear_axle_x_m == pytest.approx(rear, abs=1e-12)
 
 
-Edit = Callable[[etree._Element], object]
-
-
-def find(root: etree._Element, path: str) -> etree._Element:
-    found = root.find(path)
-    assert found is not None, path
-    return found
-
-
-def drop(path: str) -> Edit:
-    def edit(root: etree._Element) -> None:
-        element = find(root, path)
-        parent = element.getparent()
-        assert parent is not None
-        parent.remove(element)
-
-    return edit
-
-
-def put(path: str, **attributes: str) -> Edit:
-    return lambda root: find(root, path).attrib.update(attributes)
-
-
-def append(xml: str, path: str = ".") -> Edit:
-    return lambda root: find(root, path).append(etree.fromstring(xml))
-
-
-WHEEL = "link[@name='rear_left_wheel']"
-WHEEL_JOINT = "joint[@name='rear_left_wheel_joint']"
-STEERING = "joint[@name='front_left_steering_joint']"
-FAULTS: dict[str, tuple[Edit, str]] = {
-    "no inertia": (drop(f"{WHEEL}/inertial"), "inertial"),
-    "no mass": (drop(f"{WHEEL}/inertial/mass"), "mass"),
-    "mass 0": (put(f"{WHEEL}/inertial/mass", value="0"), "greater than 0"),
-    "mass not finite": (put(f"{WHEEL}/inertial/mass", value="nan"), "finite"),
-    "mass in words": (put(f"{WHEEL}/inertial/mass", value="much"), "'much'"),
-    "moment 0": (put(f"{WHEEL}/inertial/inertia", ixx="0"), "principal"),
-    "impossible moments": (put(f"{WHEEL}/inertial/inertia", izz="1"), "principal"),
-    "two numbers": (put(f"{WHEEL_JOINT}/origin", xyz="0 1"), "3 finite numbers"),
-    "no such child": (put(f"{WHEEL_JOINT}/child", link="nothing"), "'nothing'"),
-    "no such parent": (put(f"{WHEEL_JOINT}/parent", link="nothing"), "'nothing'"),
-    "no parent": (drop(f"{WHEEL_JOINT}/parent"), "parent"),
-    "unknown type": (put(WHEEL_JOINT, type="rubber"), "rubber"),
-    "fixed wheel": (put(WHEEL_JOINT, type="fixed"), "continuous, not fixed"),
-    "missing wheel joint": (put(WHEEL_JOINT, name="other"), "rear_left_wheel_joint"),
-    "missing steering joint": (put(STEERING, name="other"), "front_left_steering_joint"),
-    "no name": (put(WHEEL_JOINT, name=""), "name"),
-    "same link twice": (append('<link name="base_link"/>'), "base_link"),
-    "same joint twice": (put(STEERING, name="rear_left_wheel_joint"), "rear_left_wheel_joint"),
-    "two roots": (drop(WHEEL_JOINT), "rear_left_wheel"),
-    "circle": (put(f"{WHEEL_JOINT}/parent", link="rear_left_wheel"), "circle"),
-    "two parents": (put(f"{STEERING}/child", link="rear_left_wheel"), "one joint above"),
-    "no geometry": (drop(f"{WHEEL}/collision/geometry/sphere"), "not nothing"),
-    "no collision": (drop(f"{WHEEL}/collision"), "rear_left_wheel"),
-    "wheel of a mesh": (append("<mesh/>", f"{WHEEL}/collision/geometry"), "mesh"),
-    "radius 0": (put(f"{WHEEL}/collision/geometry/sphere", radius="0"), "above 0"),
-    "other radius": (put(f"{WHEEL}/collision/geometry/sphere", radius="0.06"), "ground"),
-    "in the air": (put(f"{WHEEL_JOINT}/origin", xyz="-0.15 0.1345 0.07"), "ground"),
-    "not opposite": (put(f"{WHEEL_JOINT}/origin", xyz="-0.17 0.1345 0.0635"), "opposite"),
-    "on the right": (put(f"{WHEEL_JOINT}/origin", xyz="-0.15 -0.2 0.0635"), "left of"),
-    "axis 0": (put(f"{WHEEL_JOINT}/axis", xyz="0 0 0"), "length 0"),
-    "axis backward": (put(f"{WHEEL_JOINT}/axis", xyz="0 -1 0"), "to the left"),
-    "no torque": (put(f"{WHEEL_JOINT}/limit", effort="0"), "effort"),
-    "narrow steering": (put(f"{STEERING}/limit", lower="-0.5"), "at most 0.5"),
-    "steering limits swapped": (put(f"{STEERING}/limit", lower="1", upper="-1"), "lower"),
-    "steering without limit": (drop(f"{STEERING}/limit"), "limit"),
-    "nothing to touch with": (drop("link[@name='base_link']/collision"), ""),
-    "another document": (lambda root: setattr(root, "tag", "sdf"), "<robot>"),
-}
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_faulty_robot_is_one_clear_line(tmp_path: Path, fault: str) -> None:
-    edit, says = FAULTS[fault]
-    root = etree.fromstring(rover().base_urdf.text.encode())
-    edit(root)
-    if fault == "nothing to touch with":
-        edit(root)  # contact box and cage
-    path = tmp_path / "faulty.urdf"
-    path.write_bytes(etree.tostring(root))
-    with pytest.raises(InputError) as caught:
-        load(description=str(path), arguments={})
-    message = str(caught.value)
-    assert says in message
-    assert "\n" not in message
-    assert ";" in message
-    assert str(path) in message or "steering_limit_rad" in message
-
-
 def test_a_sound_copy_of_the_urdf_is_the_same_robot(tmp_path: Path) -> None:
     (tmp_path / "copy.urdf").write_text(rover().base_urdf.text)
     copy = load(description=str(tmp_path / "copy.urdf"), arguments={})
     assert copy.urdf == rover().urdf
     assert copy.drive == rover().drive
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"sensor": "radar"}, "sonar, whisker"),
-        ({"link": "roof"}, "base_link"),
-        ({"link": "rear_left_wheel"}, "fixed to the root"),
-        ({"x_m": math.nan}, "x_m"),
-        ({"yaw_deg": math.inf}, "yaw_deg"),
-        ({"pitch_deg": None}, "pitch_deg"),
-    ],
-)
-def test_a_mount_that_cannot_be_is_refused(change: dict[str, Any], says: str) -> None:
-    mount = dataclasses.replace(some_mounts(1)[0], **change)
-    with pytest.raises(InputError, match=says):
-        rover().with_sensors([mount], SENSORS)
-
-
-def test_names_must_be_free_and_plain() -> None:
-    mount = dataclasses.replace(some_mounts(1)[0], sensor='"/><evil')
-    with pytest.raises(InputError, match="letters"):
-        rover().with_sensors([mount], {mount.sensor: Whisker()})
-    taken = dataclasses.replace(rover(), reserved_names=frozenset({"sonar_0"}))
-    with pytest.raises(InputError, match="sonar_0"):
-        taken.with_sensors(some_mounts(1), SENSORS)
-
-
-def test_the_default_place_must_be_on_the_robot() -> None:
-    with pytest.raises(InputError, match="front_left_wheel"):
-        load(mount={"link": "front_left_wheel", "z_m": 0.1, "pitch_deg": 0.0})
-    with pytest.raises(InputError, match="pitch_deg"):
-        MountDefaults("base_link", 0.1, math.nan)
-
-
-def test_a_sensor_has_the_body_of_its_type() -> None:
-    heavy = dataclasses.replace(SENSORS["whisker"], mass_kg=2, size_m=[1, 2, 3])
-    mounts = [dataclasses.replace(m, sensor=kind) for kind in SENSORS for m in some_mounts(1)]
-    model = independent(rover().with_sensors(mounts, {**SENSORS, "whisker": heavy}).urdf)
-    for link, mass, (x, y, z) in (
-        ("sonar_0", 0.012, (0.01, 0.02, 0.03)),
-        ("whisker_1", 2.0, (1, 2, 3)),
-    ):
-        body = model.link_map[link]
-        assert body.inertial.mass == mass
-        moments = np.array([y * y + z * z, x * x + z * z, x * x + y * y]) * mass / 12
-        np.testing.assert_allclose(body.inertial.inertia, np.diag(moments), rtol=1e-12)
-        assert list(body.visuals[0].geometry.box.size) == [x, y, z]
-        assert not body.collisions
-
-
-def test_sensors_on_a_turned_link_keep_their_place(tmp_path: Path) -> None:
-    root = etree.fromstring(rover().base_urdf.text.encode())
-    inertial = etree.tostring(find(root, f"{WHEEL}/inertial"), encoding="unicode")
-    append(f'<link name="mast">{inertial}</link>')(root)
-    append(
-        '<joint name="mast_joint" type="fixed"><parent link="base_link"/><child link="mast"/>'
-        '<origin xyz="0.1 -0.2 0.3" rpy="0 0 2"/></joint>'
-    )(root)
-    (tmp_path / "r.urdf").write_bytes(etree.tostring(root))
-    bare = load(description=str(tmp_path / "r.urdf"), arguments={})
-    mount = Mount("sonar", "mast", 0.05, 0.02, 0.01, 30.0, -20.0)
-    robot = bare.with_sensors([mount], SENSORS)
-    frame = independent(robot.urdf).get_transform("sonar_0", "base_link")
-    np.testing.assert_allclose(robot.sensor_frames()[0], frame, atol=1e-12)
 
 
 def test_the_file_is_read_without_the_slow_libraries() -> None:

@@ -1,0 +1,96 @@
+"""Evolved values: where they are put, and what is refused."""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+import numpy as np
+import pytest
+from design_cases import AVOID, ONE, ROBOT, VOTES
+
+from evoros.base.checks import POSITIVE, checked, invalid
+from evoros.base.errors import InputError
+from evoros.design.genes import Gene, check_genes, replace_values
+from evoros.sensor.sonar import Sonar
+
+
+@dataclass(frozen=True)
+@checked
+class Avoidance:
+    range_m: Annotated[float, POSITIVE] = 2.0
+    near_m: float = 1.0
+    hidden: float = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        if self.near_m > self.range_m:
+            raise invalid(self, "near_m", self.near_m, "must be at most range_m")
+
+
+@dataclass(frozen=True)
+class Pilot:
+    avoidance: Avoidance = Avoidance()
+    layers: tuple[Avoidance, ...] = (Avoidance(), Avoidance())
+    mode: str = "fast"
+    votes: int = 3
+    flag: bool = True
+
+
+PARTS = {"controller": Pilot(), "robot": ROBOT, "design": ONE}
+
+
+def test_a_value_is_replaced_where_its_path_leads_and_nowhere_else() -> None:
+    values = {
+        "controller.avoidance.range_m": 1.5,
+        "controller.layers.1.near_m": 0.5,
+        "controller.votes": 5,
+        "robot.drive.max_speed_mps": 0.3,
+        "design.sensors.sonar.range_max_m": 3.0,
+    }
+    changed: dict[str, Any] = replace_values(PARTS, values)
+    assert changed["controller"] == Pilot(
+        Avoidance(1.5), (Avoidance(), Avoidance(near_m=0.5)), votes=5
+    )
+    assert changed["robot"].drive.max_speed_mps == 0.3
+    assert changed["robot"].outline is ROBOT.outline
+    assert changed["design"].sensors == {"sonar": Sonar(range_max_m=3.0)}
+    assert {"controller": Pilot(), "robot": ROBOT, "design": ONE} == PARTS
+    assert replace_values(PARTS, {}) is PARTS
+
+
+def test_values_that_are_valid_only_together_are_replaced_together() -> None:
+    pilot = replace_values(Pilot(), {"avoidance.near_m": 3, "avoidance.range_m": 4})
+    assert pilot.avoidance == Avoidance(4, 3)
+    with pytest.raises(InputError, match=r"Avoidance\.near_m"):
+        replace_values(Pilot(), {"avoidance.near_m": 3})
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("avoidance.rang_m", "avoidance.rang_m: must lead to an existing value.*range_m, near_m"),
+        ("avoidance.hidden", "existing value"),
+        ("avoidance", "a number, not a Avoidance; inside is range_m"),
+        ("mode", "a number, not a str"),
+        ("flag", "a number, not a bool"),
+        ("votes.more", "no values inside"),
+        ("layers.2.range_m", "there is 0, 1"),
+        ("", "existing value"),
+    ],
+)
+def test_a_path_that_leads_to_no_number_is_refused(path: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        replace_values(Pilot(), {path: 1.0})
+    assert "\n" not in str(caught.value)
+
+
+def test_genes_are_tried_at_both_ends_before_a_run() -> None:
+    check_genes({"avoid": AVOID, "votes": VOTES}, PARTS)
+    with pytest.raises(InputError, match=r"avoid at low.*Avoidance\.near_m"):
+        check_genes({"avoid": Gene(AVOID.key, 0.5, 4)}, PARTS)
+    with pytest.raises(InputError, match=r"near at high.*range_min_m"):
+        check_genes({"near": Gene("design.sensors.sonar.range_min_m", 0.01, 9)}, PARTS)
+
+
+def test_a_whole_gene_takes_each_value_equally_often() -> None:
+    values = [VOTES.value(gene) for gene in np.linspace(0, 1, 4001)]
+    assert set(values) == {2, 3, 4, 5}
+    assert all(abs(values.count(value) - 1000) <= 1 for value in range(2, 6))

@@ -1,0 +1,100 @@
+"""Robots and sensors for the tests of robots."""
+
+import io
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any, cast
+
+import numpy as np
+from hydra import compose, initialize_config_dir
+from hydra.utils import instantiate
+from lxml import etree
+from omegaconf import OmegaConf
+
+from evoros.base import resources as assets
+from evoros.base.arrays import Array
+from evoros.drive.ackermann import Ackermann
+from evoros.filter.protocol import Filter
+from evoros.robot.loading import MountDefaults, load_robot
+from evoros.robot.model import Robot
+from evoros.sensor.protocol import Mount
+
+ROBOTS = ["erle_rover", "erle_rover_as_run", "two_wheeler"]
+
+
+@dataclass(frozen=True)
+class Whisker:
+    """The least sensor: one ray."""
+
+    period_s: float = 0.1
+    range_min_m: float = 0.0
+    range_max_m: float = 1.0
+    size_m: Sequence[float] = (0.01, 0.02, 0.03)
+    mass_kg: float = 0.012
+    filters: Mapping[str, Filter] = field(default_factory=dict)
+
+    def rays(self) -> Array:
+        return np.array([[1.0, 0.0, 0.0]])
+
+    def gazebo(self, name: str) -> str:
+        return f'<sensor name="{name}" type="ray"/>'
+
+
+SENSORS: Any = {"sonar": Whisker(), "whisker": Whisker()}
+
+
+def configuration(name: str) -> dict[str, Any]:
+    with initialize_config_dir(str(assets.bundled_folder("conf")), version_base=None):
+        composed = compose(overrides=[f"+robot={name}"])
+    config: dict[str, Any] = cast(Any, OmegaConf.to_container(composed))["robot"]
+    return config
+
+
+def load(name: str = "erle_rover", **changes: Any) -> Robot:
+    config = {**configuration(name), **changes}
+    mount = {key: value for key, value in config["mount"].items() if key != "_target_"}
+    return load_robot(
+        description=config["description"],
+        arguments=config["arguments"],
+        packages=config["packages"],
+        mount=MountDefaults(**mount),
+        drive=instantiate(config["drive"], _convert_="all"),
+    )
+
+
+@cache
+def rover(name: str = "erle_rover") -> Robot:
+    return load(name)
+
+
+def car(name: str = "erle_rover") -> Ackermann:
+    drive = rover(name).drive
+    assert isinstance(drive, Ackermann)
+    return drive
+
+
+def independent(urdf: str) -> Any:
+    import yourdfpy
+
+    return yourdfpy.URDF.load(io.BytesIO(urdf.encode()), load_meshes=False)
+
+
+def some_mounts(count: int = 6) -> list[Mount]:
+    return [Mount("sonar", "base_link", 0.2, 0.01 * i, 0.166, 10.0 * i, 12.5) for i in range(count)]
+
+
+Edit = Callable[[etree._Element], object]
+
+
+def find(root: etree._Element, path: str) -> etree._Element:
+    found = root.find(path)
+    assert found is not None, path
+    return found
+
+
+def append(xml: str, path: str = ".") -> Edit:
+    return lambda root: find(root, path).append(etree.fromstring(xml))
+
+
+WHEEL = "link[@name='rear_left_wheel']"

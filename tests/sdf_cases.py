@@ -1,0 +1,81 @@
+"""Parts of SDF files and poses for the tests of the reader."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from hypothesis import settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from evoros.formats.sdf.reader import read_sdf
+from evoros.geometry.shapes import Body, Pose
+
+BOX = "<geometry><box><size>1 2 3</size></box></geometry>"
+
+
+COLLISION = f"<collision name='c'>{BOX}</collision>"
+
+
+LINK = f"<link name='l'>{COLLISION}</link>"
+
+
+STATIC = "<static>true</static>"
+
+
+MASS = "<inertial><mass>2</mass></inertial>"
+
+
+unhurried = settings(deadline=None)
+
+
+def read(content: str, version: str = "1.9") -> tuple[Body, ...]:
+    return read_sdf(f'<sdf version="{version}">{content}</sdf>'.encode(), "w.sdf")
+
+
+def world(content: str, version: str = "1.9") -> tuple[Body, ...]:
+    return read(f"<world name='w'>{content}</world>", version)
+
+
+def assert_pose(
+    pose: Pose, position: NDArray[np.float64] | Sequence[float], rotation: Rotation
+) -> None:
+    np.testing.assert_allclose(np.array(pose.position), position, atol=1e-7)
+    assert (Rotation.from_quat(pose.quaternion).inv() * rotation).magnitude() < 1e-7
+
+
+triples = st.tuples(*[st.floats(-5, 5)] * 3)
+
+
+@dataclass(frozen=True)
+class Place:
+    """A pose, and one of the ways in which SDF can write it."""
+
+    position: tuple[float, float, float]
+    rpy: tuple[float, float, float]
+    form: str
+
+    @property
+    def rotation(self) -> Rotation:
+        return Rotation.from_euler("xyz", self.rpy)
+
+    def text(self, base: str = "") -> str:
+        position = " ".join(map(repr, self.position))
+        relative = f" relative_to='{base}'" if base else ""
+        if self.form == "quat":
+            rest = " ".join(repr(float(q)) for q in self.rotation.as_quat())
+            return f"<pose{relative} rotation_format='quat_xyzw'>{position} {rest}</pose>"
+        if self.form == "degrees":
+            rest = " ".join(repr(math.degrees(a)) for a in self.rpy)
+            return f"<pose{relative} degrees='true'>{position}\n {rest}</pose>"
+        return f"<pose{relative}>{position} <!-- here --> {' '.join(map(repr, self.rpy))}</pose>"
+
+
+def compose(frame: tuple[np.ndarray, Rotation], place: Place) -> tuple[np.ndarray, Rotation]:
+    position, rotation = frame
+    return position + rotation.apply(place.position), rotation * place.rotation
+
+
+places = st.builds(Place, triples, triples, st.sampled_from(["euler", "quat", "degrees"]))
