@@ -1,0 +1,81 @@
+"""The one import for authors of parts: protocols, values, rules for fields, array indices.
+
+    from evoros.parts import COUNT, Channels, Fault, Generator, checked
+
+``docs/extending.md`` has an example of each kind of part. evoros itself never imports this module.
+"""
+
+from numpy.random import Generator
+
+from evoros.base.arrays import (
+    CONTACT,
+    DRIVE_SPEED,
+    FROM_X,
+    FROM_Y,
+    NO_MEMORY,
+    NO_PARAMETERS,
+    SPEED,
+    STEERING,
+    TO_X,
+    TO_Y,
+    YAW,
+    YAW_RATE,
+    Array,
+    RuleArrays,
+    X,
+    Y,
+)
+from evoros.base.checks import (
+    COUNT,
+    FLAG,
+    NOT_NEGATIVE,
+    NUMBER,
+    POSITIVE,
+    PROBABILITY,
+    TEXT,
+    WHOLE,
+    Rule,
+    checked,
+    instance_of,
+    invalid,
+    mapping_of,
+    one_of,
+    sequence_of,
+)
+from evoros.base.compilation import compilable
+from evoros.base.errors import InputError, SimulationError, WorkerLost
+from evoros.base.intervals import INTERVAL, Interval, bounds
+from evoros.controller.protocol import Controller, Layer, StartedLayer
+from evoros.drive.protocol import Drive, DriveDescription
+from evoros.executor.protocol import Executor, Pool
+from evoros.failure.protocol import Failure, Fault
+from evoros.filter.protocol import A_FILTER, FILTERS, Channels, Filter
+from evoros.filter.silence import Silence
+from evoros.fitness.protocol import Fitness
+from evoros.formats.urdf.tree import Urdf
+from evoros.mission.outcome import Outcome
+from evoros.optimizer.protocol import Candidate, Individual, Optimizer, Search, Space
+from evoros.robot.model import Robot
+from evoros.sensor.protocol import Mount, Sensor
+from evoros.simulator.protocol import Simulation, Simulator
+from evoros.world.course import Course
+from evoros.world.model import World
+
+# fmt: off
+__all__ = [  # noqa: RUF022 - grouped by topic
+    # Fields and their rules.
+    "checked", "invalid", "Rule", "NUMBER", "POSITIVE", "NOT_NEGATIVE", "PROBABILITY", "COUNT",
+    "WHOLE", "FLAG", "TEXT", "INTERVAL", "A_FILTER", "FILTERS", "one_of", "instance_of",
+    "sequence_of", "mapping_of", "Interval", "bounds",
+    # Arrays and their indices, and rules that numba compiles.
+    "Array", "RuleArrays", "NO_PARAMETERS", "NO_MEMORY", "X", "Y", "YAW", "SPEED", "YAW_RATE",
+    "CONTACT", "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "compilable",
+    # Protocols, and the values that parts exchange.
+    "Generator", "Robot", "World", "Course", "Sensor", "Mount", "Drive", "DriveDescription", "Urdf",
+    "Filter", "Channels", "Silence", "Failure", "Fault", "Controller", "Layer", "StartedLayer",
+    "Simulator", "Simulation", "Optimizer", "Search", "Space", "Individual", "Candidate",
+    "Executor", "Pool", "Fitness", "Outcome",
+    # Errors that a part may raise.
+    "InputError", "SimulationError", "WorkerLost",
+]
+# fmt: on
