@@ -1,4 +1,4 @@
-"""All that a run is, as one description: the parts, checked against each other."""
+"""The description of a run: its parts, checked to fit together."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,9 +26,12 @@ from evoros.world.model import World
 @dataclass(frozen=True)
 @checked
 class Experiment:
-    """All that a run is: a pure function from this to a run folder.
+    """Everything that determines a run.
 
-    The field names are the keys and groups of ``conf/config.yaml``.
+    The fields are named like the keys and groups of ``conf/config.yaml``. ``confirmation`` repeats
+    missions of the best designs in another simulator. ``figures`` names subcommands of
+    evoros-analyze, which draw the finished run. The worlds' courses may refer to the values of
+    ``course``.
 
     Raises:
         InputError: a value out of range, a part of the wrong kind, parts that do not fit.
@@ -47,9 +50,9 @@ class Experiment:
     trials: Annotated[int, COUNT] = 1  # missions of a design in each world
     draws: Annotated[str, one_of(*POLICIES)] = "generation"  # where missions share random draws
     lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # if a mission crashes or hangs
-    confirmation: Annotated[Confirmation | None, A_CONFIRMATION] = None  # in another simulator
-    figures: Sequence[str] = ()  # subcommands of evoros-analyze, at the end
-    course: Annotated[Course | None, A_COURSE] = None  # the worlds' courses may refer to its values
+    confirmation: Annotated[Confirmation | None, A_CONFIRMATION] = None
+    figures: Sequence[str] = ()
+    course: Annotated[Course | None, A_COURSE] = None
 
     def __post_init__(self) -> None:
         _ = self.confirming  # checks that the parts fit together
@@ -61,14 +64,14 @@ class Experiment:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """What a mission needs of the experiment."""
+        """The parts that missions need, with the run's own simulator."""
         return Scenario(
             self.robot, self.world, self.design, self.failure, self.controller, self.simulator
         )
 
     @cached_property
     def confirming(self) -> Scenario:
-        """The scenario in the confirming simulator; the run's own without a confirmation.
+        """The parts with the confirming simulator; ``scenario`` if there is no confirmation.
 
         Raises:
             InputError: the time step of that simulator does not fit the periods.
@@ -81,9 +84,9 @@ class Experiment:
             raise InputError(f"confirmation.simulator: {error}") from None
 
     def scenario_for(self, purpose: str) -> Scenario:
-        """Return the scenario of a purpose: confirmation and validation use the confirming one.
+        """Return ``confirming`` for confirmation and validation, and ``scenario`` otherwise.
 
-        So validated and confirmed fitness compare, as they do without a confirmation.
+        So validated and confirmed fitness are comparable.
         """
         return self.confirming if purpose in (CONFIRMATION, VALIDATION) else self.scenario
 
@@ -98,7 +101,7 @@ class Experiment:
 
     @cached_property
     def plan(self) -> Plan:
-        """Which missions score a design."""
+        """The missions that score a design."""
         return Plan(
             self.seed,
             tuple(self.world),

@@ -7,7 +7,7 @@ from evoros.design.design import Design
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation, Journal, Observer
-from evoros.fitness.scoring import fitness_of
+from evoros.fitness.scoring import compute_fitness
 from evoros.mission.plan import CONFIRMATION, SELECTION, VALIDATION
 from evoros.optimizer.protocol import Candidate, Individual
 
@@ -96,6 +96,6 @@ class Scores:
         found = ((mission.key, journal.find(mission)) for mission in needed)
         outcomes = {key: outcome for key, outcome in found if outcome is not None}
         return {
-            number: fitness_of(experiment.fitness, of_design, outcomes)
+            number: compute_fitness(experiment.fitness, of_design, outcomes)
             for number, of_design in missions.items()
         }

@@ -8,7 +8,7 @@ from evoros.base.checks import NOT_NEGATIVE, checked
 from evoros.mission.outcome import Outcome
 
 NOTHING_DONE = 1.0
-"""What Eq. 1 gives for one mission without any progress."""
+"""The value of Eq. 1 for a mission without any progress."""
 
 
 @dataclass(frozen=True)
@@ -16,18 +16,18 @@ NOTHING_DONE = 1.0
 class EquationOne:
     """Eq. 1 of the 2018 paper: sum over worlds of (1 + progress)^2 + C (1 + time left)^2.
 
-    C is 1 for a completed mission, else 0; time left is a share of the time limit. From 1 for
-    nothing done to 8 in each world.
+    C is 1 for a completed mission, else 0; time left is a share of the time limit. Each world
+    contributes from 1, without progress, to 8, for a mission completed instantly.
     """
 
     sensor_penalty: Annotated[float, NOT_NEGATIVE] = 0.0  # for each sensor; original runs: 0.3
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
-        """Sum of the missions, less the penalty for the sensors that the design carries."""
+        """Sum Eq. 1 over the missions, and subtract the penalty for the design's sensors."""
         return sum(map(equation_one, outcomes)) - self._penalty(outcomes)
 
     def worst(self, outcomes: Sequence[Outcome]) -> float:
-        """Nothing done in any world: 1 for each of them, less the penalty."""
+        """Return 1 for each world, minus the penalty."""
         return len(outcomes) * NOTHING_DONE - self._penalty(outcomes)
 
     def _penalty(self, outcomes: Sequence[Outcome]) -> float:
@@ -35,8 +35,8 @@ class EquationOne:
 
 
 def equation_one(outcome: Outcome) -> float:
-    """Eq. 1 for one mission, 1..8."""
-    done = (1.0 + outcome.progress) ** 2
+    """Return Eq. 1 for one mission, 1..8."""
+    progress = (1.0 + outcome.progress) ** 2
     if not outcome.completed:
-        return done
-    return done + (2.0 - outcome.time_s / outcome.time_limit_s) ** 2
+        return progress
+    return progress + (2.0 - outcome.time_s / outcome.time_limit_s) ** 2

@@ -11,7 +11,7 @@ class Fitness(Protocol):
     """Scores a design; more is better."""
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
-        """The fitness of one trial: ``outcomes`` has one mission in each world, and all were flown.
+        """Return the score of a trial, whose outcomes come from one mission in each world.
 
         The fitness of a design is the mean over its trials. ``least_clearance_m`` is NaN in a
         world without obstacles, and ``first_collision_s`` without a collision.
@@ -19,9 +19,9 @@ class Fitness(Protocol):
         ...
 
     def worst(self, outcomes: Sequence[Outcome]) -> float:
-        """The fitness of a trial of which at least one mission could not be flown.
+        """Return the score of a trial in which at least one mission could not be run.
 
-        At most what ``score`` gives for nothing done in any world. What such a mission did not
-        measure is NaN; ``sensors`` and ``time_limit_s`` are as in any other.
+        It is at most the ``score`` of a trial without any progress. Metrics of such a mission are
+        NaN, but ``sensors`` and ``time_limit_s`` are valid.
         """
         ...

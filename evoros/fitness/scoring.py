@@ -1,4 +1,4 @@
-"""Scores the outcomes of one design."""
+"""Scores the outcomes of a design's missions."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,24 +10,25 @@ from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import NOT_RUN, Outcome
 
 
-def fitness_of(
+def compute_fitness(
     fitness: Fitness, missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcome]
 ) -> float:
-    """Mean over the trials of the score over the worlds.
+    """Return the mean score of a design's trials.
 
     Raises:
         InputError: a score is not a finite number.
     """
-    scores = trial_scores(fitness, missions, outcomes)
+    scores = score_trials(fitness, missions, outcomes)
     return sum(scores) / len(scores)
 
 
-def trial_scores(
+def score_trials(
     fitness: Fitness, missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcome]
 ) -> list[float]:
-    """The score of each trial over the worlds, in the order of the missions.
+    """Return the score of each trial over its worlds, in the order of the missions.
 
-    A trial of which a mission could not be flown counts as the worst, whatever the others did.
+    A trial with a mission that could not be run has the worst score, whatever its other missions
+    reached.
 
     Raises:
         InputError: a score is not a finite number.
@@ -45,36 +46,37 @@ def trial_scores(
 
 
 def _score(fitness: Fitness, trial: Sequence[Outcome]) -> float:
-    flown = all(outcome.ended not in NOT_RUN for outcome in trial)
-    return fitness.score(trial) if flown else fitness.worst(trial)
+    complete = all(outcome.ended not in NOT_RUN for outcome in trial)
+    return fitness.score(trial) if complete else fitness.worst(trial)
 
 
-def score_columns(worlds: Sequence[str]) -> list[str]:
-    """The names of what ``scores`` gives."""
-    each = [f"{world}_{what}" for world in worlds for what in ("completed", "progress")]
-    return ["fitness_mean", "fitness_sd", "trials", *each]
+def name_score_columns(worlds: Sequence[str]) -> list[str]:
+    """Return the names of the columns of ``summarize_scores``."""
+    by_world = [f"{world}_{measure}" for world in worlds for measure in ("completed", "progress")]
+    return ["fitness_mean", "fitness_sd", "trials", *by_world]
 
 
-def scores(
+def summarize_scores(
     fitness: Fitness, missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcome]
 ) -> dict[str, float]:
-    """Of the missions of one design: the mean and the standard deviation (n - 1; NaN for one) of
-    the fitness over its trials, their number, and for each world the share completed and the mean
-    progress.
+    """Summarize the missions of a design: fitness over its trials, and success in each world.
+
+    The standard deviation is that of a sample (n - 1), and NaN for one trial. Each world has the
+    share of completed missions and the mean progress.
 
     Raises:
         InputError: a score is not a finite number.
     """
-    trials = trial_scores(fitness, missions, outcomes)
-    there: dict[str, list[Outcome]] = {}
+    scores = score_trials(fitness, missions, outcomes)
+    by_world: dict[str, list[Outcome]] = {}
     for mission in missions:
-        there.setdefault(mission.world, []).append(outcomes[mission.key])
+        by_world.setdefault(mission.world, []).append(outcomes[mission.key])
     values = [
-        sum(trials) / len(trials),  # as fitness_of
-        stdev(trials) if len(trials) > 1 else float("nan"),
-        len(trials),
+        sum(scores) / len(scores),  # as compute_fitness
+        stdev(scores) if len(scores) > 1 else math.nan,
+        len(scores),
     ]
-    for flown in there.values():
-        values.append(fmean(outcome.completed for outcome in flown))
-        values.append(fmean(outcome.progress for outcome in flown))
-    return dict(zip(score_columns(list(there)), values, strict=True))
+    for in_world in by_world.values():
+        values.append(fmean(outcome.completed for outcome in in_world))
+        values.append(fmean(outcome.progress for outcome in in_world))
+    return dict(zip(name_score_columns(list(by_world)), values, strict=True))

@@ -34,7 +34,7 @@ from evoros.design.space import DesignSpace
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Pool
-from evoros.fitness.scoring import fitness_of, scores
+from evoros.fitness.scoring import compute_fitness, summarize_scores
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
 from evoros.session.run import check_experiment, create_run, open_run
@@ -135,13 +135,13 @@ class Evaluator:
         """
         missions, outcomes = self._run(designs, generation)
         fitness = self.experiment.fitness
-        return [fitness_of(fitness, of_design, outcomes) for of_design in missions]
+        return [compute_fitness(fitness, of_design, outcomes) for of_design in missions]
 
     def evaluate(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
         """Score designs: the table that the function ``evaluate`` returns."""
         missions, outcomes = self._run(designs, generation)
         rows = [
-            {"design": i} | scores(self.experiment.fitness, of_design, outcomes)
+            {"design": i} | summarize_scores(self.experiment.fitness, of_design, outcomes)
             for i, of_design in enumerate(missions)
         ]
         return pd.DataFrame(rows)

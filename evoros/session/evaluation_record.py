@@ -9,7 +9,7 @@ from typing import Any
 from evoros.base.errors import InputError
 from evoros.evolution.dispatch import MissionResult
 from evoros.evolution.experiment import Experiment
-from evoros.fitness.scoring import score_columns, scores
+from evoros.fitness.scoring import name_score_columns, summarize_scores
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
 from evoros.session.design_tables import NamedDesign
@@ -85,7 +85,7 @@ class EvaluationRecord(MissionLog):
             InputError: the table on disk differs.
         """
         self.sync()
-        columns = score_columns(list(self._experiment.world))
+        columns = name_score_columns(list(self._experiment.world))
         rows: list[Sequence[object]] = [("source", "design", *columns)]
         for number, design in enumerate(self._designs):
             rows.append([design.source, design.name, *self._scores[number].values()])
@@ -141,7 +141,9 @@ class EvaluationRecord(MissionLog):
         design.outcomes[mission.key] = outcome
         if len(design.outcomes) == len(design.missions):
             missions = list(design.missions.values())
-            self._scores[number] = scores(self._experiment.fitness, missions, design.outcomes)
+            self._scores[number] = summarize_scores(
+                self._experiment.fitness, missions, design.outcomes
+            )
             del self._unfinished[number]
 
     def _row(self, mission: Mission, outcome: Outcome) -> list[object]:

@@ -14,7 +14,7 @@ from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.evolution.confirmation import Confirmation
 from evoros.evolution.experiment import Experiment
-from evoros.fitness.scoring import fitness_of
+from evoros.fitness.scoring import compute_fitness
 from evoros.mission.plan import POLICIES, Plan
 from evoros.simulator.pybullet import PyBullet
 from evoros.storage.run_folder import RunFolder
@@ -113,12 +113,12 @@ def test_each_generations_best_few_have_the_fitness_of_the_confirming_simulator(
         assert best["loss"].notna().all()
         for row in rows.to_dict("records"):
             one = (number, row["id"], Design(()))
-            screened = fitness_of(fitness, plan.selection(*one), outcomes)
+            screened = compute_fitness(fitness, plan.selection(*one), outcomes)
             assert row["screened_fitness"] == screened
             again = [m for m in plan.confirmation(*one) if m.key in outcomes]
             assert bool(again) == (row["loss"] == row["loss"])
             if again:
-                assert row["fitness"] == fitness_of(fitness, again, outcomes)
+                assert row["fitness"] == compute_fitness(fitness, again, outcomes)
                 assert row["loss"] == screened - row["fitness"]
                 settled += 1
             else:

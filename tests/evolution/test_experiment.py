@@ -11,7 +11,7 @@ from evoros.base.errors import InputError
 from evoros.cli.run import evoros
 from evoros.config.compose import compose
 from evoros.design.genes import MAX_EXHAUSTIVE, Gene, enumerate_corners
-from evoros.fitness.scoring import fitness_of
+from evoros.fitness.scoring import compute_fitness
 from evoros.mission.outcome import TRAJECTORY, Outcome
 from evoros.mission.rollout import run_mission
 from evoros.storage.reading import load_run
@@ -68,7 +68,7 @@ def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
         for one in asked:
             design = experiment.space.decode(one.genome)
             missions = experiment.plan.selection(number, one.id, design)
-            scores.append(fitness_of(experiment.fitness, missions, outcomes))
+            scores.append(compute_fitness(experiment.fitness, missions, outcomes))
         candidates = search.tell(scores)
         rows = table[table["generation"] == number]
         assert list(rows["id"]) == [candidate.individual.id for candidate in candidates]

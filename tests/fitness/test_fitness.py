@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from evoros.design.design import Design
 from evoros.fitness.equation_one import EquationOne, equation_one
 from evoros.fitness.protocol import Fitness
-from evoros.fitness.scoring import fitness_of
+from evoros.fitness.scoring import compute_fitness
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import COMPLETED, LOST, NOT_RUN, REFUSED, TIME_LIMIT, Outcome
 
@@ -15,8 +15,8 @@ LIMIT = 540.0
 SHARE = st.floats(0.0, 1.0)
 
 
-def flown(progress: float, time: float = LIMIT, sensors: int = 0) -> Outcome:
-    """A mission that was flown, completed where its progress is 1."""
+def outcome_of(progress: float, time: float = LIMIT, sensors: int = 0) -> Outcome:
+    """Of a mission that is completed if its progress is 1."""
     nothing = Outcome.failure(TIME_LIMIT, "", LIMIT, sensors)
     done = progress == 1.0
     ended = COMPLETED if done else TIME_LIMIT
@@ -24,57 +24,57 @@ def flown(progress: float, time: float = LIMIT, sensors: int = 0) -> Outcome:
 
 
 def test_equation_one_where_it_is_known() -> None:
-    assert equation_one(flown(0.0)) == 1.0
-    assert equation_one(flown(0.5)) == 2.25
-    assert equation_one(flown(1.0, time=0.0)) == 8.0
-    assert equation_one(flown(1.0, time=LIMIT)) == 5.0
-    assert equation_one(flown(1.0, time=LIMIT / 2)) == 4.0 + 1.5**2
-    three = [flown(1.0, time=360.0)] * 3  # a third of the time is left in each world
+    assert equation_one(outcome_of(0.0)) == 1.0
+    assert equation_one(outcome_of(0.5)) == 2.25
+    assert equation_one(outcome_of(1.0, time=0.0)) == 8.0
+    assert equation_one(outcome_of(1.0, time=LIMIT)) == 5.0
+    assert equation_one(outcome_of(1.0, time=LIMIT / 2)) == 4.0 + 1.5**2
+    three = [outcome_of(1.0, time=360.0)] * 3  # a third of the time is left in each world
     assert EquationOne().score(three) == pytest.approx(3 * (4 + (4 / 3) ** 2))
     assert round(EquationOne().score(three), 1) == 17.3
 
 
 @given(st.floats(0.0, 0.99), SHARE)
 def test_equation_one_rises_with_progress_and_with_the_time_left(done: float, left: float) -> None:
-    assert equation_one(flown(done)) == pytest.approx((1 + done) ** 2)
-    completed = equation_one(flown(1.0, LIMIT * (1 - left)))
+    assert equation_one(outcome_of(done)) == pytest.approx((1 + done) ** 2)
+    completed = equation_one(outcome_of(1.0, LIMIT * (1 - left)))
     assert completed == pytest.approx(4 + (1 + left) ** 2)
-    assert 1.0 <= equation_one(flown(done)) < 5.0 <= completed <= 8.0
+    assert 1.0 <= equation_one(outcome_of(done)) < 5.0 <= completed <= 8.0
 
 
 @given(st.lists(SHARE, min_size=1, max_size=5), st.integers(0, 12))
 def test_worlds_add_up_and_sensors_are_paid_for_once(done: list[float], sensors: int) -> None:
-    outcomes = [flown(each, sensors=sensors) for each in done]
+    outcomes = [outcome_of(each, sensors=sensors) for each in done]
     total = sum(map(equation_one, outcomes))
     assert EquationOne().score(outcomes) == total
     assert EquationOne(0.3).score(outcomes) == pytest.approx(total - 0.3 * sensors)
 
 
 def test_six_sensors_cost_1_8_in_the_original_runs() -> None:
-    outcomes = [flown(1.0, time=360.0, sensors=6)] * 3
+    outcomes = [outcome_of(1.0, time=360.0, sensors=6)] * 3
     assert EquationOne(0.3).score(outcomes) == pytest.approx(EquationOne().score(outcomes) - 1.8)
 
 
 @given(st.lists(SHARE, min_size=2, max_size=4), st.sampled_from(NOT_RUN), st.integers(0, 9))
-def test_a_trial_with_a_mission_that_was_not_flown_is_the_worst(
+def test_a_trial_with_a_mission_that_was_not_run_is_the_worst(
     done: list[float], ended: str, sensors: int
 ) -> None:
     """However well the others went: no better than nothing done in any world."""
     fitness: Fitness = EquationOne(0.3)
     worlds = [str(i) for i in range(len(done))]
     missions = [Mission(0, 0, Design(()), world, 0, "selection", world) for world in worlds]
-    outcomes = [flown(each, time=0.0, sensors=sensors) for each in done]
-    nothing = [flown(0.0, sensors=sensors) for _ in done]
+    outcomes = [outcome_of(each, time=0.0, sensors=sensors) for each in done]
+    nothing = [outcome_of(0.0, sensors=sensors) for _ in done]
     outcomes[0] = Outcome.failure(ended, "why", LIMIT, sensors)
     known = dict(zip([mission.key for mission in missions], outcomes, strict=True))
-    assert fitness_of(fitness, missions, known) == pytest.approx(fitness.score(nothing))
+    assert compute_fitness(fitness, missions, known) == pytest.approx(fitness.score(nothing))
 
 
 def test_other_trials_of_such_a_design_still_count() -> None:
     missions = [Mission(0, 0, Design(()), "a", trial, "selection", "a") for trial in range(2)]
-    outcomes = [Outcome.failure(LOST, "why", LIMIT, 0), flown(1.0, time=0.0)]
+    outcomes = [Outcome.failure(LOST, "why", LIMIT, 0), outcome_of(1.0, time=0.0)]
     known = dict(zip([mission.key for mission in missions], outcomes, strict=True))
-    assert fitness_of(EquationOne(), missions, known) == (1 + 8) / 2
+    assert compute_fitness(EquationOne(), missions, known) == (1 + 8) / 2
 
 
 def test_a_fitness_must_say_what_is_worst() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from evoros.base.errors import InputError
 from evoros.design.design import Design
-from evoros.fitness.scoring import fitness_of
+from evoros.fitness.scoring import compute_fitness
 from evoros.mission.outcome import LOST, Outcome
 from evoros.mission.plan import POLICIES, Plan
 
@@ -33,7 +33,7 @@ def outcome(progress: float) -> Outcome:
 def test_fitness_is_the_mean_over_trials_of_the_score_over_worlds() -> None:
     missions = Plan(0, WORLDS, 3, 0, "generation").selection(0, 0, DESIGN)
     values = {m.key: outcome(10.0**m.trial * (1 + (m.world == "b"))) for m in missions}
-    assert fitness_of(ByTrial(), missions, values) == pytest.approx(3 * 111 / 3)
+    assert compute_fitness(ByTrial(), missions, values) == pytest.approx(3 * 111 / 3)
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf")])
@@ -41,7 +41,7 @@ def test_a_score_that_is_no_number_is_refused(bad: float) -> None:
     missions = Plan(0, WORLDS, 1, 0, "generation").selection(0, 0, DESIGN)
     values = {mission.key: outcome(bad) for mission in missions}
     with pytest.raises(InputError, match="ByTrial"):
-        fitness_of(ByTrial(), missions, values)
+        compute_fitness(ByTrial(), missions, values)
 
 
 def test_what_was_not_flown_never_reaches_the_score() -> None:
@@ -50,7 +50,7 @@ def test_what_was_not_flown_never_reaches_the_score() -> None:
     values = {mission.key: outcome(3.0) for mission in missions}
     lost = replace(Outcome.failure(LOST, "why", 10.0, 0), progress=float("nan"))
     values[missions[0].key] = lost
-    assert fitness_of(ByTrial(), missions, values) == (-2.0 + 6.0) / 2
+    assert compute_fitness(ByTrial(), missions, values) == (-2.0 + 6.0) / 2
 
 
 def test_who_meets_the_same_draws() -> None:
