@@ -16,7 +16,7 @@ STROKES = {"parts": "#5a9a56", "other": "#7088a3", "analysis": "#c99a2e"}
 
 def floors(document: str) -> dict[int, list[tuple[str, str]]]:
     """Name and purpose of the rooms on each floor; the rooms of analysis/ are one here."""
-    rows = re.findall(r"^\| `(\w+)/(\w*)/?` \| (\d+) \| ([^|]+) \|", document, re.M)
+    rows = re.findall(r"^\| `(\w+)/(\w*)(?:/|\.py)?` \| (\d+) \| ([^|]+) \|", document, re.M)
     rooms: dict[int, list[tuple[str, str]]] = defaultdict(list)
     for package, folder, floor, purpose in rows:
         if package == "evoros":
