@@ -35,6 +35,7 @@ from evoros.base.checks import (
     TEXT,
     WHOLE,
     Rule,
+    check_order,
     checked,
     instance_of,
     invalid,
@@ -64,9 +65,9 @@ from evoros.world.model import World
 # fmt: off
 __all__ = [  # noqa: RUF022 - grouped by topic
     # Fields and their rules.
-    "checked", "invalid", "Rule", "NUMBER", "POSITIVE", "NOT_NEGATIVE", "PROBABILITY", "COUNT",
-    "WHOLE", "FLAG", "TEXT", "INTERVAL", "A_FILTER", "FILTERS", "one_of", "instance_of",
-    "sequence_of", "mapping_of", "Interval", "bounds",
+    "checked", "check_order", "invalid", "Rule", "NUMBER", "POSITIVE", "NOT_NEGATIVE",
+    "PROBABILITY", "COUNT", "WHOLE", "FLAG", "TEXT", "INTERVAL", "A_FILTER", "FILTERS", "one_of",
+    "instance_of", "sequence_of", "mapping_of", "Interval", "bounds",
     # Arrays and their indices, and rules that numba compiles.
     "Array", "RuleArrays", "NO_PARAMETERS", "NO_MEMORY", "X", "Y", "YAW", "SPEED", "YAW_RATE",
     "CONTACT", "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "compilable",

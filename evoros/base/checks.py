@@ -128,6 +128,17 @@ def mapping_of(kind: Any, what: str) -> Rule:
     )
 
 
+def check_order(part: object, low: str, high: str) -> None:
+    """Hold the field ``low`` to at most the field ``high``; for ``__post_init__``.
+
+    Raises:
+        InputError: ``low`` is greater.
+    """
+    minimum, maximum = getattr(part, low), getattr(part, high)
+    if minimum > maximum:
+        raise invalid(part, low, minimum, f"must be at most {high} ({maximum})")
+
+
 def invalid(part: object, field: str, value: object, rule: str, fix: str = "") -> InputError:
     """Return the error for one field of a description; the caller raises it."""
     default = getattr(type(part), field, None)

@@ -22,13 +22,13 @@ class CombinedFailure:
     Their faults act in the order of the mapping.
     """
 
-    failures: Annotated[Mapping[str, Failure], FAILURES] = field(default_factory=dict)  # in order
+    failures: Annotated[Mapping[str, Failure], FAILURES] = field(default_factory=dict)
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """The faults of every failure.
+        """Return the faults of all failures; their names begin with the name of the failure.
 
-        Each failure has a generator of its own, made from one draw and its name, so that adding
-        one never shifts another's; so do the faults, whose names begin with that name.
+        Each failure has its own generator, made from one draw and its name, so that adding a
+        failure never shifts the draws of another.
         """
         key = rng.bytes(16).hex()
         return tuple(

@@ -10,8 +10,8 @@ from evoros.filter.protocol import Channels
 
 @dataclass(frozen=True)
 class NoFailure:
-    """Nothing fails."""
+    """No sensor fails."""
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """No fault."""
+        """Return no fault."""
         return ()

@@ -7,9 +7,9 @@ from typing import Annotated
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.checks import COUNT, NOT_NEGATIVE, checked
+from evoros.base.checks import COUNT, NOT_NEGATIVE, check_order, checked
+from evoros.base.intervals import scale
 from evoros.failure.protocol import Fault
-from evoros.failure.timing import check_window, time_at
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
@@ -17,7 +17,7 @@ from evoros.filter.silence import Silence
 @dataclass(frozen=True)
 @checked
 class RandomFailure:
-    """``count`` sensors, chosen uniformly, fail at times uniform in earliest_s to latest_s.
+    """``count`` sensors fail, chosen uniformly, at times uniform in earliest_s to latest_s.
 
     A robot with fewer sensors loses all of them. The defaults are the treatment ``random`` of the
     2018 paper (Evo-ROS).
@@ -29,19 +29,20 @@ class RandomFailure:
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # acts on the readings
 
     def __post_init__(self) -> None:
-        check_window(self)
+        check_order(self, "earliest_s", "latest_s")
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """One fault with the onsets of all chosen sensors; none without sensors.
+        """Return one fault with the onsets of all chosen sensors; none without sensors.
 
-        Draws ``count`` choices and times, however many sensors there are: robots that share a
-        generator face the same times, and equal choices where they have as many sensors.
+        The number of sensors does not change how many choices and times are drawn: robots that
+        share a generator face the same times, and the same choices if they have equally many
+        sensors.
         """
         onset = np.full(channels.size, math.inf)
         intact = list(range(channels.size))
         for _ in range(self.count):
-            choice, moment = rng.random(), rng.random()
+            choice, share = rng.random(), rng.random()
             if intact:
                 failing = intact.pop(int(choice * len(intact)))
-                onset[failing] = time_at(self, moment)
+                onset[failing] = scale(share, self.earliest_s, self.latest_s)
         return (Fault(self.effect, onset),) if channels.size else ()

@@ -1,4 +1,4 @@
-"""Local damage: a blow hits one sensor and, less and less surely, those around it."""
+"""Local damage: a blow hits one sensor and, with decreasing probability, those around it."""
 
 import math
 from collections.abc import Sequence
@@ -9,9 +9,9 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
-from evoros.base.checks import NOT_NEGATIVE, PROBABILITY, Rule, checked, invalid
+from evoros.base.checks import NOT_NEGATIVE, PROBABILITY, Rule, check_order, checked, invalid
+from evoros.base.intervals import scale
 from evoros.failure.protocol import Fault
-from evoros.failure.timing import check_window, time_at
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
@@ -28,11 +28,11 @@ PROBABILITIES = Rule(
 @dataclass(frozen=True)
 @checked
 class SpatialFailure:
-    """A sensor chosen uniformly is the centre of damage; all that fail do so at one time.
+    """A sensor chosen uniformly is the centre of damage; all sensors that fail do so at one time.
 
-    A sensor fails with the probability that belongs to the least radius around the centre that
-    reaches it (straight distance in space), independently of the others; beyond the last radius
-    none does. The defaults are the treatment ``spatial`` of the 2018 paper (Evo-ROS).
+    A sensor fails with the probability of the smallest radius around the centre that reaches it
+    (straight distance in space), independently of the others. Beyond the last radius none fails.
+    The defaults are the treatment ``spatial`` of the 2018 paper (Evo-ROS).
     """
 
     radii_m: Annotated[Sequence[float], RADII] = (0.03, 0.06, 0.09)  # increasing
@@ -42,30 +42,30 @@ class SpatialFailure:
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # acts on the readings
 
     def __post_init__(self) -> None:
-        check_window(self)
-        radii, chances = self.radii_m, self.probabilities
+        check_order(self, "earliest_s", "latest_s")
+        radii, probabilities = self.radii_m, self.probabilities
         if any(radii[k] >= radii[k + 1] for k in range(len(radii) - 1)):
             raise invalid(self, "radii_m", radii, "must increase from each to the next")
-        if len(chances) != len(radii):
+        if len(probabilities) != len(radii):
             rule = f"must have as many entries as radii_m ({len(radii)})"
-            raise invalid(self, "probabilities", chances, rule)
+            raise invalid(self, "probabilities", probabilities, rule)
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
-        """One fault with the onsets of all sensors hit; none without sensors.
+        """Return one fault with the onsets of all sensors hit; none without sensors.
 
-        Draws the centre, the time and then one number for each sensor, wherever the sensors are:
-        robots that share a generator are dealt the same blow.
+        The centre, the time and one number for each sensor are drawn in this order, wherever the
+        sensors are: robots that share a generator receive the same blow.
         """
-        choice, moment = rng.random(), rng.random()
+        choice, share = rng.random(), rng.random()
         luck = rng.random(channels.size)
         if not channels.size:
             return ()
         centre = channels.position[int(choice * channels.size)]
-        hit = luck < self._chance(np.linalg.norm(channels.position - centre, axis=1))
-        time = time_at(self, moment)
+        hit = luck < self._probability(np.linalg.norm(channels.position - centre, axis=1))
+        time = scale(share, self.earliest_s, self.latest_s)
         return (Fault(self.effect, np.where(hit, time, math.inf)),)
 
-    def _chance(self, distance: Array) -> Array:
-        """(n,) probability of failure at each distance [m] from the centre."""
+    def _probability(self, distance: Array) -> Array:
+        """Return the probability (n,) of failure at each distance [m] from the centre."""
         ring = np.searchsorted(np.asarray(self.radii_m, dtype=np.float64), distance)
         return np.array([*self.probabilities, 0.0])[ring]
