@@ -21,17 +21,17 @@ STEP = Rule("a number greater than 0, at most 1", lambda v: is_number(v) and 0 <
 class GeneticAlgorithm:
     """Tournaments, single-point crossover between blocks, mutation of aspects, one elite.
 
-    Each generation: tournaments in the population fill a parent pool of the same size; consecutive
-    parents cross over or are cloned; population and children together are the candidate pool; each
-    candidate but the elite may mutate; what is a new design is evaluated; the elite and the
-    winners of tournaments in the pool are the next population.
+    In each generation, tournaments in the population fill a parent pool of the same size.
+    Consecutive parents cross over or are cloned. Population and children together are the candidate
+    pool, in which each candidate but the elite may mutate. New designs are evaluated. The elite and
+    the winners of tournaments in the pool are the next population.
 
-    ``elite`` is ``best_so_far``, or ``best_child``: the best of those that were new in this
-    generation, which is what the original study ran and which can lose the best so far.
+    ``elite`` is ``best_so_far``, or ``best_child``: the best of the designs that were new in this
+    generation, as in the original study, which can lose the best so far.
     """
 
     population_size: Annotated[int, COUNT] = 30
-    generations: Annotated[int, COUNT] = 25  # the first, random one included
+    generations: Annotated[int, COUNT] = 25  # including the random first one
     mutation_probability: Annotated[float, PROBABILITY] = 0.15  # per candidate
     crossover_probability: Annotated[float, PROBABILITY] = 0.25  # per pair of parents
     tournament_size: Annotated[int, COUNT] = 2
@@ -40,7 +40,7 @@ class GeneticAlgorithm:
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"
 
     def start(self, space: Space, rng: Generator) -> Search:
-        """A fresh search; it draws from ``rng`` and from nothing else.
+        """Start a search, which draws from ``rng`` and from nothing else.
 
         Raises:
             InputError: the space has no genes.
@@ -54,15 +54,15 @@ class GeneticAlgorithm:
 
 
 class _GeneticSearch:
-    """A started search. The elite is always the first of the population, and so of the pool."""
+    """A started search. The elite is the first of the population, and so of the pool."""
 
     def __init__(self, settings: GeneticAlgorithm, space: Space, rng: Generator) -> None:
         self._settings, self._space, self._rng = settings, space, rng
         self._fitness: dict[int, float] = {}  # by the individual's id
         self._created = 0
-        self._pool: list[tuple[Individual, str]] = []  # with what each place was filled
+        self._pool: list[tuple[Individual, str]] = []  # with the operator that filled each place
         for _ in range(settings.population_size):
-            individual = self._new(rng.random(space.size), (), "initial")
+            individual = self._create(rng.random(space.size), (), "initial")
             self._pool.append((individual, "initial"))
 
     def ask(self) -> list[Individual]:
@@ -85,7 +85,7 @@ class _GeneticSearch:
         return table
 
     def _select(self, new: set[int]) -> list[int]:
-        """The places in the pool of the next population, the elite first."""
+        """Return the places in the pool of the next population, the elite first."""
         members = [member for member, _ in self._pool]
         eligible = list(range(len(members)))
         if self._settings.elite == "best_child":
@@ -95,7 +95,7 @@ class _GeneticSearch:
         return [elite, *others]
 
     def _tournament(self, members: list[Individual]) -> int:
-        """The place of the best of a few drawn with replacement; of equals, the first drawn."""
+        """Return the place of the best of a few drawn with replacement; of equals, the first."""
         drawn: list[int] = self._rng.integers(
             len(members), size=self._settings.tournament_size
         ).tolist()
@@ -106,54 +106,54 @@ class _GeneticSearch:
         parents = [population[self._tournament(population)] for _ in population]
         pool = [(member, "survivor") for member in population]
         for first, second in zip(parents[0::2], parents[1::2], strict=False):
-            pool += self._pair(first, second)
+            pool += self._breed_pair(first, second)
         if len(parents) % 2:
             pool.append((parents[-1], "clone"))
         known = {member.id: member for member in population}
-        self._pool = pool[:1] + [self._mutated(*candidate, known) for candidate in pool[1:]]
+        self._pool = pool[:1] + [self._mutate(*candidate, known) for candidate in pool[1:]]
 
-    def _pair(self, first: Individual, second: Individual) -> list[tuple[Individual, str]]:
-        """Two children: by single-point crossover over the blocks, or clones."""
+    def _breed_pair(self, first: Individual, second: Individual) -> list[tuple[Individual, str]]:
+        """Return two children, by single-point crossover over the blocks, or clones."""
         blocks = self._space.blocks
         if self._rng.random() >= self._settings.crossover_probability or len(blocks) < 2:
             return [(first, "clone"), (second, "clone")]
         cut = int(self._rng.integers(1, len(blocks)))
         tail = [gene for block in blocks[cut:] for gene in block.genes]
-        return [self._child(first, second, tail), self._child(second, first, tail)]
+        return [self._cross(first, second, tail), self._cross(second, first, tail)]
 
-    def _child(
+    def _cross(
         self, head: Individual, other: Individual, tail: list[int]
     ) -> tuple[Individual, str]:
         genome = head.genome.copy()
         genome[tail] = other.genome[tail]
         for parent in (head, other):
             if self._space.same(genome, parent.genome):
-                return parent, "clone"  # nothing new that would need an evaluation
-        return self._new(genome, (head.id, other.id), "crossover"), "crossover"
+                return parent, "clone"  # the child would need no evaluation
+        return self._create(genome, (head.id, other.id), "crossover"), "crossover"
 
-    def _mutated(
+    def _mutate(
         self, individual: Individual, operator: str, population: Mapping[int, Individual]
     ) -> tuple[Individual, str]:
         if self._rng.random() >= self._settings.mutation_probability:
             return individual, operator
         genome = individual.genome.copy()
         blocks = self._space.blocks
-        for i in self._some(len(blocks)):
-            for j in self._some(len(blocks[i].aspects)):
+        for i in self._draw_some(len(blocks)):
+            for j in self._draw_some(len(blocks[i].aspects)):
                 self._redraw(genome, blocks[i].aspects[j])
         if self._space.same(genome, individual.genome):
             return individual, operator
         if individual.id in self._fitness:
-            return self._new(genome, (individual.id,), "mutation"), "mutation"
+            return self._create(genome, (individual.id,), "mutation"), "mutation"
         for parent in (population[i] for i in individual.parents):
             if self._space.same(genome, parent.genome):
                 return parent, "clone"  # the second step has undone the first
-        # A child that nobody has evaluated yet stays one individual, made in two steps.
+        # A child without an evaluation remains one individual, made in two steps.
         both = f"{individual.operator}+mutation"
-        return replace(individual, genome=_frozen(genome), operator=both), both
+        return replace(individual, genome=_freeze(genome), operator=both), both
 
-    def _some(self, count: int) -> list[int]:
-        """One or more of ``count``: each with probability 1/count, drawn again if there is none."""
+    def _draw_some(self, count: int) -> list[int]:
+        """Draw one or more of ``count``, each with probability 1/count; repeat if none is drawn."""
         while True:
             picked = np.flatnonzero(self._rng.random(count) * count < 1)
             if len(picked):
@@ -171,12 +171,12 @@ class _GeneticSearch:
                 value = abs(genome[gene] + step * (rng.random() - 0.5))  # reflected at 0
                 genome[gene] = min(value, 2 - value)  # and at 1
 
-    def _new(self, genome: Array, parents: tuple[int, ...], operator: str) -> Individual:
+    def _create(self, genome: Array, parents: tuple[int, ...], operator: str) -> Individual:
         self._created += 1
-        return Individual(self._created - 1, _frozen(genome), parents, operator)
+        return Individual(self._created - 1, _freeze(genome), parents, operator)
 
 
-def _frozen(genome: Array) -> Array:
-    """The same array, protected: an individual never changes once it is made."""
+def _freeze(genome: Array) -> Array:
+    """Return the array write-protected, because an individual never changes."""
     genome.flags.writeable = False
     return genome

@@ -1,7 +1,4 @@
-"""The vocabulary between an optimizer and the rest: individuals, the search space, ask and tell.
-
-Imports numpy and the standard library only.
-"""
+"""The protocols of optimizers: individuals, the search space, ask and tell."""
 
 import math
 from collections.abc import Sequence
@@ -16,10 +13,10 @@ from evoros.base.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Individual:
-    """One genome that needs evaluation. ``genome`` lies in the unit cube of the design space."""
+    """One genome that needs evaluation: a vector of the unit cube of the search space."""
 
     id: int  # unique in a run, in the order of creation
-    genome: Array
+    genome: Array  # (space.size,) 0..1
     parents: tuple[int, ...]
     operator: str  # how it was made: initial, crossover, mutation ...
 
@@ -38,11 +35,11 @@ class Search(Protocol):
     """A started optimizer: ask, evaluate, tell. Fitness is maximized."""
 
     def ask(self) -> Sequence[Individual]:
-        """The individuals that the next generation needs evaluated."""
+        """Return the individuals of the next generation that need evaluation."""
         ...
 
     def tell(self, fitness: Sequence[float]) -> Sequence[Candidate]:
-        """Take the fitness of the asked individuals, in order; returns the generation's table."""
+        """Take the fitness of these individuals, in order; return the table of the generation."""
         ...
 
 
@@ -64,8 +61,8 @@ class Block:
 
     @property
     def genes(self) -> tuple[int, ...]:
-        """The indices of all of them."""
-        return tuple(i for each in self.aspects for i in (*each.categorical, *each.continuous))
+        """The indices of all its genes."""
+        return tuple(i for part in self.aspects for i in (*part.categorical, *part.continuous))
 
 
 class Space(Protocol):
@@ -81,8 +78,8 @@ class Space(Protocol):
         """All genes, each in one block, in the order in which a crossover may cut."""
         ...
 
-    def same(self, one: Array, other: Array, /) -> bool:
-        """Whether two genomes are equal designs, of which only one needs an evaluation."""
+    def same(self, first: Array, second: Array, /) -> bool:
+        """Whether two genomes are the same design, which needs only one evaluation."""
         ...
 
 
@@ -92,27 +89,27 @@ class Optimizer(Protocol):
 
     @property
     def generations(self) -> int:
-        """How many generations a run has, the first one included."""
+        """The number of generations of a run, the first one included."""
         ...
 
     @property
     def validation_trials(self) -> int:
-        """On how many fresh draws each generation's best is scored; 0: none."""
+        """The number of fresh trials of each generation's best design; 0: no validation."""
         ...
 
     def start(self, space: Space, rng: Generator) -> Search:
-        """A fresh search. The same generator must give the same search: resuming replays it."""
+        """Start a search. The same generator must give the same search: resuming replays it."""
         ...
 
 
 def check_fitness(fitness: Sequence[float], asked: Sequence[Individual]) -> None:
-    """There must be one number, not NaN, for each individual asked for.
+    """Check that there is one number, not NaN, for each individual of ``ask``.
 
     Raises:
-        InputError: there is not.
+        InputError: a number is missing, or NaN.
     """
     if len(fitness) != len(asked) or any(map(math.isnan, fitness)):
         raise InputError(
             f"fitness: must be {len(asked)} numbers, not {list(fitness)}; "
-            f"give one for each individual asked for"
+            f"give one for each individual of ask()"
         )

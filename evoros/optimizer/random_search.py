@@ -1,4 +1,4 @@
-"""Random search: the baseline that any other optimizer has to beat."""
+"""Random search: the baseline that every other optimizer has to beat."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from evoros.optimizer.protocol import Candidate, Individual, Search, Space, chec
 @dataclass(frozen=True)
 @checked
 class RandomSearch:
-    """Each generation is drawn uniformly from the whole space; only the best so far is kept."""
+    """Draws each generation uniformly from the whole space and keeps only the best so far."""
 
     population_size: Annotated[int, COUNT] = 16
     generations: Annotated[int, COUNT] = 25
     validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
 
     def start(self, space: Space, rng: Generator) -> Search:
-        """A fresh search; it draws from ``rng`` and from nothing else."""
+        """Start a search, which draws from ``rng`` and from nothing else."""
         return _RandomSearch(self.population_size, space, rng)
 
 
@@ -30,7 +30,7 @@ class _RandomSearch:
         self._population_size, self._space, self._rng = population_size, space, rng
         self._best: Candidate | None = None
         self._created = 0
-        self._draw()
+        self._draw_generation()
 
     def ask(self) -> list[Individual]:
         return self._asked
@@ -42,19 +42,19 @@ class _RandomSearch:
             Candidate(individual, individual.operator, value, 0)
             for individual, value in zip(self._asked, fitness, strict=True)
         ]
-        best = max(range(len(table)), key=lambda row: table[row].fitness)
-        chosen = table[best]
-        self._best = Candidate(chosen.individual, "survivor", chosen.fitness, 0)
-        table[best] = Candidate(chosen.individual, chosen.operator, chosen.fitness, 1)
-        self._draw()
+        row = max(range(len(table)), key=lambda row: table[row].fitness)
+        best = table[row]
+        self._best = Candidate(best.individual, "survivor", best.fitness, 0)
+        table[row] = Candidate(best.individual, best.operator, best.fitness, 1)
+        self._draw_generation()
         return table
 
-    def _draw(self) -> None:
+    def _draw_generation(self) -> None:
         ids = range(self._created, self._created + self._population_size)
-        self._asked = [Individual(i, self._genome(), (), "random") for i in ids]
+        self._asked = [Individual(i, self._draw_genome(), (), "random") for i in ids]
         self._created = ids.stop
 
-    def _genome(self) -> Array:
+    def _draw_genome(self) -> Array:
         genome = self._rng.random(self._space.size)
         genome.flags.writeable = False
         return genome
