@@ -146,7 +146,7 @@ def test_a_candidate_has_the_mounts_of_its_design(data: st.DataObject) -> None:
     genome = np.array([data.draw(st.floats(0, 1)) for _ in range(space.size)])
     design = space.decode(genome)
     row = pd.DataFrame([{"id": 7, **space.to_row(genome)}])
-    record = type("Record", (), {"setting": SETTING, "values": VALUES})()
+    record = type("Record", (), {"context": SETTING, "values": VALUES})()
     found = list_mounts(row, record)
     assert [_mount(each) for each in found.to_dict("records")] == list(design.mounts)
     assert list(found.sensor) == list(range(len(design.mounts)))
