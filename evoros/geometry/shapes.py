@@ -134,22 +134,26 @@ def normalize(quaternion: Sequence[float]) -> Quaternion:
     return (x, y, z, w)
 
 
-_SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "plane": 3}
+_SIZES = {"box": 3, "cylinder": 2, "sphere": 1, "plane": 3, "convex": 0, "heightfield": 2}
 
 
 @dataclass(frozen=True)
 @checked
 class Shape:
-    """A primitive, centred on its frame.
+    """A solid, a plane or a height field, whose origin is that of its frame.
 
     The meaning of ``size`` [m] depends on the kind: a box has full lengths along x, y and z, a
     cylinder a radius and a length along z, a sphere a radius. For a plane, which is infinite,
-    ``size`` is the normal.
+    ``size`` is the normal. A convex polyhedron has ``corners`` and no size. A height field has
+    lengths along x and y, and ``heights``.
     """
 
-    kind: Annotated[str, one_of(*_SIZES)]  # box, cylinder, sphere or plane
+    kind: Annotated[str, one_of(*_SIZES)]
     size: tuple[float, ...]
     pose: Pose = Pose()  # in the frame of the body
+    corners: tuple[Vector, ...] = ()  # of a convex polyhedron [m]
+    heights: tuple[tuple[float, ...], ...] = ()
+    """Heights [m] above the origin: row i from -y to +y, column j from -x to +x, at equal steps."""
 
     def __post_init__(self) -> None:
         sizes = _numbers(_SIZES[self.kind])
@@ -158,8 +162,29 @@ class Shape:
         if self.kind == "plane":
             if math.sqrt(sum(n * n for n in self.size)) < 1e-9:
                 raise invalid(self, "size", self.size, "must not be 0, as the normal of a plane")
-        elif min(self.size) <= 0:
+        elif self.size and min(self.size) <= 0:
             raise invalid(self, "size", self.size, f"must be above 0 for a {self.kind}")
+        if self.kind == "convex":
+            _check_corners(self)
+        if self.kind == "heightfield":
+            _check_heights(self)
+
+
+def _check_corners(shape: Shape) -> None:
+    corners = np.array(shape.corners, dtype=np.float64)
+    if corners.shape[:1] < (4,) or corners.shape[1:] != (3,) or not np.isfinite(corners).all():
+        raise invalid(shape, "corners", shape.corners, "must be four or more points [x, y, z]")
+    spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
+    if spread[2] <= 1e-9 * spread[0]:
+        raise invalid(shape, "corners", shape.corners, "must not lie in one plane")
+
+
+def _check_heights(shape: Shape) -> None:
+    rows = shape.heights
+    if len(rows) < 2 or len(rows[0]) < 2 or any(len(row) != len(rows[0]) for row in rows):
+        raise invalid(shape, "heights", rows, "must be two or more rows of equal length")
+    if not np.isfinite(np.array(rows, dtype=np.float64)).all():
+        raise invalid(shape, "heights", rows, "must be numbers")
 
 
 MASS = Rule("greater than 0 kg, or null if fixed", POSITIVE.holds)
@@ -177,16 +202,19 @@ class Body:
     friction: Annotated[float, NOT_NEGATIVE] = 1.0  # coefficient mu of this body's surface
     inertia: Annotated[Vector | None, _numbers(3)] = None
     """Principal moments [kg m2] about the axes of ``pose``; None: those of homogeneous shapes."""
+    floor: bool = False  # a fixed body that robots drive on, such as a floor made of a box
 
     def __post_init__(self) -> None:
         if not self.shapes:
             raise invalid(self, "shapes", self.shapes, "must not be empty")
-        if self.mass is not None and any(shape.kind == "plane" for shape in self.shapes):
-            raise invalid(self, "mass", self.mass, "must be null for a body with a plane")
+        kinds = {shape.kind for shape in self.shapes}
+        if self.mass is not None and (self.floor or kinds & {"plane", "heightfield"}):
+            rule = "must be null for a floor and for a body with a plane or a height field"
+            raise invalid(self, "mass", self.mass, rule)
         if self.inertia is not None and min(self.inertia) <= 0:
             raise invalid(self, "inertia", self.inertia, "must be above 0")
 
     @property
     def is_ground(self) -> bool:
-        """Whether the body consists of planes to drive on; any other body is an obstacle."""
-        return all(shape.kind == "plane" for shape in self.shapes)
+        """Whether robots drive on the body; any other body is an obstacle."""
+        return self.floor or all(shape.kind in ("plane", "heightfield") for shape in self.shapes)

@@ -6,7 +6,7 @@ from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 
-from evoros.base.checks import TEXT, checked, instance_of, invalid, sequence_of
+from evoros.base.checks import POSITIVE, TEXT, checked, instance_of, invalid, sequence_of
 from evoros.base.errors import InputError
 from evoros.formats.sdf.writer import write_sdf
 from evoros.geometry.footprint import bottom_height, contains, project_shape, top_height
@@ -46,6 +46,7 @@ class World:
     source_sha256: str  # of its content
     sampler: Annotated[WorldSampler | None, A_SAMPLER] = None  # None: the same in all missions
     note: str = ""  # comment in its SDF: where it comes from
+    gravity_mps2: Annotated[float, POSITIVE] = 9.81  # downwards
 
     def __post_init__(self) -> None:
         _check_names(self)

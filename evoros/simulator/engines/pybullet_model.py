@@ -56,7 +56,8 @@ class Engine:
         """
         drive = robot.drive
         joints = (drive.steering_joints, drive.wheel_joints, drive.caster_links)
-        source = (robot.urdf, joints, world.bodies, world.course.home, settings)
+        surroundings = (world.bodies, world.gravity_mps2, world.course.home)
+        source = (robot.urdf, joints, surroundings, settings)
         if self._model is None or self._built_from != source or self._disturbed(self._model):
             self._built_from = None
             try:
@@ -102,7 +103,7 @@ class Engine:
     def _build(self, robot: Robot, world: World, settings: Settings) -> Model:
         bullet, client = self.bullet, self.client
         bullet.resetSimulation(physicsClientId=client)
-        bullet.setGravity(0, 0, -9.81, physicsClientId=client)
+        bullet.setGravity(0, 0, -world.gravity_mps2, physicsClientId=client)
         bullet.setPhysicsEngineParameter(
             fixedTimeStep=settings.time_step,
             numSolverIterations=settings.solver_iterations,
