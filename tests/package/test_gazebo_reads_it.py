@@ -1,0 +1,78 @@
+"""Gazebo's own parser accepts the robots with their sensors and the worlds that runs leave.
+
+``ign sdf`` of Debian 12's ignition-tools and libsdformat-dev; without it the tests are skipped.
+"""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lxml import etree
+
+from evoros.base.resources import bundled_folder
+from evoros.config.compose import compose
+from evoros.design.design import Design
+from evoros.evolution.experiment import Experiment
+
+pytestmark = pytest.mark.skipif(
+    shutil.which("ign") is None
+    or subprocess.run(["ign", "sdf", "--help"], capture_output=True).returncode != 0,
+    reason="needs ign sdf",
+)
+ROBOTS = sorted(file.stem for file in (bundled_folder("conf") / "robot").glob("*.yaml"))
+WORLDS = sorted(file.stem for file in (bundled_folder("conf") / "world").glob("*.yaml"))
+FITTING = {"erle_rover", "erle_rover_as_run", "two_wheeler"}  # carry the case study's sensors
+
+
+def ign(option: str, file: Path) -> str:
+    """The output of ``ign sdf``, which ends with status 0 for invalid files too."""
+    done = subprocess.run(["ign", "sdf", option, str(file)], capture_output=True, text=True)
+    complaints = [
+        line for line in done.stderr.splitlines() if "ignition-tools-backward" not in line
+    ]
+    assert done.returncode == 0, done.stderr
+    assert not any("Error" in line for line in complaints), done.stderr
+    return done.stdout
+
+
+def build(*overrides: str) -> Experiment:
+    return compose(["simulator=planar", *overrides]).build()
+
+
+def middle_design(experiment: Experiment) -> Design:
+    space = experiment.space
+    return space.decode(np.full(space.size, 0.7))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_it_keeps_every_sensor_of_a_robot(name: str, tmp_path: Path) -> None:
+    design = "six_sonars" if name in FITTING else "around"
+    experiment = build(f"robot={name}", f"design={design}")
+    robot = experiment.scenario.with_design(middle_design(experiment)).robot
+    file = tmp_path / "robot.urdf"
+    file.write_text(robot.urdf)
+    assert ign("-k", file).strip() == "Valid."
+    converted = etree.fromstring(ign("-p", file).encode())
+    names = [str(sensor.get("name")) for sensor in converted.iter("sensor")]
+    expected = [f"{mount.sensor}_{i}" for i, mount in enumerate(robot.mounts)]
+    assert expected
+    assert names == expected
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_it_accepts_the_worlds(name: str, tmp_path: Path) -> None:
+    for key, world in build(f"world={name}").world.items():
+        file = tmp_path / f"{key}.sdf"
+        file.write_text(world.sdf)
+        assert ign("-k", file).strip() == "Valid."
+        models = etree.fromstring(ign("-p", file).encode()).findall("world/model")
+        assert len(models) == len(world.bodies)
+
+
+def test_a_faulty_file_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "faulty.sdf"
+    file.write_text('<sdf version="1.9"><world name="w"><model/></world></sdf>')
+    with pytest.raises(AssertionError):
+        ign("-k", file)
