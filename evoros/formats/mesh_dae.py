@@ -1,0 +1,195 @@
+"""Read the surfaces of a COLLADA file (DAE), with its unit, its up axis and its scene's poses."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import radians
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+from lxml.etree import _Element as Element
+
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError
+
+UP = {
+    "X_UP": [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
+    "Y_UP": [[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]],
+    "Z_UP": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
+}
+_DEEPEST = 100  # nodes inside nodes; a file whose nodes contain each other has no end
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A named part of a mesh file, as triangles."""
+
+    names: tuple[str, ...]  # any of them selects it as a submesh
+    triangles: Array  # (n, 3, 3): corner, x y z [m]
+
+
+def read_dae(path: Path) -> list[Surface]:
+    """Read all surfaces that the scene shows, in metres, with z up.
+
+    Raises:
+        InputError: the file is no COLLADA file or refers to something that it lacks.
+    """
+    parser = etree.XMLParser(huge_tree=True, resolve_entities=False, no_network=True)
+    try:
+        root = etree.parse(path, parser).getroot()
+        return list(_Document(root).surfaces())
+    except (etree.XMLSyntaxError, ValueError, KeyError, IndexError, RecursionError) as error:
+        problem = f"must be a COLLADA file ({error})"
+        raise InputError(f"{path}: {problem}; export the mesh again, or as STL") from error
+
+
+class _Document:
+    def __init__(self, root: Element) -> None:
+        self.root = root
+        # Exporters give a node the name of its scene or geometry, so an id alone is not unique.
+        self.by_id = {
+            (etree.QName(element).localname, element.get("id")): element
+            for element in root.iter("{*}*")
+            if element.get("id")
+        }
+
+    def surfaces(self) -> Iterator[Surface]:
+        """Yield the surfaces of the scene; of a file without a scene, all geometries."""
+        unit = self.root.find("{*}asset/{*}unit")
+        meter = float(unit.get("meter", "1")) if unit is not None else 1.0
+        axis = (self.root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()
+        base = np.array(UP[axis], dtype=np.float64) @ np.diag([meter, meter, meter, 1.0])
+        shown = self.root.find("{*}scene/{*}instance_visual_scene")
+        if shown is None:
+            for geometry in self.root.iterfind("{*}library_geometries/{*}geometry"):
+                yield self._surface(geometry, base, ())
+            return
+        for node in self._target(shown, "visual_scene").iterfind("{*}node"):
+            yield from self._node(node, base, 0)
+
+    def _target(self, element: Element, tag: str) -> Element:
+        """Return the element with this tag that another one's ``url`` or ``source`` names."""
+        address = element.get("url") or element.get("source") or ""
+        target = self.by_id.get((tag, address.removeprefix("#")))
+        if target is None:
+            raise ValueError(f"line {element.sourceline}: there is no <{tag}> {address!r}")
+        return target
+
+    def _node(self, node: Element, pose: Array, depth: int) -> Iterator[Surface]:
+        if depth > _DEEPEST:
+            raise ValueError("its nodes contain each other")
+        pose = pose @ _transform(node)
+        names = tuple(name for key in ("name", "id") if (name := node.get(key)))
+        for child in node.iterfind("{*}*"):
+            tag = etree.QName(child).localname
+            if tag == "node":
+                yield from self._node(child, pose, depth + 1)
+            elif tag == "instance_node":
+                yield from self._node(self._target(child, "node"), pose, depth + 1)
+            elif tag == "instance_geometry":
+                yield self._surface(self._target(child, "geometry"), pose, names)
+            elif tag == "instance_controller":
+                skin = self._target(child, "controller").find("{*}skin")
+                if skin is not None:
+                    yield self._surface(self._target(skin, "geometry"), pose, names)
+
+    def _surface(self, geometry: Element, pose: Array, names: tuple[str, ...]) -> Surface:
+        own = tuple(name for key in ("name", "id") if (name := geometry.get(key)))
+        pieces = [np.empty((0, 3, 3))]
+        for element in geometry.iterfind("{*}mesh/{*}*"):
+            pieces += self._triangles(element)
+        triangles = np.concatenate(pieces) @ pose[:3, :3].T + pose[:3, 3]
+        return Surface((*names, *own), triangles)
+
+    def _triangles(self, element: Element) -> Iterator[Array]:
+        """Yield arrays of triangles (n, 3, 3) of one list of primitives."""
+        corners = _CORNERS.get(etree.QName(element).localname)
+        inputs = list(element.iterfind("{*}input"))
+        if corners is None or not inputs:
+            return
+        stride = 1 + max(int(entry.get("offset", "0")) for entry in inputs)
+        vertex = next(entry for entry in inputs if entry.get("semantic") == "VERTEX")
+        points = self._points(self._target(vertex, "vertices"))
+        for indices in element.iterfind("{*}p"):
+            flat = _numbers(indices, np.int64)[int(vertex.get("offset", "0")) :: stride]
+            counts = element.find("{*}vcount")
+            triples = corners(flat, None if counts is None else _numbers(counts, np.int64))
+            yield points[triples]
+
+    def _points(self, vertices: Element) -> Array:
+        position = next(
+            entry for entry in vertices.iterfind("{*}input") if entry.get("semantic") == "POSITION"
+        )
+        source = self._target(position, "source")
+        values = source.find("{*}float_array")
+        if values is None:
+            raise ValueError(f"source {source.get('id')!r} has no float_array")
+        accessor = source.find("{*}technique_common/{*}accessor")
+        stride = int(accessor.get("stride", "3")) if accessor is not None else 3
+        return _numbers(values, np.float64).reshape(-1, stride)[:, :3]
+
+
+def _numbers(element: Element, kind: type) -> Array:
+    numbers: Array = np.array((element.text or "").split(), dtype=kind)
+    return numbers
+
+
+def _each(flat: Array, counts: Array | None) -> Array:
+    return flat[: len(flat) // 3 * 3].reshape(-1, 3)
+
+
+def _fan(flat: Array, counts: Array | None) -> Array:
+    """Return the triangles of polygons with ``counts`` corners; all are one if it is None."""
+    if counts is None:
+        counts = np.array([len(flat)])
+    starts = np.cumsum(counts) - counts
+    triples = [np.empty((0, 3), dtype=np.int64)]
+    for i in range(1, int(counts.max(initial=0)) - 1):
+        first = starts[counts > i + 1]
+        triples.append(np.stack([flat[first], flat[first + i], flat[first + i + 1]], axis=1))
+    return np.concatenate(triples)
+
+
+def _strip(flat: Array, counts: Array | None) -> Array:
+    return np.stack([flat[:-2], flat[1:-1], flat[2:]], axis=1)
+
+
+_CORNERS = {
+    "triangles": _each,
+    "polylist": _fan,
+    "polygons": _fan,
+    "trifans": _fan,
+    "tristrips": _strip,
+}
+
+
+def _transform(node: Element) -> Array:
+    """Return the pose (4, 4) of a node in its parent, all its transforms in their order."""
+    pose = np.eye(4)
+    for element in node.iterfind("{*}*"):
+        tag = etree.QName(element).localname
+        if tag not in ("matrix", "translate", "rotate", "scale"):
+            continue
+        values = _numbers(element, np.float64)
+        step = np.eye(4)
+        if tag == "matrix":
+            step = values.reshape(4, 4)
+        elif tag == "translate":
+            step[:3, 3] = values
+        elif tag == "scale":
+            step[:3, :3] = np.diag(values)
+        else:
+            step[:3, :3] = _rotation(values[:3], radians(values[3]))
+        pose = pose @ step
+    return pose
+
+
+def _rotation(axis: Array, angle: float) -> Array:
+    """Return the rotation (3, 3) about an axis by an angle [rad]."""
+    length = float(np.linalg.norm(axis))
+    if length == 0.0:
+        return np.eye(3)
+    x, y, z = axis / length
+    skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turned: Array = np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * skew @ skew
+    return turned
