@@ -37,6 +37,8 @@ def load_robot(
     mount: MountDefaults,
     arguments: Mapping[str, Any] | None = None,
     packages: Sequence[str] = (),
+    ignored_packages: Sequence[str] = (),
+    environment: Mapping[str, Any] | None = None,
 ) -> Robot:
     """Load the robot that a xacro or URDF file describes.
 
@@ -47,7 +49,10 @@ def load_robot(
         InputError: the file cannot be used, or ``drive`` or ``mount`` do not fit it.
     """
     _check_types(description, drive, mount, arguments or {}, packages)
-    file, root = expansion.read(description, arguments or {}, packages)
+    file, root = expansion.read(
+        description,
+        expansion.ReadOptions(arguments or {}, packages, ignored_packages, environment or {}),
+    )
     urdf = read_tree(root, str(file))
     fitted = drive.fit(urdf)
     solids = _find_collision_shapes(urdf, fitted)

@@ -144,7 +144,7 @@ Edit = Callable[[etree._Element], object]
 
 @cache
 def expanded() -> etree._Element:
-    _, root = expansion.read("two_wheeler/two_wheeler.xacro", {})
+    _, root = expansion.read("two_wheeler/two_wheeler.xacro")
     return root
 
 

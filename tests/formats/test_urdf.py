@@ -24,7 +24,7 @@ def write(folder: Path, body: str, name: str = "r.xacro") -> str:
 
 def refused(name: str, *, limit: float = 5.0, where: str = "") -> str:
     with pytest.raises(InputError) as caught:
-        description.read(name, {}, time_limit_s=limit)
+        description.read(name, description.ReadOptions(time_limit_s=limit))
     message = str(caught.value)
     assert "\n" not in message
     assert message.startswith(where or name)
@@ -33,7 +33,9 @@ def refused(name: str, *, limit: float = 5.0, where: str = "") -> str:
 
 
 def text(name: str, packages: tuple[str, ...] = (), **arguments: object) -> str:
-    return etree.tostring(description.read(name, arguments, packages)[1], encoding="unicode")
+    return etree.tostring(
+        description.read(name, description.ReadOptions(arguments, packages))[1], encoding="unicode"
+    )
 
 
 def test_expansion_is_deterministic_and_free_of_paths() -> None:
@@ -53,19 +55,19 @@ def test_arguments_reach_the_file(tmp_path: Path) -> None:
 
 def test_an_unknown_argument_names_the_known_ones() -> None:
     with pytest.raises(InputError, match=r"radius.*it knows .*wheel_radius"):
-        description.read(DEFAULT, {"radius": 1.0})
+        description.read(DEFAULT, description.ReadOptions({"radius": 1.0}))
 
 
 def test_an_argument_must_be_a_plain_value() -> None:
     with pytest.raises(InputError, match="wheel_radius"):
-        description.read(DEFAULT, {"wheel_radius": [1]})
+        description.read(DEFAULT, description.ReadOptions({"wheel_radius": [1]}))
 
 
 def test_a_plain_urdf_takes_no_arguments(tmp_path: Path) -> None:
     path = tmp_path / "r.urdf"
     path.write_text('<robot name="r"/>')
-    with pytest.raises(InputError, match="takes no arguments"):
-        description.read(str(path), {"a": 1})
+    with pytest.raises(InputError, match="takes no argument a"):
+        description.read(str(path), description.ReadOptions({"a": 1}))
 
 
 @pytest.mark.parametrize(
@@ -233,4 +235,121 @@ def test_the_bundled_robots_can_be_included(tmp_path: Path) -> None:
 def test_a_missing_package_folder_is_named(tmp_path: Path) -> None:
     name = write(tmp_path, "")
     with pytest.raises(InputError, match=r"packages.*nowhere"):
-        description.read(name, {}, (str(tmp_path / "nowhere"),))
+        description.read(name, description.ReadOptions(packages=(str(tmp_path / "nowhere"),)))
+
+
+# Files as people write them.
+
+WHEEL = '<link name="wheel"/>'
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "http://ros.org/wiki/xacro",
+        "http://www.ros.org/wiki/xacro",
+        "http://wiki.ros.org/xacro",
+        "https://ros.org/wiki/xacro#macro",
+    ],
+)
+@pytest.mark.parametrize("prefix", ["xacro", "x"])
+def test_a_urdf_with_xacro_inside_is_expanded(tmp_path: Path, address: str, prefix: str) -> None:
+    file = tmp_path / "r.urdf"
+    body = f'<{prefix}:property name="n" value="4"/><link name="l${{n}}"/>'
+    file.write_text(f'<robot name="r" xmlns:{prefix}="{address}">{body}</robot>')
+    assert 'name="l4"' in text(str(file))
+
+
+def test_placeholders_without_xacro_are_filled(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = tmp_path / "r.urdf"
+    file.write_text('<robot name="r"><link name="${namespace}base"/></robot>')
+    assert 'name="base"' in text(str(file))
+    assert "namespace" in caplog.text
+    assert 'name="a/base"' in text(str(file), namespace="a/")
+    file.write_text('<robot name="r"><link name="${size}base"/></robot>')
+    assert "set robot.arguments.size" in refused(str(file))
+
+
+def package(folder: Path, name: str, file: str, content: str) -> Path:
+    path = folder / file
+    path.parent.mkdir(parents=True, exist_ok=True)
+    (folder / "package.xml").write_text(f"<package><name>{name}</name></package>")
+    path.write_text(content)
+    return path
+
+
+MACRO = XACRO.format('<xacro:macro name="wheel">' + WHEEL + "</xacro:macro>")
+
+
+@pytest.mark.parametrize("where", ["beside", "repository", "ros1", "ros2"])
+@pytest.mark.parametrize("find", ["find", "find-pkg-share"])
+def test_packages_are_found_without_being_declared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str, find: str
+) -> None:
+    """By the name in package.xml: the folder may have another."""
+    folders = {
+        "beside": tmp_path / "src" / "bot" / "parts",
+        "repository": tmp_path / "src" / "other" / "deep" / "parts",
+        "ros1": tmp_path / "ros1" / "stack" / "parts",
+        "ros2": tmp_path / "ros2" / "share" / "parts",
+    }
+    package(folders[where], "bot_parts", "urdf/wheel.xacro", MACRO)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'nowhere'}:{tmp_path / 'ros1'}")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "ros2"))
+    body = f'<xacro:include filename="$({find} bot_parts)/urdf/wheel.xacro"/><xacro:wheel/>'
+    home = tmp_path / "src" / "bot" / "bot_description"
+    file = package(home, "bot_description", "urdf/bot.urdf.xacro", XACRO.format(body))
+    assert 'name="wheel"' in text(str(file))
+
+
+def test_an_ignored_package_is_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    body = (
+        '<xacro:include filename="$(find arm_parts)/arm.xacro"/><xacro:arm side="left"/>'
+        '<link name="base"><visual><geometry><mesh filename="package://arm_parts/a.stl"/>'
+        "</geometry></visual></link>"
+    )
+    name = write(tmp_path, body)
+    assert "ignored_packages" in refused(name)
+    options = description.ReadOptions(ignored_packages=["arm_parts"])
+    _, root = description.read(name, options)
+    assert [child.tag for child in root] == ["link"]
+    assert root.find("link/visual") is None
+    assert "arm_parts/arm.xacro, <xacro:arm>" in caplog.text
+    assert "package://arm_parts/a.stl" in caplog.text
+
+
+def test_variables_are_those_of_the_key(tmp_path: Path) -> None:
+    name = write(tmp_path, '<link name="$(env SIDE)_$(optenv SIZE small)"/>')
+    assert "environment" in refused(name)
+    options = description.ReadOptions(environment={"SIDE": "left"})
+    assert description.read(name, options)[1][0].get("name") == "left_small"
+
+
+def test_a_file_of_macros_names_the_file_to_use(tmp_path: Path) -> None:
+    (tmp_path / "wheel.xacro").write_text(MACRO)
+    write(tmp_path, '<xacro:include filename="wheel.xacro"/><xacro:wheel/>', "bot.urdf.xacro")
+    assert "for example bot.urdf.xacro" in refused(str(tmp_path / "wheel.xacro"))
+
+
+def test_a_faulty_expression_gives_its_line(tmp_path: Path) -> None:
+    name = write(tmp_path, '\n<link name="a"/>\n<link name="${radius * 2}"/>')
+    refused(name, where=f"{name}:3:")
+    name = write(tmp_path, "\n\n\n<xacro:nothing/>")
+    refused(name, where=f"{name}:4:")
+
+
+def test_a_yaml_file_may_hold_numbers(tmp_path: Path) -> None:
+    (tmp_path / "sizes.yaml").write_text("wheel: {radius: 0.05}")
+    body = "<xacro:property name='s' value=\"${xacro.load_yaml('sizes.yaml')}\"/>"
+    name = write(tmp_path, body + "<link name=\"r${s['wheel']['radius']}\"/>")
+    assert 'name="r0.05"' in text(name)
+    name = write(tmp_path, body + "<link name=\"r${s['wheel']['width']}\"/>")
+    assert "width" in refused(name)
+
+
+def test_a_missing_mesh_of_a_part_keeps_its_name(tmp_path: Path) -> None:
+    part = '<{0}><geometry><mesh filename="package://gone/m.stl"/></geometry></{0}>'
+    name = write(tmp_path, f'<link name="a">{part.format("visual")}</link>')
+    assert "package://gone/m.stl" in text(name)

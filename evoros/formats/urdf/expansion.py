@@ -5,71 +5,138 @@ import json
 import logging
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import escape
 
 from lxml.etree import _Element as Element
 
 from evoros.base.errors import InputError
-from evoros.base.resources import bundled_folder, find_file
-from evoros.formats.strict_xml import element_error, parse
+from evoros.base.resources import find_file
+from evoros.formats.strict_xml import parse
 from evoros.formats.urdf import xacro_child
+from evoros.formats.urdf.named_files import resolve_files
+from evoros.formats.urdf.packages import PackageIndex, index_packages
 
 _LOG = logging.getLogger(__name__)
-_MESH_SCHEMES = ("package://", "model://", "file://")
+_XACRO = re.compile(xacro_child.NAMESPACE)
+_PLACEHOLDER = re.compile(r"\$\{(\w+)\}")
+_WITHOUT_LINKS = ("material", "gazebo", "transmission")
+_PREFIX = re.compile(r"(robot_?)?(namespace|ns|prefix)|tf_prefix")
 
 
-def read(
-    name: str,
-    arguments: Mapping[str, object],
-    packages: Sequence[str] = (),
-    time_limit_s: float = 10.0,
-) -> tuple[Path, Element]:
+@dataclass(frozen=True)
+class ReadOptions:
+    """How to read a description: what xacro gets, and where named files may be."""
+
+    arguments: Mapping[str, object] = field(default_factory=dict)  # of the xacro file
+    packages: Sequence[str] = ()  # folders that are packages or hold some
+    ignored_packages: Sequence[str] = ()  # what comes from them is left out
+    environment: Mapping[str, object] = field(default_factory=dict)  # for $(env) and $(optenv)
+    time_limit_s: float = 10.0  # of processor time
+
+
+def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
     """Return the file and the root element of a URDF, or of the expansion of a xacro file.
 
-    ``packages`` are folders in which ``$(find name)``, ``package://`` and ``model://`` look, in
-    addition to the file's own package and the bundled robots. ``time_limit_s`` [s of processor
-    time] bounds the expansion. In the result, all names of files are absolute paths.
+    In the result, the names of existing files are absolute paths. A mesh that is missing keeps its
+    name, and whoever needs it reports it.
 
     Raises:
         InputError: the file is missing, not well-formed, cannot be expanded, has a DOCTYPE, or
-            names a file that is missing or outside of these folders.
+            names a file outside of the folders that it may read.
     """
+    options = options or ReadOptions()
     file = find_file(name, "robots")
-    root = parse(_read_content(file), str(file))
-    roots = _find_roots(file, packages)
-    if file.suffix == ".xacro" or "http://www.ros.org/wiki/xacro" in root.nsmap.values():
-        text = expand(file, arguments, roots, time_limit_s)
+    content = _read_content(file)
+    root = parse(content, str(file))
+    packages = index_packages(file, options.packages, options.ignored_packages)
+    if file.suffix == ".xacro" or any(map(_XACRO.search, root.nsmap.values())):
+        text = expand(file, options, packages)
         root = parse(text.encode(), f"{file} (expanded)")  # the lines are not those of the file
-    elif arguments:
-        raise InputError(
-            f"{file}: a plain URDF takes no arguments, not {sorted(arguments)}; "
-            f"remove them or name a .xacro file"
-        )
-    _resolve_files(root, file, roots)
+        if b":macro" in content:
+            _check_robot(root, file)
+    else:
+        root = _fill_placeholders(content.decode(errors="replace"), file, options.arguments, root)
+    resolve_files(root, file, packages)
     return file, root
 
 
-def expand(
-    file: Path, arguments: Mapping[str, object], roots: Sequence[Path], time_limit_s: float
-) -> str:
+def _check_robot(root: Element, file: Path) -> None:
+    """Refuse a xacro file that only defines macros, and name the files that call them."""
+    if root.tag != "robot" or any(child.tag not in _WITHOUT_LINKS for child in root):
+        return
+    users = [
+        other.name
+        for other in sorted(file.parent.rglob("*.xacro"))[:200]
+        if other != file and file.name in other.read_text(errors="replace")
+    ]
+    named = f", for example {', '.join(users[:3])}" if users else ""
+    raise InputError(
+        f"{file}: must describe a robot, but expands to no <link>: it only defines macros; name "
+        f"the file that calls them{named}"
+    )
+
+
+def _fill_placeholders(
+    text: str, file: Path, arguments: Mapping[str, object], root: Element
+) -> Element:
+    """Return the root with ``${NAME}`` replaced, as launch files do in a URDF without xacro.
+
+    Prefixes of names are empty unless an argument gives them.
+    """
+    found = sorted(set(_PLACEHOLDER.findall(text)))
+    unknown = sorted(set(arguments) - set(found))
+    if unknown:
+        knows = f"the placeholders {', '.join(found)}" if found else "no arguments"
+        raise InputError(
+            f"{file}: a plain URDF with {knows} takes no argument {', '.join(unknown)}; "
+            f"remove it or name a .xacro file"
+        )
+    if not found:
+        return root
+    values = {name: "" for name in found if _PREFIX.fullmatch(name)}
+    values |= {name: _format_argument(file, name, value) for name, value in arguments.items()}
+    lacking = [name for name in found if name not in values]
+    if lacking:
+        raise InputError(
+            f"{file}: ${{{lacking[0]}}} must have a value, because the file has placeholders but "
+            f"does not declare xacro; set robot.arguments.{lacking[0]}"
+        )
+    empty = [name for name in found if not values[name]]
+    if empty:
+        _LOG.warning("%s: the placeholders %s are left empty", file, ", ".join(empty))
+    filled = _PLACEHOLDER.sub(lambda match: escape(values[match[1]]), text)
+    return parse(filled.encode(), str(file))
+
+
+def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> str:
     """Return the text that a xacro file expands to.
 
     Raises:
         InputError: the file cannot be expanded within the limits, or does not know an argument.
     """
-    texts = {name: _format_argument(file, name, value) for name, value in arguments.items()}
+    texts, variables = (
+        {name: _format_argument(file, name, value) for name, value in values.items()}
+        for values in (options.arguments, options.environment)
+    )
     request = {
         "file": str(file),
         "arguments": texts,
-        "roots": [str(root) for root in roots],
+        "environment": variables,
+        "roots": [str(root) for root in packages.roots],
+        "packages": {name: str(folder) for name, folder in packages.folders.items()},
+        "ignored": sorted(packages.ignored),
         "path": [folder for folder in sys.path if folder],  # not the folder of the file
-        "seconds": math.ceil(time_limit_s),
+        "seconds": math.ceil(options.time_limit_s),
     }
-    answer = _request_expansion(request, file, time_limit_s)
+    answer = _request_expansion(request, file, options.time_limit_s)
     if "error" in answer:
         place = f"{answer['file']}:{answer['line']}" if answer.get("line") else answer["file"]
         raise InputError(
@@ -81,12 +148,15 @@ def expand(
             f"{file}: arguments must be declared by <xacro:arg>, not {', '.join(unknown)}; "
             f"it knows {', '.join(answer['known']) or 'none'}"
         )
+    if answer["skipped"]:
+        left_out = ", ".join(dict.fromkeys(answer["skipped"]))
+        _LOG.warning("%s: of ignored packages, left out: %s", file, left_out)
     return str(answer["text"])
 
 
 def _request_expansion(
     request: dict[str, object], file: Path, time_limit_s: float
-) -> dict[str, str]:
+) -> dict[str, Any]:
     """Return the answer of the child process, which gets only the request and no environment."""
     rule = f"xacro must expand within {time_limit_s:g} s and {xacro_child.MEMORY_BYTES >> 20} MiB"
     fix = "look for an endless or huge expression, include or macro"
@@ -101,7 +171,7 @@ def _request_expansion(
         )
     if messages:
         _LOG.warning("%s: xacro reports: %s", file, messages)
-    answer: dict[str, str] = json.loads(output)
+    answer: dict[str, Any] = json.loads(output)
     return answer
 
 
@@ -149,46 +219,3 @@ def _read_content(file: Path) -> bytes:
         raise InputError(
             f"{file}: must be readable, but: {error.strerror}; change its permissions"
         ) from error
-
-
-def _find_roots(file: Path, packages: Sequence[str]) -> list[Path]:
-    """Return the file's folder, the ROS package around it, the declared and the bundled folders."""
-    roots = [file.parent]
-    roots += [folder for folder in file.parents if (folder / "package.xml").is_file()][:1]
-    for name in packages:
-        folder = Path(name).expanduser()
-        if not folder.is_dir():
-            raise InputError(f"packages: {name}: no such folder; give an existing one")
-        roots.append(folder.resolve())
-    return [*roots, bundled_folder("robots")]
-
-
-def _resolve_files(root: Element, file: Path, roots: Sequence[Path]) -> None:
-    """Replace the names of meshes and textures by absolute paths."""
-    for element in root.iter("mesh", "texture"):
-        name = element.get("filename")
-        if not name:
-            raise element_error(element, "must have a filename", "add it")
-        element.set("filename", str(_resolve(name, file, roots)))
-
-
-def _resolve(name: str, file: Path, roots: Sequence[Path]) -> Path:
-    """Return the real path of a named file, which must lie in one of ``roots``."""
-    scheme = next((s for s in _MESH_SCHEMES if name.startswith(s)), "")
-    path = name[len(scheme) :]
-    if "://" in path:
-        raise InputError(f"{file}: {name}: files must be local; use {', '.join(_MESH_SCHEMES)}")
-    if scheme in ("package://", "model://"):
-        package, _, inner = path.partition("/")
-        named = [root for root in roots if root.name == package]
-        candidates = [root / inner for root in named] + [root / path for root in roots]
-    else:
-        candidates = [file.parent / path]
-    for candidate in candidates:
-        real = candidate.resolve()
-        if real.is_file() and any(real.is_relative_to(root.resolve()) for root in roots):
-            return real
-    raise InputError(
-        f"{file}: {name}: must be an existing file inside {', '.join(map(str, roots))}; "
-        f"add its folder to the robot's packages"
-    )
