@@ -31,7 +31,8 @@ from evoros.formats.sdf.writer import write_sdf
 from evoros.geometry.footprint import project_bodies
 from evoros.geometry.shapes import Body
 from evoros.world.course import A_COURSE, Course
-from evoros.world.model import GROUND, World
+from evoros.world.floors import GROUND
+from evoros.world.model import World
 
 FIXED = "fixed"
 """The key of the random draws of a world that is the same in all missions."""

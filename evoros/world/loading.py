@@ -1,13 +1,13 @@
 """Reads a world from an SDF file."""
 
 import hashlib
-import logging
 from pathlib import Path
 
 from evoros.base.resources import find_file
 from evoros.formats.sdf.reader import read_sdf
 from evoros.world.course import Course
-from evoros.world.model import GROUND, World
+from evoros.world.floors import settle
+from evoros.world.model import World
 
 
 def load_world(sdf: str, course: Course) -> World:
@@ -23,7 +23,5 @@ def load_world(sdf: str, course: Course) -> World:
     path = find_file(sdf, "worlds")
     content = path.read_bytes()
     bodies = read_sdf(content, sdf)
-    if not any(body.is_ground for body in bodies):
-        logging.getLogger(__name__).warning("%s: has no plane; level ground is added", sdf)
-        bodies = (GROUND, *bodies)
+    bodies = settle(bodies, course, sdf)
     return World(Path(sdf).stem, bodies, course, sdf, hashlib.sha256(content).hexdigest())

@@ -1,6 +1,5 @@
-"""A world: bodies on level ground, and a course among them."""
+"""A world: bodies on the ground, and a course among them."""
 
-import math
 from dataclasses import dataclass
 from typing import Annotated, Protocol, runtime_checkable
 
@@ -10,10 +9,9 @@ from evoros.base.checks import POSITIVE, TEXT, checked, instance_of, invalid, se
 from evoros.base.errors import InputError
 from evoros.formats.sdf.writer import write_sdf
 from evoros.geometry.footprint import bottom_height, contains, project_shape, top_height
-from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.geometry.shapes import Body
 from evoros.world.course import A_COURSE, Course
-
-GROUND = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
+from evoros.world.floors import MAT_M, ground_height, is_level, plane_normal
 
 LOW_M = 0.3
 """An obstacle whose underside is higher than this above the ground may stand over a waypoint."""
@@ -34,7 +32,7 @@ A_SAMPLER = instance_of(WorldSampler, "a world sampler (draw_world)")
 @dataclass(frozen=True)
 @checked
 class World:
-    """Bodies and a course among them. Every world has level ground at z = 0.
+    """Bodies and a course among them. Every world has ground at z = 0 at home.
 
     With a sampler, each mission has a world of its own, and this world is an example.
     """
@@ -71,6 +69,16 @@ class World:
         """All bodies but the ground."""
         return tuple(body for body in self.bodies if not body.is_ground)
 
+    @property
+    def is_level(self) -> bool:
+        """Whether the ground is level: there is no tilted plane and no height field."""
+        return all(
+            is_level(shape, body.pose @ shape.pose)
+            for body in self.bodies
+            if body.is_ground
+            for shape in body.shapes
+        )
+
 
 def _check_names(world: World) -> None:
     seen: set[str] = set()
@@ -81,21 +89,21 @@ def _check_names(world: World) -> None:
 
 
 def _check_ground(world: World) -> None:
-    heights = []
     for body in world.bodies:
-        for shape in body.shapes if body.is_ground else ():
-            pose = body.pose @ shape.pose
-            normal = pose.rotation @ np.array(shape.size) / np.linalg.norm(shape.size)
-            if math.hypot(normal[0], normal[1]) > 1e-6 or normal[2] < 0:
-                raise InputError(
-                    f"{world.source}: the ground plane {body.name!r} must be level and face up, "
-                    f"not {np.round(normal, 6).tolist()}; use a box for anything else"
-                )
-            heights.append(pose.position[2])
-    if not heights or abs(max(heights)) > 1e-6:
-        found = f"its highest is at {max(heights):g} m" if heights else "it has none"
+        for shape in body.shapes:
+            if shape.kind == "plane":
+                normal = plane_normal(shape, body.pose @ shape.pose)
+                if normal[2] <= 1e-6:
+                    raise InputError(
+                        f"{world.source}: the ground plane {body.name!r} must face up, not along "
+                        f"{np.round(normal, 6).tolist()}; use a box for anything else"
+                    )
+    course = world.course
+    height = ground_height(world.bodies, (course.home_x_m, course.home_y_m))
+    if height is None or not -1e-6 <= height <= MAT_M + 1e-6:
+        found = "it has none" if height is None else f"it is at {height:g} m"
         raise InputError(
-            f"{world.source}: must have ground at z = 0 m, but {found}; put a level plane there"
+            f"{world.source}: must have ground at z = 0 m at home, but {found}; put a floor there"
         )
 
 

@@ -25,13 +25,13 @@ def test_a_place_in_an_obstacle_is_refused_by_name(x: float, y: float, place: st
     "ground",
     [
         Body("g", Pose((0.0, 0.0, 0.1)), (Shape("plane", (0.0, 0.0, 1.0)),)),
-        Body("g", Pose(), (Shape("plane", (0.0, 0.1, 1.0)),)),
         Body("g", Pose(), (Shape("plane", (0.0, 0.0, -1.0)),)),
-        Body("g", Pose.from_rpy((0.0, 0.0, 0.0), 0.1, 0.0, 0.0), GROUND.shapes),
+        Body("g", Pose(), (Shape("plane", (1.0, 0.0, 0.0)),)),
+        Body("g", Pose((1.0, 0.0, 0.0)), (Shape("plane", (0.1, 0.0, 1.0)),)),
         Body("g", Pose((0.0, 0.0, -0.1)), GROUND.shapes),
     ],
 )
-def test_the_ground_must_be_level_at_zero(ground: Body) -> None:
+def test_the_ground_must_be_at_zero_at_home_and_face_up(ground: Body) -> None:
     with pytest.raises(InputError, match=r"^test\.sdf: .*ground"):
         world_of(ground)
 
@@ -41,6 +41,17 @@ def test_there_must_be_ground_and_there_may_be_more_below() -> None:
         world_of(box("alone", 1.0, 1.0, 0.5))
     below = Body("below", Pose((0.0, 0.0, -1.0)), GROUND.shapes)
     assert world_of(below, GROUND, Body("twice", Pose(), GROUND.shapes * 2)).obstacles == ()
+
+
+def test_tilted_planes_and_height_fields_are_ground_that_is_not_level() -> None:
+    assert world_of(GROUND).is_level
+    assert not world_of(Body("g", Pose(), (Shape("plane", (0.0, 0.1, 1.0)),))).is_level
+    turned = Body("g", Pose.from_rpy((0.0, 0.0, 0.0), 0.1, 0.0, 0.0), GROUND.shapes)
+    assert not world_of(turned).is_level
+    hill = Shape("heightfield", (20.0, 20.0), heights=((-1.0, 1.0), (-1.0, 1.0)))
+    assert not world_of(Body("hill", Pose(), (hill,))).is_level
+    with pytest.raises(InputError, match=r"it is at 0\.5 m"):
+        world_of(Body("hill", Pose((0.0, 0.0, 0.5)), (hill,)))
 
 
 def test_two_bodies_of_one_name_are_refused() -> None:

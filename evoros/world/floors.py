@@ -1,0 +1,191 @@
+"""Floors: the surfaces on which a course stands, and the height of the ground at a point.
+
+A fixed body with a level top at the height of home is a floor, such as a slab or a mat. A world
+whose floor at home is not at z = 0 is moved, so that it is.
+"""
+
+import logging
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.geometry.footprint import Footprint, contains, convex_hull, project_shape, top_height
+from evoros.geometry.shapes import Body, Pose, Shape, Vector
+from evoros.world.course import Course
+
+_LOG = logging.getLogger(__name__)
+
+GROUND = Body("ground", Pose(), (Shape("plane", (0.0, 0.0, 1.0)),))
+
+MAT_M = 0.015
+"""A level top of at most this height above the floor is a part of the floor, such as a mat."""
+
+STAGE_M = 1.0
+"""A level top of at most this height above the ground is the floor if the whole course is on it."""
+
+_LEVEL = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class _Top:
+    """The level top of one shape of a fixed body."""
+
+    body: int
+    shape: int
+    height: float  # [m]
+    area: Footprint
+
+
+def ground_height(bodies: Sequence[Body], point: Sequence[float]) -> float | None:
+    """Return the height [m] of the highest ground at a point [x, y]; None if there is none."""
+    heights = [
+        height
+        for body in bodies
+        if body.is_ground
+        for shape in body.shapes
+        if (height := _height_at(shape, body.pose @ shape.pose, point)) is not None
+    ]
+    return max(heights, default=None)
+
+
+def plane_normal(shape: Shape, pose: Pose) -> Array:
+    """Return the unit normal (3,) in the world of a plane at ``pose``."""
+    normal: Array = pose.rotation @ np.array(shape.size) / np.linalg.norm(shape.size)
+    return normal
+
+
+def is_level(shape: Shape, pose: Pose) -> bool:
+    """Whether a shape that robots drive on is level."""
+    if shape.kind == "plane":
+        normal = plane_normal(shape, pose)
+        return math.hypot(normal[0], normal[1]) <= _LEVEL
+    return shape.kind != "heightfield"
+
+
+def _height_at(shape: Shape, pose: Pose, point: Sequence[float]) -> float | None:
+    x, y = point[0] - pose.position[0], point[1] - pose.position[1]
+    if shape.kind == "plane":
+        normal = plane_normal(shape, pose)
+        if normal[2] <= _LEVEL:
+            return None
+        return float(pose.position[2] - (normal[0] * x + normal[1] * y) / normal[2])
+    if shape.kind == "heightfield":
+        return _field_height(shape, pose, (point[0], point[1], 0.0))
+    top = _level_top(shape, pose)
+    return top[0] if top is not None and contains(top[1], point) else None
+
+
+def _field_height(shape: Shape, pose: Pose, point: Vector) -> float | None:
+    """Interpolate the height [m] of an upright height field."""
+    x, y, _ = pose.inverse().transform(point)
+    heights = np.array(shape.heights)
+    rows, columns = heights.shape
+    row = (y / shape.size[1] + 0.5) * (rows - 1)
+    column = (x / shape.size[0] + 0.5) * (columns - 1)
+    if not (0 <= row <= rows - 1 and 0 <= column <= columns - 1):
+        return None
+    i, j = min(int(row), rows - 2), min(int(column), columns - 2)
+    v, u = row - i, column - j
+    (a, b), (c, d) = heights[i : i + 2, j : j + 2]
+    height = (1 - v) * ((1 - u) * a + u * b) + v * ((1 - u) * c + u * d)
+    return pose.position[2] + float(height)
+
+
+def _level_top(shape: Shape, pose: Pose) -> tuple[float, Footprint] | None:
+    """Return height [m] and area of the level top of a solid shape; None if it has none."""
+    up = np.abs(pose.rotation[2])
+    if shape.kind == "box" and up.max() > 1 - _LEVEL:
+        return top_height(shape, pose), project_shape(shape, pose)
+    if shape.kind == "cylinder" and up[2] > 1 - _LEVEL:
+        return top_height(shape, pose), project_shape(shape, pose)
+    if shape.kind == "convex":
+        corners = np.array(shape.corners) @ pose.rotation.T + pose.position
+        height = float(corners[:, 2].max())
+        highest = convex_hull(corners[corners[:, 2] > height - 1e-3, :2])
+        return None if len(highest) < 3 else (height, Footprint(highest))
+    return None
+
+
+def settle(bodies: Sequence[Body], course: Course, source: str) -> tuple[Body, ...]:
+    """Return the bodies with their floors marked, moved so that the floor at home is at z = 0.
+
+    Level ground is added if home or a waypoint stands on nothing. ``source`` names the world in
+    messages.
+    """
+    points = [(course.home_x_m, course.home_y_m), *course.waypoints]
+    tops = list(_find_tops(bodies))
+    level = _find_level(bodies, tops, points)
+    bodies = _mark_floors(bodies, [top for top in tops if abs(top.height - level) <= MAT_M])
+    if abs(level) > _LEVEL:
+        _LOG.warning("%s: its floor at home is at z = %g m; the world is moved by %g m",
+                     source, level, -level)  # fmt: skip
+        bodies = [_lift(body, -level) for body in bodies]
+    bare = [point for point in points if ground_height(bodies, point) is None]
+    if not bare:
+        return tuple(bodies)
+    where = "" if len(bare) == len(points) else f" at ({bare[0][0]:g}, {bare[0][1]:g})"
+    _LOG.warning("%s: has no ground%s; level ground is added", source, where)
+    taken = {body.name for body in bodies}
+    name = GROUND.name if GROUND.name not in taken else "level ground"
+    return (replace(GROUND, name=name), *bodies)
+
+
+def _find_tops(bodies: Sequence[Body]) -> Iterator[_Top]:
+    for i, body in enumerate(bodies):
+        for j, shape in enumerate(body.shapes if body.mass is None else ()):
+            top = _level_top(shape, body.pose @ shape.pose)
+            if top is not None:
+                yield _Top(i, j, *top)
+
+
+def _find_level(
+    bodies: Sequence[Body], tops: Sequence[_Top], points: Sequence[Sequence[float]]
+) -> float:
+    """Return the height [m] of the floor that carries the course."""
+    ground = ground_height(bodies, points[0])
+    at_home = sorted(top.height for top in tops if contains(top.area, points[0]))
+
+    def carries_all(height: float) -> bool:
+        return all(_carries(height, bodies, tops, point) for point in points[1:])
+
+    base = ground if ground is not None else min(filter(carries_all, at_home), default=None)
+    if base is None:  # nothing carries the whole course: a low top at home does, or nothing
+        return min((height for height in at_home if abs(height) <= STAGE_M), default=0.0)
+    raised = [h for h in at_home if base + MAT_M < h <= base + STAGE_M and carries_all(h)]
+    highest = max(raised, default=base)
+    return min((h for h in raised if h >= highest - MAT_M), default=base)
+
+
+def _carries(
+    height: float, bodies: Sequence[Body], tops: Sequence[_Top], point: Sequence[float]
+) -> bool:
+    ground = ground_height(bodies, point)
+    if ground is not None and abs(ground - height) <= MAT_M:
+        return True
+    return any(abs(top.height - height) <= MAT_M and contains(top.area, point) for top in tops)
+
+
+def _mark_floors(bodies: Sequence[Body], tops: Sequence[_Top]) -> list[Body]:
+    """Return the bodies; a body with other shapes besides floors is divided into two."""
+    chosen: dict[int, set[int]] = {}
+    for top in tops:
+        chosen.setdefault(top.body, set()).add(top.shape)
+    marked: list[Body] = []
+    for i, body in enumerate(bodies):
+        floor = [shape for j, shape in enumerate(body.shapes) if j in chosen.get(i, ())]
+        rest = [shape for j, shape in enumerate(body.shapes) if j not in chosen.get(i, ())]
+        if floor and rest:
+            name = f"{body.name}::floor"
+            marked.append(replace(body, shapes=tuple(rest)))
+            marked.append(replace(body, name=name, shapes=tuple(floor), floor=True))
+        else:
+            marked.append(replace(body, floor=True) if floor else body)
+    return marked
+
+
+def _lift(body: Body, height: float) -> Body:
+    x, y, z = body.pose.position
+    return replace(body, pose=Pose((x, y, z + height), body.pose.quaternion))
