@@ -27,10 +27,20 @@ steerings = st.floats(-0.6, 0.6)
 coordinates = st.floats(-6.0, 6.0)
 angles = st.floats(-math.pi, math.pi)
 lengths = st.floats(0.05, 2.0)
+
+
+def rock(seed: int) -> Shape:
+    """A convex polyhedron of up to 12 corners, away from the origin of its frame."""
+    rng = np.random.default_rng(seed)
+    corners = rng.uniform(-1.0, 1.0, 3) + rng.uniform(-0.8, 0.8, (rng.integers(5, 13), 3))
+    return Shape("convex", (), corners=tuple((x, y, z) for x, y, z in corners.tolist()))
+
+
 shapes = st.one_of(
     st.builds(lambda x, y, z: Shape("box", (x, y, z)), lengths, lengths, lengths),
     st.builds(lambda r, h: Shape("cylinder", (r, h)), lengths, lengths),
     st.builds(lambda r: Shape("sphere", (r,)), lengths),
+    st.builds(lambda seed: rock(seed), st.integers(0, 2**32)),
 )
 solids = st.builds(
     lambda shape, x, y, z, roll, pitch, yaw: (

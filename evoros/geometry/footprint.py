@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.geometry.polyhedron import clip_polyhedron, convex_polyhedron, placed_corners
 from evoros.geometry.shapes import Body, Pose, Shape
 
 _ELLIPSE_CORNERS = 64
@@ -21,12 +22,18 @@ class Footprint:
     radius: float = 0.0  # [m]
 
 
-def project_shape(shape: Shape, pose: Pose) -> Footprint:
-    """Project a box, cylinder or sphere at ``pose`` (in the world) onto the ground.
+def project_shape(
+    shape: Shape, pose: Pose, low_m: float = -math.inf, high_m: float = math.inf
+) -> Footprint:
+    """Project a shape that is no plane, at ``pose`` in the world, onto the ground.
 
-    The projection is exact, except for a cylinder that neither stands nor lies. Its discs project
-    to ellipses, and the polygons around these exceed them by at most 0.13 % of the radius.
+    Of a convex polyhedron, only the part between two heights [m] is projected; of any other shape,
+    the whole. The projection is exact, except for a cylinder that neither stands nor lies. Its
+    discs project to ellipses, and the polygons around these exceed them by at most 0.13 % of the
+    radius.
     """
+    if shape.kind in ("convex", "heightfield"):
+        return Footprint(convex_hull(_extreme_points(shape, pose, low_m, high_m)[:, :2]))
     centre = np.array(pose.position[:2])
     if shape.kind == "sphere":
         return Footprint(centre[None], shape.size[0])
@@ -37,6 +44,32 @@ def project_shape(shape: Shape, pose: Pose) -> Footprint:
     radius, length = shape.size
     vertices, radius = _project_cylinder(radius, length, pose.rotation[:, 2])
     return Footprint(vertices + centre, radius)
+
+
+def _extreme_points(shape: Shape, pose: Pose, low_m: float, high_m: float) -> Array:
+    """Return points (n, 3) [m] in the world whose hull is that of a polyhedron or a height field.
+
+    Only the part of a polyhedron between the two heights counts.
+    """
+    if shape.kind == "heightfield":
+        return placed_corners(height_points(shape).reshape(-1, 3), pose.rotation, pose.position)
+    solid = convex_polyhedron(shape.corners)
+    corners = placed_corners(solid.corners, pose.rotation, pose.position)
+    if low_m <= corners[:, 2].min() and corners[:, 2].max() <= high_m:
+        return corners
+    return clip_polyhedron(corners, solid.edges, low_m, high_m)
+
+
+def height_points(shape: Shape) -> Array:
+    """Return the grid points (rows, columns, 3) [m] of a height field in its frame."""
+    heights = np.array(shape.heights, dtype=np.float64)
+    rows, columns = heights.shape
+    length_x, length_y = shape.size
+    x, y = np.meshgrid(
+        np.linspace(-length_x / 2, length_x / 2, columns),
+        np.linspace(-length_y / 2, length_y / 2, rows),
+    )
+    return np.stack([x, y, heights], axis=-1)
 
 
 def _project_cylinder(radius: float, length: float, axis: Array) -> tuple[Array, float]:
@@ -63,7 +96,9 @@ def _circumscribe(along: float, across: float) -> Array:
 
 
 def bottom_height(shape: Shape, pose: Pose) -> float:
-    """Return the height [m] of the lowest point of a box, cylinder or sphere at ``pose``."""
+    """Return the height [m] of the lowest point of a shape that is no plane, at ``pose``."""
+    if shape.kind in ("convex", "heightfield"):
+        return float(_extreme_points(shape, pose, -math.inf, math.inf)[:, 2].min())
     up = pose.rotation[2]  # the world's z axis in the frame of the shape
     if shape.kind == "sphere":
         depth = shape.size[0]
@@ -76,15 +111,21 @@ def bottom_height(shape: Shape, pose: Pose) -> float:
 
 
 def top_height(shape: Shape, pose: Pose) -> float:
-    """Return the height [m] of the highest point: the shapes are symmetric about their centres."""
+    """Return the height [m] of the highest point of a shape that is no plane, at ``pose``."""
+    if shape.kind in ("convex", "heightfield"):
+        return float(_extreme_points(shape, pose, -math.inf, math.inf)[:, 2].max())
+    # The other shapes are symmetric about their centres.
     return 2.0 * pose.position[2] - bottom_height(shape, pose)
 
 
 def project_bodies(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footprint, ...]:
-    """Project all solid shapes that begin below a height [m] and end above the ground."""
+    """Project all solid shapes that begin below a height [m] and end above the ground.
+
+    Polyhedra are projected only between the two.
+    """
     placed = [(shape, body.pose @ shape.pose) for body in bodies for shape in body.shapes]
     return tuple(
-        project_shape(shape, pose)
+        project_shape(shape, pose, 0.0, below_m)
         for shape, pose in placed
         if shape.kind != "plane"
         and bottom_height(shape, pose) < below_m

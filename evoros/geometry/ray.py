@@ -1,4 +1,4 @@
-"""Ray casting against boxes, cylinders and spheres. Runs compiled and interpreted alike."""
+"""Ray casting against solid shapes. Runs compiled and interpreted alike."""
 
 import math
 
@@ -9,14 +9,19 @@ from evoros.base.compilation import compilable
 KIND, AT_X, AT_Y, AT_Z, BOUND, ROTATION = range(6)
 """Kind, centre [m], radius [m] of the circle around its footprint, rotation by rows (3, 3)."""
 EXTENT = ROTATION + 9
-"""Half lengths of a box; radius and half length of a cylinder; radius of a sphere [m]."""
+"""Half lengths of a box; radius and half length of a cylinder; radius of a sphere [m]; the first
+row of a polyhedron in the array of faces and the row after its last."""
 OBSTACLE_SIZE = EXTENT + 3
-BOX, CYLINDER, SPHERE = 0.0, 1.0, 2.0
+BOX, CYLINDER, SPHERE, CONVEX = 0.0, 1.0, 2.0, 3.0
+FACE_SIZE = 4
+"""A face of a polyhedron: its outward normal (3,), and its distance [m] from the origin of the
+polyhedron's frame along that normal."""
 
 
 @compilable
 def cast_rays(
     obstacle: Array,
+    faces: Array,
     cos: float,
     sin: float,
     x: float,
@@ -29,7 +34,8 @@ def cast_rays(
 ) -> float:
     """Return the minimum distance [m] from a sensor to an obstacle, or ``best`` if that is less.
 
-    The rays are ``rays[start:end]`` of (n, 3) unit vectors. Their frame is turned to the left by
+    ``faces`` (f, FACE_SIZE) are those of all polyhedra. The rays are ``rays[start:end]`` of (n, 3)
+    unit vectors. Their frame is turned to the left by
     the angle of ``cos`` and ``sin``; (x, y, z) [m] is their origin relative to the obstacle's
     centre, in that frame. A ray that starts inside the obstacle does not see it.
     """
@@ -53,6 +59,8 @@ def cast_rays(
             best = _intersect_box(ox, oy, oz, ux, uy, uz, a, b, c, best)
         elif kind == CYLINDER:
             best = _intersect_cylinder(ox, oy, oz, ux, uy, uz, a, b, best)
+        elif kind == CONVEX:
+            best = _intersect_polyhedron(ox, oy, oz, ux, uy, uz, faces[int(a) : int(b)], best)
         else:
             best = _intersect_sphere(ox, oy, oz, ux, uy, uz, a, best)
     return best
@@ -147,6 +155,37 @@ def _intersect_sphere(
         return best
     near = -along - math.sqrt(root)
     return near if 0.0 <= near <= best else best
+
+
+@compilable
+def _intersect_polyhedron(
+    ox: float,
+    oy: float,
+    oz: float,
+    ux: float,
+    uy: float,
+    uz: float,
+    faces: Array,
+    best: float,
+) -> float:
+    """Return the distance to the points inside all faces, like ``_intersect_box``."""
+    near = -math.inf
+    far = best
+    for i in range(len(faces)):
+        a = faces[i, 0]
+        b = faces[i, 1]
+        c = faces[i, 2]
+        outside = a * ox + b * oy + c * oz - faces[i, 3]
+        approach = a * ux + b * uy + c * uz
+        if approach < 0.0:
+            near = max(near, -outside / approach)
+        elif approach > 0.0:
+            far = min(far, -outside / approach)
+        elif outside > 0.0:
+            return best
+        if near > far:
+            return best
+    return near if 0.0 <= near <= far else best
 
 
 @compilable

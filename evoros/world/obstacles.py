@@ -1,6 +1,7 @@
 """The obstacles of a world as arrays, for contact and for ray casting."""
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -9,7 +10,8 @@ from evoros.base.arrays import Array
 from evoros.geometry.footprint import Footprint, bounding_circle, project_bodies, project_shape
 from evoros.geometry.grid import Grid
 from evoros.geometry.outlines import Outlines
-from evoros.geometry.ray import BOX, CYLINDER, OBSTACLE_SIZE, SPHERE
+from evoros.geometry.polyhedron import convex_polyhedron
+from evoros.geometry.ray import BOX, CONVEX, CYLINDER, FACE_SIZE, OBSTACLE_SIZE, SPHERE
 from evoros.geometry.shapes import Pose, Shape
 from evoros.world.model import World
 
@@ -29,17 +31,22 @@ def world_arrays(world: World, height: float, touch: float, see: float) -> tuple
 
     Returns:
         The grid (see ``evoros.geometry.grid``); the starts and entries of the cells for contact,
-        then those for sight; the rows and corners of ``outlines``; the rows of all obstacles for
-        rays (see ``evoros.geometry.ray``).
+        then those for sight; the rows and corners of ``outlines``; the rows of all obstacles and
+        the faces of their polyhedra for rays (see ``evoros.geometry.ray``).
     """
     placed = [
-        (shape, body.pose @ shape.pose)
+        _centre(shape, body.pose @ shape.pose)
         for body in world.obstacles
         for shape in body.shapes
         if shape.kind != "plane"
     ]
     visible = [project_shape(shape, pose) for shape, pose in placed]
-    rows = [_to_row(*solid, area) for solid, area in zip(placed, visible, strict=True)]
+    faces = [_faces(shape) for shape, _ in placed]
+    ends = np.cumsum([len(rows) for rows in faces], dtype=np.int64).tolist()
+    rows = [
+        _to_row(*solid, area, end - len(own), end)
+        for solid, area, own, end in zip(placed, visible, faces, ends, strict=True)
+    ]
     touchable, areas = project_bodies(world.obstacles, height), outlines(world, height)
     grid = Grid.around(visible, max(touch, see))
     return (
@@ -49,17 +56,33 @@ def world_arrays(world: World, height: float, touch: float, see: float) -> tuple
         areas.rows,
         areas.corners,
         np.array(rows).reshape(-1, OBSTACLE_SIZE),
+        np.concatenate([np.zeros((0, FACE_SIZE)), *faces]),
     )
 
 
-def _to_row(shape: Shape, pose: Pose, footprint: Footprint) -> list[float]:
+def _centre(shape: Shape, pose: Pose) -> tuple[Shape, Pose]:
+    """Move the origin of a polyhedron to its middle, because rays are bounded around the origin."""
+    if shape.kind != "convex":
+        return shape, pose
+    corners = np.array(shape.corners)
+    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    moved = tuple((x, y, z) for x, y, z in (corners - middle).tolist())
+    x, y, z = middle.tolist()
+    return replace(shape, corners=moved), pose @ Pose((x, y, z))
+
+
+def _faces(shape: Shape) -> Array:
+    """Return the faces (f, FACE_SIZE) of a polyhedron; none of any other shape."""
+    if shape.kind == "convex":
+        return convex_polyhedron(shape.corners).faces
+    return np.zeros((0, FACE_SIZE))
+
+
+def _to_row(
+    shape: Shape, pose: Pose, footprint: Footprint, first_face: int, end_face: int
+) -> list[float]:
     """Return the row of an obstacle for ``evoros.geometry.ray``."""
-    kinds = {"box": BOX, "cylinder": CYLINDER, "sphere": SPHERE}
-    extents = {
-        "box": lambda size: [edge / 2 for edge in size],
-        "cylinder": lambda size: [size[0], size[1] / 2, 0.0],
-        "sphere": lambda size: [size[0], 0.0, 0.0],
-    }
+    kinds = {"box": BOX, "cylinder": CYLINDER, "sphere": SPHERE, "convex": CONVEX}
     x, y, radius = bounding_circle(footprint)
     # Rays need a circle around the centre of the shape, which may lie beside that of the footprint.
     offset = math.dist((x, y), pose.position[:2])
@@ -68,5 +91,15 @@ def _to_row(shape: Shape, pose: Pose, footprint: Footprint) -> list[float]:
         *pose.position,
         radius + offset,
         *pose.rotation.ravel().tolist(),
-        *extents[shape.kind](shape.size),
+        *_extent(shape, first_face, end_face),
     ]
+
+
+def _extent(shape: Shape, first_face: int, end_face: int) -> list[float]:
+    if shape.kind == "convex":
+        return [first_face, end_face, 0.0]
+    if shape.kind == "box":
+        return [edge / 2 for edge in shape.size]
+    if shape.kind == "cylinder":
+        return [shape.size[0], shape.size[1] / 2, 0.0]
+    return [shape.size[0], 0.0, 0.0]

@@ -2,20 +2,15 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from planar_cases import (
-    angles,
-    coordinates,
-    rover,
-    solids,
-    start,
-    world_of,
-)
+from planar_cases import angles, coordinates, rover, solids, start, world_of
+from scipy.spatial import ConvexHull
 
 from evoros.base.arrays import Array
 from evoros.geometry.shapes import Body, Pose, Shape
@@ -65,12 +60,15 @@ def _first_inside(body: Body, start: Array, ray: Array, best: float) -> float:
     return float(high)
 
 
-def _inside(shape: Shape, points: Array) -> NDArray[np.bool_]:
+def _inside(shape: Shape, points: Array, margin: float = 0.0) -> NDArray[np.bool_]:
     squared = points * points
     if shape.kind == "box":
         found = np.abs(points) <= np.array(shape.size) / 2
     elif shape.kind == "sphere":
         found = squared.sum(axis=1, keepdims=True) <= shape.size[0] ** 2
+    elif shape.kind == "convex":
+        planes = ConvexHull(np.array(shape.corners)).equations
+        found = points @ planes[:, :3].T + planes[:, 3] <= margin
     else:
         across = squared[:, :2].sum(axis=1) <= shape.size[0] ** 2
         found = np.stack([across, np.abs(points[:, 2]) <= shape.size[1] / 2], axis=1)
@@ -105,9 +103,9 @@ def _grazes(
     rays = robot.sensors["sonar"].rays() @ (turn @ frame[:3, :3]).T
     for body in world.obstacles:
         (shape,) = body.shapes
-        grown = Shape(shape.kind, tuple(edge + 1e-6 for edge in shape.size))
+        grown = replace(shape, size=tuple(edge + 1e-6 for edge in shape.size))
         local = (start + reading * rays - body.pose.position) @ body.pose.rotation
-        if _inside(grown, local).any():
+        if _inside(grown, local, 1e-6).any():
             return True
     return False
 

@@ -42,8 +42,9 @@ from evoros.world.obstacles import world_arrays
     FOOTPRINTS,  # as in evoros.geometry.outlines
     CORNERS,  # (c, 2) [m], of the footprints
     OBSTACLES,  # as in evoros.geometry.ray
-) = range(11)
-BLOCKS = 11
+    FACES,  # of polyhedra, as in evoros.geometry.ray
+) = range(12)
+BLOCKS = 12
 HEADER_SIZE = STARTS + BLOCKS + 1
 
 # A sensor is a row of the block SENSORS.

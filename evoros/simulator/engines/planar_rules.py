@@ -29,7 +29,7 @@ from evoros.geometry.outlines import (
     START,
 )
 from evoros.geometry.polygon import polygon_distance, transform_polygon
-from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, OBSTACLE_SIZE, cast_rays
+from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, FACE_SIZE, OBSTACLE_SIZE, cast_rays
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_layout import block
 
@@ -56,11 +56,12 @@ def sense(parameters: Array, memory: Array, readings: Array) -> None:
         starts = block(parameters, layout.VISIBLE_STARTS)
         entries = block(parameters, layout.VISIBLE_ENTRIES)
         obstacles = block(parameters, layout.OBSTACLES).reshape((-1, OBSTACLE_SIZE))
+        faces = block(parameters, layout.FACES).reshape((-1, FACE_SIZE))
         cos = math.cos(memory[YAW])
         sin = math.sin(memory[YAW])
         for entry in range(int(starts[cell]), int(starts[cell + 1])):
             obstacle = obstacles[int(entries[entry])]
-            detect(obstacle, x, y, cos, sin, sensors, rays, readings)
+            detect(obstacle, faces, x, y, cos, sin, sensors, rays, readings)
     for i in range(len(readings)):
         if readings[i] < sensors[i, layout.MIN_RANGE]:
             readings[i] = sensors[i, layout.MIN_RANGE]
@@ -69,6 +70,7 @@ def sense(parameters: Array, memory: Array, readings: Array) -> None:
 @compilable
 def detect(
     obstacle: Array,
+    faces: Array,
     x: float,
     y: float,
     cos: float,
@@ -97,7 +99,9 @@ def detect(
         pz = obstacle[AT_Z] - sensors[i, layout.ORIGIN + 2]
         first = int(sensors[i, layout.FIRST_RAY])
         end = int(sensors[i, layout.END_RAY])
-        readings[i] = cast_rays(obstacle, cos, sin, -px, -py, -pz, rays, first, end, readings[i])
+        readings[i] = cast_rays(
+            obstacle, faces, cos, sin, -px, -py, -pz, rays, first, end, readings[i]
+        )
 
 
 # One function, because its lines share a dozen numbers that a helper would need as arguments.

@@ -1,0 +1,96 @@
+"""Convex polyhedra: the faces, edges, volume and moments of the hull of some corners."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evoros.base.arrays import Array
+from evoros.geometry.shapes import Vector
+
+_SAME_FACE = 9
+"""Decimals in which the planes of two triangles agree if both belong to one face."""
+
+
+class Polyhedron(NamedTuple):
+    """The convex hull of some corners; all arrays are read-only by convention."""
+
+    corners: Array  # (k, 3) [m], without those inside the hull
+    triangles: NDArray[np.intp]  # (t, 3) corners, counter-clockwise as seen from outside
+    edges: NDArray[np.intp]  # (e, 2) corners; also those between two triangles of one face
+    faces: Array  # (f, 4): a point p is inside where faces[:, :3] @ p <= faces[:, 3] [m]
+
+
+@lru_cache(maxsize=4096)
+def convex_polyhedron(corners: tuple[Vector, ...]) -> Polyhedron:
+    """Return the convex hull of points [m] that do not lie in one plane."""
+    from scipy.spatial import ConvexHull, QhullError  # takes longer to import than most worlds
+
+    points = np.array(corners, dtype=np.float64)
+    try:
+        hull = ConvexHull(points)
+    except QhullError:  # nearly flat: let qhull move the points by a rounding error
+        hull = ConvexHull(points, qhull_options="QJ Pp")
+    numbers = np.full(len(points), -1)
+    numbers[hull.vertices] = np.arange(len(hull.vertices))
+    triangles = numbers[_face_outwards(points, hull.simplices, hull.equations)]
+    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, ::2]]))
+    planes = np.unique(np.round(hull.equations, _SAME_FACE), axis=0, return_index=True)[1]
+    faces = hull.equations[np.sort(planes)] * (1.0, 1.0, 1.0, -1.0)
+    return Polyhedron(points[hull.vertices], triangles, np.unique(sides, axis=0), faces)
+
+
+def _face_outwards(
+    points: Array, triangles: NDArray[np.intp], equations: Array
+) -> NDArray[np.intp]:
+    """Return triangles whose corners follow counter-clockwise as seen from outside."""
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    inwards = (np.cross(b - a, c - a) * equations[:, :3]).sum(axis=1) < 0.0
+    turned = triangles.copy()
+    turned[inwards] = turned[inwards][:, ::-1]
+    return turned
+
+
+def clip_polyhedron(corners: Array, edges: NDArray[np.intp], low: float, high: float) -> Array:
+    """Return points (n, 3) whose hull is the part of a convex polyhedron between two heights [m].
+
+    ``corners`` (k, 3) [m] are in the frame whose z axis measures the heights.
+    """
+    kept = [corners[(corners[:, 2] >= low) & (corners[:, 2] <= high)]]
+    first, second = corners[edges[:, 0]], corners[edges[:, 1]]
+    for height in (low, high):
+        crosses = (first[:, 2] - height) * (second[:, 2] - height) < 0.0
+        start, end = first[crosses], second[crosses]
+        share = (height - start[:, 2:]) / (end[:, 2:] - start[:, 2:])
+        kept.append(start + share * (end - start))
+    return np.concatenate(kept)
+
+
+def solid_properties(corners: tuple[Vector, ...]) -> tuple[float, Array, Array]:
+    """Return what the hull of corners has as a homogeneous solid of density 1.
+
+    Returns:
+        The volume [m3], the centre of mass (3,) [m], and the inertia tensor (3, 3) [m5] about it.
+    """
+    solid = convex_polyhedron(corners)
+    inside = solid.corners.mean(axis=0)
+    tetrahedra = solid.corners[solid.triangles] - inside  # each with its fourth corner ``inside``
+    volumes = np.linalg.det(tetrahedra) / 6.0
+    volume = float(volumes.sum())
+    centre = volumes @ tetrahedra.sum(axis=1) / 4.0 / volume
+    # The integral of x xT over a tetrahedron with a corner at the origin and sum s of its corners.
+    sums = tetrahedra.sum(axis=1)
+    products = np.einsum("t,tij,tik->jk", volumes, tetrahedra, tetrahedra)
+    products += np.einsum("t,tj,tk->jk", volumes, sums, sums)
+    second = products / 20.0 - volume * np.outer(centre, centre)
+    return volume, inside + centre, np.trace(second) * np.eye(3) - second
+
+
+def placed_corners(
+    corners: Sequence[Vector] | Array, rotation: Array, position: Sequence[float]
+) -> Array:
+    """Return corners (k, 3) [m] in the frame in which ``rotation`` and ``position`` are given."""
+    placed: Array = np.asarray(corners, dtype=np.float64) @ rotation.T + np.asarray(position)
+    return placed
