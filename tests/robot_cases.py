@@ -16,8 +16,9 @@ from evoros.base import resources as assets
 from evoros.base.arrays import Array
 from evoros.drive.ackermann import Ackermann
 from evoros.filter.protocol import Filter
-from evoros.robot.loading import MountDefaults, load_robot
+from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
+from evoros.robot.mounting import MountDefaults
 from evoros.sensor.protocol import Mount
 
 ROBOTS = ["erle_rover", "erle_rover_as_run", "two_wheeler"]

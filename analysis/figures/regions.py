@@ -3,6 +3,8 @@
 import argparse
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -10,8 +12,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.storage.figure_context import Area, FigureContext
+from evoros.design.protocol import Area, Point, Range
+from evoros.storage.figure_context import FigureContext
 
 from ..drawing.robot import AXES, aspect_ratio, draw_robot, frame_axes, to_page
 from ..drawing.sheet import Sheet
@@ -30,6 +34,7 @@ from ..tables.study import Study
 HELP = "where on the robot sensors may be, and where they may face (Fig. 5)"
 FAN = 0.25  # radius of the headings, as a share of the robot's length
 TWINS = "twins are mirrored across the dash-dotted line"
+MAX_FANS = 5  # that are drawn along the line of one region
 PANEL_IN, SINGLE_IN = 2.5, 4.5  # minimum width of a panel, maximum width of a single one
 
 
@@ -64,8 +69,8 @@ def list_regions(contexts: Mapping[str, FigureContext]) -> pd.DataFrame:
     """List a row for each region, and one for its mirror image if sensors have twins.
 
     Columns: treatment, robot, region, ``twin``, whether it is the mirror image, corners ``x0_m``,
-    ``y0_m`` ... ``y3_m`` in the robot's frame, and headings from ``yaw_low_deg`` to
-    ``yaw_high_deg``.
+    ``y0_m`` ... in the robot's frame, and headings from ``yaw_low_deg`` to ``yaw_high_deg``. The
+    corners are those of a rectangle, or of a line along the robot's outline.
     """
     rows = [
         {"treatment": treatment, "robot": context.robot, "region": name, "twin": twin}
@@ -80,8 +85,16 @@ def list_regions(contexts: Mapping[str, FigureContext]) -> pd.DataFrame:
 
 
 def _mirror(area: Area) -> Area:
-    low, high = area.yaw_deg
-    return Area(tuple((x, 0.0 - y) for x, y in area.corners), (0.0 - high, 0.0 - low))
+    return replace(
+        area,
+        corners=tuple((x, 0.0 - y) for x, y in area.corners),
+        yaw_deg=_flip(area.yaw_deg),
+        facing_deg=tuple(map(_flip, area.facing_deg)),
+    )
+
+
+def _flip(headings: tuple[float, float]) -> tuple[float, float]:
+    return 0.0 - headings[1], 0.0 - headings[0]
 
 
 def draw_regions(contexts: Mapping[str, FigureContext], width: float = COLUMN_IN) -> Figure:
@@ -143,29 +156,40 @@ def _corners(area: Area) -> frozenset[tuple[float, float]]:
 
 
 def _draw_area(axes: Axes, area: Area, reach: float, colour: str, twin: bool) -> None:
-    (x, y), (low, high) = _middle(area), area.yaw_deg
-    sector = trace_sector(x, y, (low + high) / 2, high - low, reach)
-    for points, alpha, order in ((np.array(area.corners), 0.7, 3), (sector, 0.25, 2)):
-        axes.fill(
-            *to_page(points).T,
-            fc="none" if twin else (colour, alpha),
-            ec=colour,
-            lw=0.8,
-            ls="--" if twin else "-",
-            zorder=order,
-        )
+    style: dict[str, Any] = {"ec": colour, "lw": 0.8, "ls": "--" if twin else "-"}
+
+    def fill(points: Array, alpha: float, order: int) -> None:
+        face = "none" if twin else (colour, alpha)
+        axes.fill(*to_page(points).T, fc=face, zorder=order, **style)
+
+    for (x, y), (low, high) in _fans(area):
+        fill(trace_sector(x, y, (low + high) / 2, high - low, reach), 0.25, 2)
+    if area.facing_deg:
+        line = to_page(np.array(area.corners)).T
+        axes.plot(*line, color=colour, lw=2.5, ls=style["ls"], solid_capstyle="butt", zorder=3)
+    else:
+        fill(np.array(area.corners), 0.7, 3)
 
 
-def _middle(area: Area) -> tuple[float, float]:
-    x, y = np.mean(area.corners, axis=0)
-    return float(x), float(y)
+def _fans(area: Area) -> list[tuple[Point, Range]]:
+    """Return the places and headings of the fans: one in a rectangle, some along a line."""
+    if not area.facing_deg:
+        x, y = np.mean(area.corners, axis=0)
+        return [((float(x), float(y)), area.yaw_deg)]
+    count = len(area.facing_deg)
+    steps = np.linspace(0, count - 1, min(count, MAX_FANS)).round().astype(int).tolist()
+    corners = np.array(area.corners)
+    ends = [corners[[i, min(i + 1, len(corners) - 1)]].mean(axis=0).tolist() for i in steps]
+    return [((x, y), area.facing_deg[i]) for (x, y), i in zip(ends, steps, strict=True)]
 
 
 def _write_name(axes: Axes, name: str, area: Area, reach: float) -> None:
     """Write the name and the headings of a region outside its fan."""
-    (x, y), (low, high) = _middle(area), area.yaw_deg
-    tip = trace_sector(x, y, (low + high) / 2, 0.0, 1.15 * reach)[1]
-    aside = math.sin(math.radians((low + high) / 2))
+    fans, (low, high) = _fans(area), area.yaw_deg
+    (x, y), middle = fans[len(fans) // 2]
+    heading = (middle[0] + middle[1]) / 2
+    tip = trace_sector(x, y, heading, 0.0, 1.15 * reach)[1]
+    aside = math.sin(math.radians(heading))
     ha = "center" if abs(aside) < 0.3 else "right" if aside > 0 else "left"
     va = "top" if abs(aside) > 0.8 else "bottom"
     headings = f"{low:g}°" if low == high else f"{low:g} to {high:g}°"

@@ -124,20 +124,18 @@ def _slots(candidates: pd.DataFrame) -> list[str]:
 
 
 def _slot(candidates: pd.DataFrame, slot: int, record: "Record") -> pd.DataFrame:
-    """List the sensors of one slot; values that their region leaves open are the robot's."""
+    """List the sensors of one slot; values without a column are those of their region."""
     prefix = f"sensor{slot}_"
     mounts = candidates[[name for name in candidates if str(name).startswith((prefix, "id"))]]
     mounts = mounts.rename(
         columns=lambda name: "design" if name == "id" else name.removeprefix(prefix)
     )
     mounts = mounts[mounts.x_m.notna()].assign(slot=slot, twin=0)
-    for name in ("link", "z_m", "pitch_deg"):
-        if name not in mounts:
-            default = record.values.get(f"robot.mount.{name}")
-            fixed = [
-                record.values.get(f"design.regions.{region}.{name}") for region in mounts.region
-            ]
-            mounts[name] = [default if value is None else value for value in fixed]
+    areas = [record.context.regions[region] for region in mounts.region]
+    mounts = mounts.assign(link=[area.link for area in areas])
+    for name in ("z_m", "pitch_deg"):
+        if name not in mounts:  # constant in each region
+            mounts[name] = [getattr(area, name)[0] for area in areas]
     return mounts if "type" in mounts else mounts.assign(type=next(iter(record.context.beams), ""))
 
 

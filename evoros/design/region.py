@@ -1,13 +1,18 @@
-"""A region of a robot in which a sensor may be placed, and the angles it may have."""
+"""A box of a robot in which a sensor may be placed, and the angles it may have."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 from evoros.base.checks import NOT_NEGATIVE, TEXT, Rule, checked
 from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, Interval, bounds
+from evoros.design.protocol import ANGLES, Area, Range, SensorPose
 from evoros.robot.model import Robot
+from evoros.sensor.protocol import Sensor
+
+COORDINATES = ("x_m", "y_m", "z_m")
 
 
 def _within(limit: float, text: str) -> Rule:
@@ -34,7 +39,9 @@ class Region:
     link: Annotated[str | None, TEXT] = None  # None: the link of the robot's default mount
     overhang_m: Annotated[float, NOT_NEGATIVE] = 0.05  # how far a bracket may stand out
 
-    def bind(self, robot: Robot, mirrored: bool, key: str) -> "Region":
+    def bind(
+        self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor] = ()
+    ) -> "BoundRegion":
         """Return this region with the values of the robot's default mount in place of None.
 
         ``key`` is that of the region in the configuration, for messages.
@@ -47,12 +54,14 @@ class Region:
         bound = replace(
             self,
             z_m=robot.mount_z_m if self.z_m is None else self.z_m,
-            pitch_deg=robot.mount_pitch_deg if self.pitch_deg is None else self.pitch_deg,
+            pitch_deg=robot.default_pitch(sensors) if self.pitch_deg is None else self.pitch_deg,
             link=link,
         )
         bound._check_outline(link, robot, mirrored, key)
         bound._check_height(link, robot, key)
-        return bound
+        ranges = {name: bounds(getattr(bound, name)) for name in (*COORDINATES, *ANGLES)}
+        x, y, _, yaw = robot.sensor_links[link]
+        return BoundRegion(link, ranges, (x, y, yaw))
 
     def _check_link(self, link: str, robot: Robot, mirrored: bool, key: str) -> None:
         if link not in robot.sensor_links:
@@ -94,12 +103,46 @@ class Region:
     def _check_height(self, link: str, robot: Robot, key: str) -> None:
         base = robot.sensor_links[link][2]
         low, high = (base + end for end in bounds(self.z_m))
-        # Parts without a collision shape may be higher, such as a mast or the default mount.
-        mount = robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
-        top = max(robot.height_m, base, mount)
-        if low < 0 or high > top + self.overhang_m:
-            raise InputError(
-                f"{key}: z must be above the ground and at most {self.overhang_m} m above "
-                f"{robot.name} ({top:g} m), not {low:g} to {high:g} m; "
-                f"move the region onto the robot, or raise its overhang_m"
-            )
+        check_height(robot, key, "z", (low, high), self.overhang_m, base)
+
+
+def check_height(
+    robot: Robot, key: str, name: str, heights: Range, overhang: float, base: float = 0.0
+) -> None:
+    """Hold heights above the ground to those of the robot, or of a link at ``base`` [m]."""
+    low, high = heights
+    # Parts without a collision shape may be higher, such as a mast or the default mount.
+    mount = robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
+    top = max(robot.height_m, base, mount)
+    if low < 0 or high > top + overhang:
+        raise InputError(
+            f"{key}: {name} must be above the ground and at most {overhang} m above "
+            f"{robot.name} ({top:g} m), not {low:g} to {high:g} m; "
+            f"move the region onto the robot, or raise its overhang_m"
+        )
+
+
+@dataclass(frozen=True)
+class BoundRegion:
+    """A box on its robot."""
+
+    link: str
+    ranges: Mapping[str, Range]
+    frame: tuple[float, float, float]  # of the link: x, y [m], yaw [rad] in the robot's frame
+
+    def place(self, values: Mapping[str, float]) -> SensorPose:
+        """Return the pose with these values, which are the coordinates and angles themselves."""
+        x, y, z, yaw, pitch = (values[name] for name in (*COORDINATES, *ANGLES))
+        return SensorPose((x, y, z), yaw, pitch)
+
+    def area(self) -> Area:
+        """Return the rectangle of the box from above."""
+        x, y, yaw = self.frame
+        (a, b), (c, d) = self.ranges["x_m"], self.ranges["y_m"]
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        corners = tuple(
+            (x + cos * p - sin * q, y + sin * p + cos * q)
+            for p, q in ((a, c), (b, c), (b, d), (a, d))
+        )
+        low, high = (end + math.degrees(yaw) for end in self.ranges["yaw_deg"])
+        return Area(self.link, corners, (low, high), self.ranges["z_m"], self.ranges["pitch_deg"])

@@ -19,13 +19,11 @@ from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, bounds, pick_index, scale
 from evoros.design.design import Design
 from evoros.design.genes import Gene
-from evoros.design.region import Region
+from evoros.design.protocol import ANGLES, POSITION, BoundRegion, RegionDescription
 from evoros.optimizer.protocol import Aspect, Block
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, Sensor
 
-POSITION = ("x_m", "y_m", "z_m")
-ANGLES = ("yaw_deg", "pitch_deg")
 SLOT_NUMBER = Rule(
     "a whole number of at least 0, or [low, high] of such numbers",
     lambda v: INTERVAL.holds(v) and all(end >= 0 and end.is_integer() for end in bounds(v)),
@@ -42,7 +40,7 @@ class SensorDesign:
     """
 
     sensors: Annotated[Mapping[str, Sensor], mapping_of(Sensor, "sensors")]
-    regions: Annotated[Mapping[str, Region], mapping_of(Region, "regions")]
+    regions: Annotated[Mapping[str, RegionDescription], mapping_of(RegionDescription, "regions")]
     number: Annotated[int | Sequence[int], SLOT_NUMBER]
     mirrored: Annotated[bool, FLAG]
     genes: Annotated[Mapping[str, Gene], mapping_of(Gene, "genes")] = field(default_factory=dict)
@@ -85,8 +83,9 @@ class SensorDesign:
         Raises:
             InputError: a region is not on the robot.
         """
+        sensors = tuple(self.sensors.values())
         regions = {
-            name: region.bind(robot, self.mirrored, f"design.regions.{name}")
+            name: region.bind(robot, self.mirrored, f"design.regions.{name}", sensors)
             for name, region in self.regions.items()
         }
         return DesignSpace(self, regions)
@@ -94,10 +93,10 @@ class SensorDesign:
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """A design bound to a robot; ``regions`` have no open values (see ``Region.bind``)."""
+    """A design bound to a robot."""
 
     design: SensorDesign
-    regions: Mapping[str, Region]
+    regions: Mapping[str, BoundRegion]
 
     @cached_property
     def _layout(self) -> tuple[tuple[Block, ...], dict[str, int]]:
@@ -143,8 +142,8 @@ class DesignSpace:
         return [f"sensor{i}" for i in range(self.design.max_number)]
 
     def _varies(self, name: str) -> bool:
-        intervals = (bounds(getattr(region, name)) for region in self.regions.values())
-        return any(low < high for low, high in intervals)
+        ranges = (region.ranges.get(name, (0.0, 0.0)) for region in self.regions.values())
+        return any(low < high for low, high in ranges)
 
     def decode(self, genome: Array) -> Design:
         """Return the design at ``genome`` (size,), values from 0 to 1.
@@ -230,9 +229,9 @@ class DesignSpace:
         kind = types[pick_index(genes.get(f"{slot}_type", 0.0), len(types))]
         name = names[pick_index(genes.get(f"{slot}_region", 0.0), len(names))]
         region = self.regions[name]
-        pose = {
-            value: scale(genes.get(f"{slot}_{value}", 0.0), *bounds(getattr(region, value)))
-            for value in (*POSITION, *ANGLES)
+        values = {
+            value: scale(genes.get(f"{slot}_{value}", 0.0), *ends)
+            for value, ends in region.ranges.items()
         }
-        assert region.link is not None  # bound to the robot
-        return Mount(sensor=kind, link=region.link, **pose), name
+        (x, y, z), yaw, pitch = region.place(values)
+        return Mount(kind, region.link, x, y, z, yaw, pitch), name

@@ -1,40 +1,22 @@
 """Reads a robot from a URDF or xacro file."""
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
-import numpy as np
-
-from evoros.base.arrays import Array
-from evoros.base.checks import NUMBER, TEXT, checked
 from evoros.base.errors import InputError
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.formats.urdf import expansion
 from evoros.formats.urdf.document import UrdfDocument
 from evoros.formats.urdf.tree import Urdf, read_tree
-from evoros.geometry.footprint import convex_hull, project_shape, top_height
-from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.model import Robot, VisibleShape
-
-_CIRCLE_CORNERS = 64  # of the polygon around a circle
-
-
-@dataclass(frozen=True)
-@checked
-class MountDefaults:
-    """The default mount of a sensor, for values that its region leaves open."""
-
-    link: Annotated[str, TEXT]
-    z_m: Annotated[float, NUMBER]  # in the frame of ``link``
-    pitch_deg: Annotated[float, NUMBER]  # nose up positive
+from evoros.robot.mounting import MountDefaults, fit_mount
+from evoros.robot.outline import SolidShape, compute_outline
 
 
 def load_robot(
     description: str,
     drive: DriveDescription,
-    mount: MountDefaults,
+    mount: MountDefaults | None = None,
     arguments: Mapping[str, Any] | None = None,
     packages: Sequence[str] = (),
     ignored_packages: Sequence[str] = (),
@@ -43,11 +25,13 @@ def load_robot(
     """Load the robot that a xacro or URDF file describes.
 
     ``description`` is a path, which may be relative to the bundled robots; ``arguments`` are those
-    of the xacro file; ``packages`` are further folders in which it may name files.
+    of the xacro file; ``packages`` are further folders in which it may name files. A missing
+    ``mount`` is chosen for the robot.
 
     Raises:
         InputError: the file cannot be used, or ``drive`` or ``mount`` do not fit it.
     """
+    mount = MountDefaults() if mount is None else mount
     _check_types(description, drive, mount, arguments or {}, packages)
     file, root = expansion.read(
         description,
@@ -56,21 +40,25 @@ def load_robot(
     urdf = read_tree(root, str(file))
     fitted = drive.fit(urdf)
     solids = _find_collision_shapes(urdf, fitted)
+    places = _find_sensor_links(urdf)
+    default = fit_mount(mount, places, solids)
     robot = Robot(
         name=urdf.name,
         base_urdf=UrdfDocument.from_elements(root),
         drive=fitted,
-        outline=_compute_outline(solids),
-        height_m=max(top_height(shape, pose) for shape, pose in solids),
-        mount_link=mount.link,
-        mount_z_m=float(mount.z_m),
-        mount_pitch_deg=float(mount.pitch_deg),
-        sensor_links=_find_sensor_links(urdf),
+        outline=compute_outline((solid.shape, solid.pose) for solid in solids),
+        height_m=max(solid.height_range[1] for solid in solids),
+        mount_link=default.link,
+        mount_z_m=default.z_m,
+        mount_pitch_deg=default.pitch_deg,
+        chosen_mount=default.chosen,
+        sensor_links=places,
+        solids=tuple(solids),
         visuals=tuple(_visible_shapes(urdf, fitted)),
         reserved_names=frozenset(urdf.poses) | frozenset(urdf.joints),
     )
-    if mount.link not in robot.sensor_links:
-        raise robot.link_error(mount.link)
+    if default.link not in places:
+        raise robot.link_error(default.link)
     return robot
 
 
@@ -99,11 +87,11 @@ def _visible_shapes(urdf: Urdf, drive: Drive) -> Iterator[VisibleShape]:
             yield VisibleShape(link, shape, urdf.poses[link] @ shape.pose, link in rolling)
 
 
-def _find_collision_shapes(urdf: Urdf, drive: Drive) -> list[tuple[Shape, Pose]]:
+def _find_collision_shapes(urdf: Urdf, drive: Drive) -> list[SolidShape]:
     """Find all shapes but those of wheels and casters, in the robot's frame."""
     rolling = _rolling_links(urdf, drive)
     solids = [
-        (shape, urdf.poses[link] @ shape.pose)
+        SolidShape(link, shape, urdf.poses[link] @ shape.pose)
         for link, shapes in urdf.shapes.items()
         if link not in rolling
         for shape in shapes
@@ -122,15 +110,3 @@ def _find_sensor_links(urdf: Urdf) -> dict[str, tuple[float, float, float, float
         if fixed and pose.rotation[2, 2] > 1.0 - 1e-9:
             sensor_links[link] = (*pose.position, pose.yaw)
     return sensor_links
-
-
-def _compute_outline(solids: Sequence[tuple[Shape, Pose]]) -> Array:
-    """Return the hull (k, 2) [m] of the footprints of shapes, with polygons around circles."""
-    turn = np.arange(_CIRCLE_CORNERS) * (2.0 * math.pi / _CIRCLE_CORNERS)
-    disc = np.stack([np.cos(turn), np.sin(turn)], axis=1) / math.cos(math.pi / _CIRCLE_CORNERS)
-    corners = []
-    for shape, pose in solids:
-        footprint = project_shape(shape, pose)
-        reach = footprint.radius * disc if footprint.radius > 0 else np.zeros((1, 2))
-        corners.append((footprint.vertices[:, None] + reach[None]).reshape(-1, 2))
-    return convex_hull(np.concatenate(corners))

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -15,6 +15,8 @@ from evoros.base.errors import InputError
 from evoros.drive.protocol import Drive
 from evoros.formats.urdf.document import UrdfDocument
 from evoros.geometry.shapes import Pose, Shape
+from evoros.robot.mounting import level_pitch
+from evoros.robot.outline import SolidShape
 from evoros.robot.sensor_elements import sensor_elements
 from evoros.sensor.protocol import Mount, Sensor
 
@@ -45,10 +47,12 @@ class Robot:
     height_m: float  # top of its collision shapes, above the ground
     mount_link: str
     mount_z_m: float
-    mount_pitch_deg: float
+    mount_pitch_deg: float | None  # None: levels the lowest ray of the sensors
     sensor_links: Mapping[str, tuple[float, float, float, float]]
     """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot's frame."""
     visuals: tuple[VisibleShape, ...] = ()  # without sensors
+    solids: tuple[SolidShape, ...] = ()  # the collision shapes of links that do not roll
+    chosen_mount: tuple[str, ...] = ()  # keys of the default mount that the robot left open
     reserved_names: frozenset[str] = frozenset()  # of links and joints
     mounts: tuple[Mount, ...] = ()  # those of one sensor type are contiguous
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
@@ -95,6 +99,10 @@ class Robot:
                     f"is added; rename the sensor type"
                 )
         return replace(self, mounts=ordered, sensors=dict(sensors))
+
+    def default_pitch(self, sensors: Iterable[Sensor]) -> float:
+        """Return the pitch [deg] of the default mount for these types of sensors."""
+        return level_pitch(sensors) if self.mount_pitch_deg is None else self.mount_pitch_deg
 
     def sensor_poses(self) -> Array:
         """Return the poses (n, 5): x, y, z [m], yaw (left positive), pitch (nose up) [rad]."""

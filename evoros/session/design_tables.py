@@ -8,7 +8,6 @@ from math import isfinite
 from pathlib import Path
 
 from evoros.base.errors import InputError
-from evoros.base.intervals import bounds
 from evoros.design.design import Design
 from evoros.design.region import Region
 from evoros.formats.strict_csv import read_rows
@@ -162,10 +161,10 @@ def _read_mount(at: str, cells: Mapping[str, str], scenario: Scenario) -> tuple[
         region = Region(x, y, yaw, z, pitch, cells.get("link") or None, overhang)
     except InputError as error:
         raise InputError(f"{at}: {str(error).removeprefix('Region.')}") from None
-    region = region.bind(scenario.robot, False, f"{at}: sensor")
-    assert region.link is not None
-    z, pitch = bounds(region.z_m)[0], bounds(region.pitch_deg)[0]
-    return int(cells["sensor"]), Mount(kind, region.link, x, y, z, yaw, pitch)
+    sensors = tuple(scenario.design.sensors.values())
+    bound = region.bind(scenario.robot, False, f"{at}: sensor", sensors)
+    z, pitch = bound.ranges["z_m"][0], bound.ranges["pitch_deg"][0]
+    return int(cells["sensor"]), Mount(kind, bound.link, x, y, z, yaw, pitch)
 
 
 def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from evoros.base.errors import EvorosError, InputError, single_line
-from evoros.base.intervals import bounds
-from evoros.design.region import Region
+from evoros.design.protocol import Area, Point
 from evoros.failure.protocol import Failure
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.robot.model import Robot
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from evoros.evolution.experiment import Experiment
 
 SETTING = "setting.json"
-Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -47,14 +45,6 @@ class Beam:
     fov_deg: float  # between its outermost rays, horizontally
     range_min_m: float
     range_max_m: float
-
-
-@dataclass(frozen=True)
-class Area:
-    """The places and directions that a sensor may have, in the robot's frame."""
-
-    corners: tuple[Point, ...]  # (4) [m]
-    yaw_deg: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -116,15 +106,18 @@ def _fields(raw: Mapping[str, Any]) -> dict[str, Any]:
         ),
         "places": {link: _numbers(place, 4) for link, place in raw["places"].items()},
         "beams": {name: Beam(**beam) for name, beam in raw["beams"].items()},
-        "regions": {
-            name: Area(tuple(map(_point, area["corners"])), _point(area["yaw_deg"]))
-            for name, area in raw["regions"].items()
-        },
+        "regions": {name: _area(area) for name, area in raw["regions"].items()},
         "rings": tuple(Ring(**ring) for ring in raw["rings"]),
         "modes": tuple(raw["modes"]),
         "courses": {name: Course(**course) for name, course in raw["courses"].items()},
     }
     return {**raw, **fields}
+
+
+def _area(raw: Mapping[str, Any]) -> Area:
+    pairs = {name: tuple(map(_point, raw[name])) for name in ("corners", "facing_deg")}
+    ranges = {name: _point(raw[name]) for name in ("yaw_deg", "z_m", "pitch_deg")}
+    return Area(**{**raw, **pairs, **ranges})
 
 
 def _point(raw: Any) -> Point:
@@ -146,7 +139,7 @@ def describe_experiment(experiment: "Experiment") -> FigureContext:
         parts=tuple(_parts(robot)),
         places=dict(robot.sensor_links),
         beams={name: _beam(sensor) for name, sensor in experiment.design.sensors.items()},
-        regions={name: _area(region, robot) for name, region in regions.items()},
+        regions={name: region.area() for name, region in regions.items()},
         mirrored=experiment.design.mirrored,
         rings=tuple(_rings(experiment.failure)),
         modes=tuple(experiment.controller.modes),
@@ -166,19 +159,6 @@ def _beam(sensor: Sensor) -> Beam:
     rays = np.asarray(sensor.rays())
     opening = math.degrees(float(np.ptp(np.arctan2(rays[:, 1], rays[:, 0]))))
     return Beam(round(opening, 9), float(sensor.range_min_m), float(sensor.range_max_m))
-
-
-def _area(region: Region, robot: Robot) -> Area:
-    """Return the area of a region that is bound to the robot."""
-    assert region.link is not None
-    x, y, _, yaw = robot.sensor_links[region.link]
-    (a, b), (c, d) = bounds(region.x_m), bounds(region.y_m)
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    corners = tuple(
-        (x + cos * p - sin * q, y + sin * p + cos * q) for p, q in ((a, c), (b, c), (b, d), (a, d))
-    )
-    low, high = (end + math.degrees(yaw) for end in bounds(region.yaw_deg))
-    return Area(corners, (low, high))
 
 
 def _rings(failure: Failure) -> Iterator[Ring]:

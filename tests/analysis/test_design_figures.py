@@ -25,9 +25,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from evoros.base.console import DONE, INPUT
+from evoros.design.protocol import Area
 from evoros.failure.spatial import SpatialFailure
 from evoros.filter.protocol import Channels
-from evoros.storage.figure_context import Area, Beam, FigureContext, Part, Ring
+from evoros.storage.figure_context import Beam, FigureContext, Part, Ring
 
 RINGS = (Ring(0.03, 1.0), Ring(0.06, 2 / 3), Ring(0.09, 1 / 3))
 SETTING = FigureContext(
@@ -39,8 +40,20 @@ SETTING = FigureContext(
     places={"base": (0.0, 0.0, 0.0, 0.0)},
     beams={"sonar": Beam(30.0, 0.06, 1.0)},
     regions={
-        "left": Area(((0.0, 0.05), (0.2, 0.05), (0.2, 0.1), (0.0, 0.1)), (40.0, 90.0)),
-        "front": Area(((0.15, -0.05), (0.2, -0.05), (0.2, 0.05), (0.15, 0.05)), (-30.0, 30.0)),
+        "left": Area(
+            "base_link",
+            ((0.0, 0.05), (0.2, 0.05), (0.2, 0.1), (0.0, 0.1)),
+            (40.0, 90.0),
+            (0.1, 0.1),
+            (0.0, 0.0),
+        ),
+        "front": Area(
+            "base_link",
+            ((0.15, -0.05), (0.2, -0.05), (0.2, 0.05), (0.15, 0.05)),
+            (-30.0, 30.0),
+            (0.1, 0.1),
+            (0.0, 0.0),
+        ),
     },
     mirrored=True,
     rings=RINGS,

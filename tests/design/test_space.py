@@ -1,7 +1,6 @@
 """Design spaces: every genome decodes to a valid design."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,14 +31,13 @@ def genomes(space: DesignSpace) -> st.SearchStrategy[Array]:
 
 
 def inside(mount: Mount, space: DesignSpace) -> bool:
-    def within(value: float, interval: Any) -> bool:
-        low, high = interval if isinstance(interval, list) else (interval, interval)
-        return bool(low <= value <= high)
-
-    names = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
     return any(
         mount.link == region.link
-        and all(within(getattr(mount, name), getattr(region, name)) for name in names)
+        and all(
+            low <= getattr(mount, name) <= high
+            for name, (low, high) in region.ranges.items()
+            if name != "arc" and (name != "yaw_deg" or "arc" not in region.ranges)
+        )
         for region in space.regions.values()
     )
 

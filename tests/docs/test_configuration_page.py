@@ -68,7 +68,7 @@ def test_exactly_the_keys_of_each_file_are_documented_with_their_defaults(choice
     documented = {row[0]: row[1] for row in table(sections()[choice], "key")}
     configured = keys(CONF / f"{choice}.yaml")
     # What a region and a gene may have besides: fields of their classes.
-    optional = {"z_m", "pitch_deg", "link", "overhang_m", "key", "low", "high", "whole"}
+    optional = {"z_m", "height_m", "pitch_deg", "link", "overhang_m", "key", "low", "high", "whole"}
     extra = {key for key in documented if ".NAME." in key and key.split(".")[-1] in optional}
     assert set(documented) - extra == set(configured)
     for key, value in configured.items():

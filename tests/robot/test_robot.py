@@ -1,5 +1,6 @@
 """Robots are compared with independent readers of URDF: yourdfpy and PyBullet."""
 
+import math
 import pickle
 import subprocess
 import sys
@@ -23,6 +24,7 @@ from robot_cases import (
 from evoros.base.arrays import Array
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Pose
+from evoros.sensor.sonar import Sonar
 
 
 def test_the_default_rover_has_the_measures_of_the_paper() -> None:
@@ -176,3 +178,24 @@ def test_the_file_is_read_without_the_slow_libraries() -> None:
         "assert not {'yourdfpy', 'trimesh', 'pybullet', 'xacro', 'scipy'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_mount_that_is_left_out_is_chosen_for_the_robot(name: str) -> None:
+    robot = load(name, mount={})
+    low, high = (
+        end([solid.height_range[k] for solid in robot.solids if solid.link == robot.mount_link])
+        for k, end in ((0, min), (1, max))
+    )
+    height = robot.sensor_links[robot.mount_link][2] + robot.mount_z_m
+    assert low < height < high
+    assert height == pytest.approx((max(low, 0) + high) / 2)
+    assert robot.mount_link == "base_link"
+    assert robot.mount_pitch_deg is None
+    edge = math.radians(15)  # the lowest rays are those at the corners of the beam
+    level = math.degrees(math.atan(math.tan(edge) / math.cos(edge)))
+    assert robot.default_pitch([Sonar(fov_deg=30), Sonar(fov_deg=20)]) == pytest.approx(level)
+    assert robot.chosen_mount == ("link", "z_m", "pitch_deg")
+    stated = load(name)
+    assert stated.chosen_mount == ()
+    assert stated.default_pitch([Sonar(fov_deg=80)]) == stated.mount_pitch_deg

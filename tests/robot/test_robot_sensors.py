@@ -24,7 +24,7 @@ from robot_cases import (
 )
 
 from evoros.base.errors import InputError
-from evoros.robot.loading import MountDefaults
+from evoros.robot.mounting import MountDefaults
 from evoros.sensor.protocol import Mount
 
 angles = st.floats(-180.0, 180.0)
