@@ -14,6 +14,7 @@ from evoros.base.arrays import Array
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.world.course import Course
 from evoros.world.model import World
+from evoros.world.standing import standing_obstacles
 
 from ..measures.cones import dilate
 from .style import COLUMN_IN, STYLE, VERMILLION
@@ -53,7 +54,7 @@ def draw_obstacles(
     """Draw the obstacles of a world, coloured by their height [m]."""
     patches: list[Patch] = []
     tops: list[float] = []
-    for body in world.obstacles:
+    for body in standing_obstacles(world):
         for shape in body.shapes:
             pose = body.pose @ shape.pose
             area = project_shape(shape, pose)

@@ -20,6 +20,7 @@ from evoros.base.errors import InputError
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.world.course import Course
 from evoros.world.model import World
+from evoros.world.standing import standing_obstacles
 
 from ..tables.designs import read_champion_sensors
 from ..tables.records import Record
@@ -182,7 +183,11 @@ def _find_increases(column: pd.Series) -> list[int]:
 
 def _encode_obstacles(world: World) -> Iterator[Json]:
     """Yield the shapes of the obstacles from the lowest top on, in the order of drawing."""
-    placed = [(shape, body.pose @ shape.pose) for body in world.obstacles for shape in body.shapes]
+    placed = [
+        (shape, body.pose @ shape.pose)
+        for body in standing_obstacles(world)
+        for shape in body.shapes
+    ]
     for shape, pose in sorted(placed, key=lambda pair: top_height(*pair)):
         area = project_shape(shape, pose)
         yield _encode_shape(area.vertices, area.radius)

@@ -11,11 +11,13 @@ from PIL import Image, ImageChops
 from evoros.base.arrays import Array
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.footprint import bottom_height, top_height
+from evoros.geometry.polyhedron import clip_polyhedron, convex_polyhedron, placed_corners
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.simulator.engines.pybullet_viewer import NO_BODY, Scene
 from evoros.simulator.engines.pybullet_viewer import Colour as Shade
 from evoros.storage.figure_context import FigureContext
 from evoros.world.model import World
+from evoros.world.standing import standing_obstacles
 
 from .camera import Camera, Floats, Pixels
 from .captions import CLEAR, FAILED, NEAR, Colour
@@ -27,6 +29,7 @@ Flags = NDArray[np.bool_]
 CUT_M = 0.6
 """Obstacles are shown up to this height [m]; higher ones would hide the robot."""
 FIXED, MOVABLE = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42)
+_THIN_M = 1e-4  # a polyhedron that would be cut to less is shown whole
 _OVERSAMPLING = 2  # rendered pixels per pixel, in each direction
 _AROUND_M = 8.0  # width of the ground around the mission
 _TRACK_M, _TRACK_PX = 0.04, 2.0  # minimum width of the path
@@ -189,7 +192,7 @@ def paint_ground(world: World, track: Array) -> Ground:
 def cut_obstacles(world: World) -> list[tuple[Body, Shade]]:
     """Return the bodies of a world, cut at ``CUT_M``, and their colours."""
     shown = []
-    for body in world.obstacles:
+    for body in standing_obstacles(world):
         cut = (_cut(body, shape) for shape in body.shapes)
         shapes = tuple(shape for shape in cut if shape is not None)
         if shapes:
@@ -199,11 +202,13 @@ def cut_obstacles(world: World) -> list[tuple[Body, Shade]]:
 
 
 def _cut(body: Body, shape: Shape) -> Shape | None:
-    """Cut an upright shape at ``CUT_M``; None: all of it is higher."""
+    """Cut an upright shape or a polyhedron at ``CUT_M``; None: all of it is higher."""
     pose = body.pose @ shape.pose
     low, high = bottom_height(shape, pose), top_height(shape, pose)
     if low >= CUT_M:
         return None
+    if shape.kind == "convex" and high > CUT_M > low + _THIN_M:
+        return _cut_polyhedron(shape, pose)
     upright = np.abs(pose.rotation[2]) > 1 - 1e-6
     axes = {"box": upright, "cylinder": upright[2:]}.get(shape.kind, upright[:0])
     if high <= CUT_M or not axes.any():
@@ -213,6 +218,14 @@ def _cut(body: Body, shape: Shape) -> Shape | None:
     x, y, _ = pose.position
     middle = Pose((x, y, (low + CUT_M) / 2), pose.quaternion)
     return Shape(shape.kind, tuple(size), body.pose.inverse() @ middle)
+
+
+def _cut_polyhedron(shape: Shape, pose: Pose) -> Shape:
+    solid = convex_polyhedron(shape.corners)
+    corners = placed_corners(solid.corners, pose.rotation, pose.position)
+    kept = clip_polyhedron(corners, solid.edges, -math.inf, CUT_M)
+    local = placed_corners(kept - np.array(pose.position), pose.rotation.T, (0.0, 0.0, 0.0))
+    return replace(shape, corners=tuple((x, y, z) for x, y, z in local.tolist()))
 
 
 def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:

@@ -13,7 +13,7 @@ from evoros.design.genes import replace_values
 from evoros.design.space import SensorDesign
 from evoros.failure.protocol import Failure
 from evoros.robot.model import Robot
-from evoros.simulator.protocol import A_SIMULATOR, Simulator
+from evoros.simulator.protocol import A_SIMULATOR, SelectiveSimulator, Simulator
 from evoros.world.model import World
 
 
@@ -26,8 +26,9 @@ class Scenario:
     for example ``controller.avoidance.range_m``, is also its path in a scenario.
 
     Raises:
-        InputError: a part of the wrong kind, a period that is no multiple of the time step, or a
-            time limit that is no multiple of the controller's period.
+        InputError: a part of the wrong kind, a world that the simulator cannot simulate, a period
+            that is no multiple of the time step, or a time limit that is no multiple of the
+            controller's period.
     """
 
     robot: Annotated[Robot, instance_of(Robot, "a robot")]
@@ -46,11 +47,19 @@ class Scenario:
                     f"world.{name}: must be a world, and some of its keys are missing; choose it "
                     f"with world=[...], or remove world.{name}"
                 )
+            self._check_world(name, world)
         self.count_steps("controller.period_s", self.controller.period_s)
         for name, sensor in self.design.sensors.items():
             self.count_steps(f"design.sensors.{name}.period_s", sensor.period_s)
         for name, world in self.world.items():
             self._check_limit(name, world.course.time_limit_s)
+
+    def _check_world(self, name: str, world: World) -> None:
+        if isinstance(self.simulator, SelectiveSimulator):
+            try:
+                self.simulator.check_world(world)
+            except InputError as error:
+                raise InputError(f"world.{name}: {error}") from None
 
     def _check_limit(self, world: str, limit: float) -> None:
         """Require that a mission can end at its time limit and not after it.

@@ -54,6 +54,7 @@ class Robot:
     solids: tuple[SolidShape, ...] = ()  # the collision shapes of links that do not roll
     chosen_mount: tuple[str, ...] = ()  # keys of the default mount that the robot left open
     reserved_names: frozenset[str] = frozenset()  # of links and joints
+    exposed_links: frozenset[str] = frozenset()  # wheels and casters that can touch obstacles
     mounts: tuple[Mount, ...] = ()  # those of one sensor type are contiguous
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
 

@@ -8,12 +8,14 @@ rigid-body engine. ``docs/fidelity.md`` shows how far the two simulators agree.
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
 
 from evoros.base.arrays import YAW, X, Y
 from evoros.base.checks import NOT_NEGATIVE, checked, positive_up_to
+from evoros.base.errors import InputError
 from evoros.robot.model import Robot
 from evoros.simulator.engines.planar_layout import PLACED_OUTLINE, lay_out
 from evoros.simulator.engines.planar_rules import advance, observe, sense
@@ -43,6 +45,18 @@ class Planar:
         """The same rules for every robot and world."""
         return SimulationRules(observe, sense, advance)
 
+    def check_world(self, world: World) -> None:
+        """Refuse worlds whose ground is not level.
+
+        Raises:
+            InputError: the ground is a height field or a tilted plane.
+        """
+        if not _is_level(world):
+            raise InputError(
+                "must have level ground for simulator=planar, in which robots stay level, not a "
+                "height field or a tilted plane; use simulator=pybullet"
+            )
+
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator[RuleSimulation]:
         """Place the robot at the world's home, at rest."""
@@ -52,3 +66,8 @@ class Planar:
         lags = self.steering_lag_s, self.drive_lag_s
         parameters = lay_out(robot, world, self.time_step, *lags)
         yield RuleSimulation(self.rules, parameters, memory)
+
+
+@lru_cache(maxsize=64)
+def _is_level(world: World) -> bool:
+    return world.is_level

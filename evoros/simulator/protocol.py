@@ -55,6 +55,19 @@ class Simulator(Protocol):
         ...
 
 
+@runtime_checkable
+class SelectiveSimulator(Protocol):
+    """A simulator that cannot simulate every world; others need no ``check_world``."""
+
+    def check_world(self, world: "World") -> None:
+        """Refuse a world before any mission starts.
+
+        Raises:
+            InputError: the simulator cannot simulate the world; the message does not name it.
+        """
+        ...
+
+
 A_SIMULATOR = instance_of(Simulator, "a simulator (time_step, packages and open)")
 
 

@@ -14,12 +14,13 @@ from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.ray import BOX, CONVEX, CYLINDER, FACE_SIZE, OBSTACLE_SIZE, SPHERE
 from evoros.geometry.shapes import Pose, Shape
 from evoros.world.model import World
+from evoros.world.standing import standing_obstacles
 
 
 @lru_cache(maxsize=64)
 def outlines(world: World, below_m: float) -> Outlines:
     """Return the footprints of all solid shapes whose lowest point is below a height [m]."""
-    return Outlines.of(project_bodies(world.obstacles, below_m))
+    return Outlines.of(project_bodies(standing_obstacles(world), below_m))
 
 
 @lru_cache(maxsize=64)
@@ -36,7 +37,7 @@ def world_arrays(world: World, height: float, touch: float, see: float) -> tuple
     """
     placed = [
         _centre(shape, body.pose @ shape.pose)
-        for body in world.obstacles
+        for body in standing_obstacles(world)
         for shape in body.shapes
         if shape.kind != "plane"
     ]
@@ -47,7 +48,7 @@ def world_arrays(world: World, height: float, touch: float, see: float) -> tuple
         _to_row(*solid, area, end - len(own), end)
         for solid, area, own, end in zip(placed, visible, faces, ends, strict=True)
     ]
-    touchable, areas = project_bodies(world.obstacles, height), outlines(world, height)
+    touchable, areas = project_bodies(standing_obstacles(world), height), outlines(world, height)
     grid = Grid.around(visible, max(touch, see))
     return (
         grid.to_array(),

@@ -1,95 +1,113 @@
-"""Bodies and shapes in PyBullet: their collision groups, and how a client creates them."""
+"""The bodies of a world in PyBullet: their collision groups, and when they sleep."""
 
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-from evoros.geometry.shapes import Body, Shape
+from evoros.geometry.footprint import bottom_height
+from evoros.geometry.inertia import joint_moments
+from evoros.geometry.shapes import Body, Shape, Vector
+from evoros.simulator.engines.pybullet_shapes import create_shape, split_body
+from evoros.world.model import World
+from evoros.world.standing import GAP_M
 
 # Collision groups. The engine casts rays in group 1, so no body is in that group. Wheels and
-# casters meet the ground only, the robot never meets itself, and fixed bodies never meet each
-# other: such pairs cost time wherever walls touch each other or the ground.
+# casters that the chassis covers meet the ground only, the robot never meets itself, and fixed
+# bodies never meet each other: such pairs cost time wherever walls touch each other or the ground.
 RAY, ROBOT, GROUND, FIXED, MOVABLE = 1, 2, 4, 8, 16
 VISIBLE = GROUND | FIXED | MOVABLE
 MOVING = RAY | ROBOT | MOVABLE
 
-Frame = tuple[tuple[float, ...], tuple[float, ...]]  # position [m], quaternion (x, y, z, w)
+UPWARDS = 0.1  # a contact whose normal points up by less does not carry a body
 
 
-def create_shape(bullet: Any, client: int, shapes: Sequence[Shape]) -> int:
-    """Create one collision shape, compound if a body has several; returns its number."""
-    arguments = [_shape_arguments(bullet, shape) for shape in shapes]
-    if len(arguments) == 1 and shapes[0].kind == "plane":
-        return int(
-            bullet.createCollisionShape(
-                bullet.GEOM_PLANE, planeNormal=shapes[0].size, physicsClientId=client
-            )
-        )
-    columns = {key: [shape[key] for shape in arguments] for key in arguments[0]}
-    return int(bullet.createCollisionShapeArray(**columns, physicsClientId=client))
-
-
-def _shape_arguments(bullet: Any, shape: Shape) -> dict[str, Any]:
-    size = shape.size
-    kinds = {
-        "box": bullet.GEOM_BOX,
-        "cylinder": bullet.GEOM_CYLINDER,
-        "sphere": bullet.GEOM_SPHERE,
-        "plane": bullet.GEOM_PLANE,
-    }
-    return {
-        "shapeTypes": kinds[shape.kind],
-        "halfExtents": [edge / 2 for edge in size] if shape.kind == "box" else [0, 0, 0],
-        "radii": size[0] if shape.kind in ("sphere", "cylinder") else 0.0,
-        "lengths": size[1] if shape.kind == "cylinder" else 0.0,
-        "planeNormals": size if shape.kind == "plane" else [0, 0, 1],
-        "collisionFramePositions": shape.pose.position,
-        "collisionFrameOrientations": shape.pose.quaternion,
-    }
-
-
-def add_body(bullet: Any, client: int, body: Body) -> int:
-    """Add one body of the world; returns its number.
+def add_body(bullet: Any, client: int, body: Body) -> list[int]:
+    """Add one body of the world; returns the numbers of the engine's bodies.
 
     A movable body starts asleep and wakes when the robot comes near. Bodies are in maximal
     coordinates, because the engine's usual ones, made for chains of links, cost more.
     """
-    number: int = bullet.createMultiBody(
-        body.mass or 0.0,
-        create_shape(bullet, client, body.shapes),
-        -1,
-        body.pose.position,
-        body.pose.quaternion,
-        useMaximalCoordinates=True,
-        physicsClientId=client,
-    )
     group, meets = (GROUND if body.is_ground else FIXED), MOVING
     if body.mass is not None:
         group, meets = MOVABLE, MOVING | GROUND | FIXED
-    bullet.setCollisionFilterGroupMask(number, -1, group, meets, physicsClientId=client)
-    bullet.changeDynamics(number, -1, lateralFriction=body.friction, physicsClientId=client)
+    numbers = []
+    for pose, shapes in split_body(body):
+        number: int = bullet.createMultiBody(
+            body.mass or 0.0,
+            create_shape(bullet, client, shapes),
+            _create_look(bullet, client, shapes),
+            pose.position,
+            pose.quaternion,
+            useMaximalCoordinates=True,
+            physicsClientId=client,
+        )
+        bullet.setCollisionFilterGroupMask(number, -1, group, meets, physicsClientId=client)
+        bullet.changeDynamics(number, -1, lateralFriction=body.friction, physicsClientId=client)
+        numbers.append(number)
     if body.mass is not None:
         _make_movable(bullet, client, number, body)
-    return number
+    return numbers
+
+
+def _create_look(bullet: Any, client: int, shapes: Sequence[Shape]) -> int:
+    """The visual shape, which nobody sees; -1: that of the contact.
+
+    For polyhedra the engine would read again the files of their contact.
+    """
+    if len(shapes) == 1 or all(shape.kind != "convex" for shape in shapes):
+        return -1
+    return int(bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.01, physicsClientId=client))
 
 
 def _make_movable(bullet: Any, client: int, number: int, body: Body) -> None:
-    if body.inertia is not None:
+    inertia = _inertia(body)
+    if inertia is not None:
         bullet.changeDynamics(  # with its mass, which the engine would otherwise set to 0
             number,
             -1,
             mass=body.mass,
-            localInertiaDiagonal=body.inertia,
+            localInertiaDiagonal=inertia,
             physicsClientId=client,
         )
     asleep = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
     bullet.changeDynamics(number, -1, activationState=asleep, physicsClientId=client)
 
 
-def load_urdf(bullet: Any, client: int, urdf: str, frame: Frame, flags: int) -> int:
-    """Load a robot at a frame; returns its number. PyBullet reads URDF from files only."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "robot.urdf"
-        path.write_text(urdf)
-        return int(bullet.loadURDF(str(path), *frame, flags=flags, physicsClientId=client))
+def _inertia(body: Body) -> Vector | None:
+    """The principal moments [kg m2]; None: those of the engine, which takes polyhedra for boxes."""
+    if body.inertia is None and any(shape.kind == "convex" for shape in body.shapes):
+        return joint_moments(body.shapes, body.mass or 0.0)
+    return body.inertia
+
+
+def find_falling(
+    bullet: Any, client: int, world: World, movable: dict[int, Body]
+) -> tuple[int, ...]:
+    """The movable bodies, by their numbers, that nothing carries."""
+    return tuple(
+        number
+        for number, body in movable.items()
+        if not (world.is_level and _bottom(body) <= GAP_M)
+        and not _is_carried(bullet, client, number)
+    )
+
+
+def _bottom(body: Body) -> float:
+    return min(bottom_height(shape, body.pose @ shape.pose) for shape in body.shapes)
+
+
+def _is_carried(bullet: Any, client: int, number: int) -> bool:
+    low, high = bullet.getAABB(number, -1, client)
+    low = (low[0], low[1], low[2] - GAP_M)
+    near = bullet.getOverlappingObjects(low, high, physicsClientId=client) or ()
+    return any(
+        point[7][2] > UPWARDS  # of the normal, towards this body
+        for other in dict.fromkeys(other for other, _ in near)
+        if other != number
+        for point in bullet.getClosestPoints(number, other, GAP_M, physicsClientId=client)
+    )
+
+
+def wake(bullet: Any, client: int, number: int) -> None:
+    """Let a body move, until it comes to rest."""
+    awake = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_WAKE_UP
+    bullet.changeDynamics(number, -1, activationState=awake, physicsClientId=client)

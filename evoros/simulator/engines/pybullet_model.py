@@ -6,8 +6,10 @@ from typing import Any, NamedTuple
 
 from evoros.base.errors import SimulationError
 from evoros.robot.model import Robot
-from evoros.simulator.engines.pybullet_bodies import Frame, add_body
+from evoros.simulator.engines.pybullet_bodies import add_body, find_falling, wake
 from evoros.simulator.engines.pybullet_robot import LoadedRobot, load_robot
+from evoros.simulator.engines.pybullet_shapes import Frame
+from evoros.simulator.engines.set_down import home_frame
 from evoros.world.model import World
 
 LIFT_M = 1000.0  # height at which a robot is far from everything
@@ -29,6 +31,7 @@ class Model:
     robot: LoadedRobot
     ground: frozenset[int]  # bodies that are not obstacles
     movable: Mapping[int, Frame]  # bodies that can be pushed, and where they stood when built
+    falling: tuple[int, ...]  # movable bodies in the air
 
 
 class Engine:
@@ -57,7 +60,7 @@ class Engine:
         drive = robot.drive
         joints = (drive.steering_joints, drive.wheel_joints, drive.caster_links)
         surroundings = (world.bodies, world.gravity_mps2, world.course.home)
-        source = (robot.urdf, joints, surroundings, settings)
+        source = (robot.urdf, joints, robot.exposed_links, surroundings, settings)
         if self._model is None or self._built_from != source or self._disturbed(self._model):
             self._built_from = None
             try:
@@ -67,17 +70,19 @@ class Engine:
                 raise SimulationError(reason) from error
             self._built_from = source
         self._reset(self._model.robot)
+        for number in self._model.falling:
+            wake(self.bullet, self.client, number)
         return self._model
 
     def _disturbed(self, model: Model) -> bool:
-        """Whether any body but the robot differs from when it was built.
+        """Whether any body but the robot differs from when it was built, or is about to fall.
 
         The engine wakes a body when the robot is near, and a body that is awake settles. So a
         body can move without being touched.
         """
         bullet, client = self.bullet, self.client
         rest = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        return any(
+        return bool(model.falling) or any(
             bullet.getBasePositionAndOrientation(body, client) != frame
             or bullet.getBaseVelocity(body, client) != rest
             for body, frame in model.movable.items()
@@ -112,12 +117,15 @@ class Engine:
             collisionFilterMode=0,  # else a pair collides if only one of the two masks says so
             physicsClientId=client,
         )
-        numbers = [(add_body(bullet, client, body), body) for body in world.bodies]
-        movable = {
+        numbers = [
+            (number, body) for body in world.bodies for number in add_body(bullet, client, body)
+        ]
+        movable = {number: body for number, body in numbers if body.mass is not None}
+        frames = {
             number: bullet.getBasePositionAndOrientation(number, physicsClientId=client)
-            for number, body in numbers
-            if body.mass is not None
+            for number in movable
         }
         ground = frozenset(number for number, body in numbers if body.is_ground)
-        home, friction = world.course.home, settings.wheel_friction
-        return Model(load_robot(bullet, client, robot, home, friction), ground, movable)
+        falling = find_falling(bullet, client, world, movable)
+        home, friction = home_frame(robot, world), settings.wheel_friction
+        return Model(load_robot(bullet, client, robot, home, friction), ground, frames, falling)

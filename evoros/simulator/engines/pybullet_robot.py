@@ -1,21 +1,14 @@
 """A robot in PyBullet: which links collide, which joints its motors move."""
 
-import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from evoros.drive.protocol import Drive
 from evoros.formats.urdf.merging import merge_fixed_links
 from evoros.robot.model import Robot
-from evoros.simulator.engines.pybullet_bodies import (
-    FIXED,
-    GROUND,
-    MOVABLE,
-    ROBOT,
-    Frame,
-    load_urdf,
-)
+from evoros.simulator.engines.pybullet_bodies import FIXED, GROUND, MOVABLE, ROBOT
+from evoros.simulator.engines.pybullet_shapes import Frame, load_urdf
 
 CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
 
@@ -46,19 +39,14 @@ class _Joint(NamedTuple):
 
 
 def load_robot(
-    bullet: Any,
-    client: int,
-    robot: Robot,
-    home: tuple[float, float, float, float],
-    wheel_friction: float,
+    bullet: Any, client: int, robot: Robot, frame: Frame, wheel_friction: float
 ) -> LoadedRobot:
-    """Load the robot at ``home``, x, y, z [m] and yaw [rad].
+    """Load the robot at the frame of its base link.
 
     Raises:
         pybullet.error: the engine refuses the robot.
     """
     drive = robot.drive
-    frame = home[:3], (0.0, 0.0, math.sin(home[3] / 2), math.cos(home[3] / 2))
     # Not URDF_MERGE_FIXED_LINKS, which would lose the origin of the chassis' inertia.
     flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_IGNORE_VISUAL_SHAPES
     urdf = merge_fixed_links(robot.urdf_elements(), drive.caster_links)
@@ -66,10 +54,11 @@ def load_robot(
     joints = _read_joints(bullet, client, body)
     steering, steering_forces = _motors(joints, drive.steering_joints)
     wheels, wheel_forces = _motors(joints, drive.wheel_joints)
+    _release(bullet, client, body, joints, {*steering, *wheels})
     center = bullet.getDynamicsInfo(body, -1, physicsClientId=client)[3:5]
     return LoadedRobot(
         body=body,
-        touching=_set_up_links(bullet, client, body, joints, drive, wheel_friction),
+        touching=_set_up_links(bullet, client, body, joints, robot, wheel_friction),
         joints=tuple(joint.number for joint in joints if not joint.fixed),
         steering=steering,
         steering_forces=steering_forces,
@@ -98,6 +87,17 @@ def _motors(
     return tuple(joint.number for joint in found), tuple(joint.force for joint in found)
 
 
+def _release(
+    bullet: Any, client: int, body: int, joints: Sequence[_Joint], driven: Collection[int]
+) -> None:
+    """Switch off the motors of joints that nothing drives: the engine's would hold them still."""
+    for joint in joints:
+        if not joint.fixed and joint.number not in driven:
+            bullet.setJointMotorControl2(
+                body, joint.number, bullet.VELOCITY_CONTROL, force=0, physicsClientId=client
+            )
+
+
 def _rolling_friction(
     joints: Sequence[_Joint], drive: Drive, wheel_friction: float
 ) -> dict[int, float]:
@@ -112,14 +112,16 @@ def _set_up_links(
     client: int,
     body: int,
     joints: Sequence[_Joint],
-    drive: Drive,
+    robot: Robot,
     wheel_friction: float,
 ) -> tuple[int, ...]:
     """Set friction, damping and collision masks; returns the links that can touch obstacles."""
-    rolling = _rolling_friction(joints, drive, wheel_friction)
+    rolling = _rolling_friction(joints, robot.drive, wheel_friction)
+    exposed = {joint.number for joint in joints if joint.link in robot.exposed_links}
+    covered = rolling.keys() - exposed
     links = range(-1, len(joints))
     for link in links:
-        meets = GROUND if link in rolling else GROUND | FIXED | MOVABLE
+        meets = GROUND if link in covered else GROUND | FIXED | MOVABLE
         bullet.setCollisionFilterGroupMask(body, link, ROBOT, meets, physicsClientId=client)
         bullet.changeDynamics(
             body,
@@ -131,4 +133,4 @@ def _set_up_links(
             physicsClientId=client,
         )
     shapes = (link for link in links if bullet.getCollisionShapeData(body, link, client))
-    return tuple(link for link in shapes if link not in rolling)
+    return tuple(link for link in shapes if link not in covered)

@@ -8,8 +8,9 @@ import numpy as np
 
 from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
 from evoros.robot.model import Robot
-from evoros.simulator.engines.pybullet_bodies import VISIBLE, Frame
+from evoros.simulator.engines.pybullet_bodies import VISIBLE
 from evoros.simulator.engines.pybullet_model import Model, Settings
+from evoros.simulator.engines.pybullet_shapes import Frame
 from evoros.simulator.engines.rays import sensor_beams
 
 MAX_RAYS = 16_383

@@ -12,7 +12,8 @@ from evoros.base.arrays import Array
 from evoros.base.errors import SimulationError
 from evoros.formats.strict_xml import parse
 from evoros.geometry.shapes import Body
-from evoros.simulator.engines.pybullet_bodies import create_shape, load_urdf
+from evoros.geometry.surface import triangulate
+from evoros.simulator.engines.pybullet_shapes import create_shape, load_urdf
 from evoros.simulator.pybullet import import_pybullet
 
 Colour = tuple[float, float, float]  # red, green, blue, from 0 to 1
@@ -38,10 +39,7 @@ class Scene:
     ) -> None:
         self._bullet, self._client = bullet, client
         for body, colour in bodies:
-            shape = create_shape(bullet, client, body.shapes)
-            frame = (body.pose.position, body.pose.quaternion)
-            number = bullet.createMultiBody(0.0, shape, -1, *frame, physicsClientId=client)
-            bullet.changeVisualShape(number, -1, rgbaColor=(*colour, 1), physicsClientId=client)
+            _add_visible(bullet, client, body, colour)
         origin = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
         self.robot = load_urdf(bullet, client, without_meshes(urdf), origin, flags)
@@ -98,6 +96,38 @@ class Scene:
             np.reshape(np.asarray(depth, dtype=np.float32), shape),
             np.reshape(np.asarray(bodies, dtype=np.int32), shape),
         )
+
+
+def _add_visible(bullet: Any, client: int, body: Body, colour: Colour) -> None:
+    """Show a body; the engine draws polyhedra and height fields only as meshes without contact."""
+    surfaces = [shape for shape in body.shapes if shape.kind in ("convex", "heightfield")]
+    plain = [shape for shape in body.shapes if shape not in surfaces]
+    frame = (body.pose.position, body.pose.quaternion)
+    for shape in surfaces:
+        triangles = triangulate(shape) @ shape.pose.rotation.T + shape.pose.position
+        visual = _create_surface(bullet, client, triangles)
+        number = bullet.createMultiBody(0.0, -1, visual, *frame, physicsClientId=client)
+        bullet.changeVisualShape(number, -1, rgbaColor=(*colour, 1), physicsClientId=client)
+    if plain:
+        solid = create_shape(bullet, client, plain)
+        number = bullet.createMultiBody(0.0, solid, -1, *frame, physicsClientId=client)
+        bullet.changeVisualShape(number, -1, rgbaColor=(*colour, 1), physicsClientId=client)
+
+
+def _create_surface(bullet: Any, client: int, triangles: Array) -> int:
+    """Create the visual shape of triangles (t, 3, 3) [m], each with its own normal."""
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return int(
+        bullet.createVisualShape(
+            bullet.GEOM_MESH,
+            vertices=triangles.reshape(-1, 3).tolist(),
+            indices=list(range(3 * len(triangles))),
+            normals=np.repeat(normals, 3, axis=0).tolist(),
+            uvs=[[0.0, 0.0]] * (3 * len(triangles)),
+            physicsClientId=client,
+        )
+    )
 
 
 @contextmanager

@@ -1,0 +1,106 @@
+"""Obstacles as they stand once movable bodies in the air have fallen, for all that sees from above.
+
+An engine of rigid bodies lets them fall. The plane, where obstacles never move, and the measures of
+clearance and pictures, which know no height of the ground, take them from here.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+from evoros.geometry.footprint import (
+    Footprint,
+    bottom_height,
+    bounding_circle,
+    project_shape,
+    top_height,
+)
+from evoros.geometry.polygon import polygon_distance
+from evoros.geometry.shapes import Body, Pose
+from evoros.world.floors import ground_height
+from evoros.world.model import World
+
+GAP_M = 0.002
+"""A movable body with nothing this near below it is in the air."""
+
+_INNER = 0.99
+"""Share of a footprint that must lie above another: bodies side by side do not carry each other."""
+
+
+class _Placed(NamedTuple):
+    """A shape at its place in the world."""
+
+    area: Footprint
+    bottom: float  # [m]
+    top: float  # [m]
+
+
+@lru_cache(maxsize=64)
+def standing_obstacles(world: World) -> tuple[Body, ...]:
+    """Return the obstacles with each movable body set straight down onto what is below it.
+
+    That is the ground, or the highest shape below its footprint. A body into which another one
+    reaches stays where it is. Where the ground is not level, each obstacle is lowered by the height
+    of the ground below it.
+    """
+    grounds = [0.0 if world.is_level else _ground_below(world, body) for body in world.obstacles]
+    bodies = list(world.obstacles)
+    lowest = [min(bottom_height(s, body.pose @ s.pose) for s in body.shapes) for body in bodies]
+    falls = [
+        body.mass is not None and bottom - ground > GAP_M
+        for body, bottom, ground in zip(bodies, lowest, grounds, strict=True)
+    ]
+    if any(falls):
+        settled = [p for body, fall in zip(bodies, falls, strict=True) if not fall
+                   for p in _place(body)]  # fmt: skip
+        for i in sorted(range(len(bodies)), key=lowest.__getitem__):
+            if falls[i]:
+                bodies[i] = _lower(bodies[i], _drop(_place(bodies[i]), settled, grounds[i]))
+                settled += _place(bodies[i])
+    return tuple(_lower(body, ground) for body, ground in zip(bodies, grounds, strict=True))
+
+
+def _ground_below(world: World, body: Body) -> float:
+    return ground_height(world.bodies, body.pose.position[:2]) or 0.0
+
+
+def _place(body: Body) -> list[_Placed]:
+    return [
+        _Placed(project_shape(shape, pose), bottom_height(shape, pose), top_height(shape, pose))
+        for shape, pose in ((shape, body.pose @ shape.pose) for shape in body.shapes)
+    ]
+
+
+def _drop(shapes: Sequence[_Placed], settled: Sequence[_Placed], ground: float) -> float:
+    """Return how far [m] a body of these shapes falls."""
+    gaps = [min(shape.bottom for shape in shapes) - ground]
+    for shape in shapes:
+        for below in _overlapping(shape, settled):
+            if below.top <= shape.bottom:
+                gaps.append(shape.bottom - below.top)
+            elif below.bottom < shape.bottom:
+                return 0.0
+    drop = min(gaps)
+    return drop if drop > GAP_M else 0.0
+
+
+def _overlapping(shape: _Placed, others: Sequence[_Placed]) -> Iterator[_Placed]:
+    """Yield those of ``others`` whose footprint the inner part of a shape's footprint meets."""
+    x, y, reach = bounding_circle(shape.area)
+    inner = (shape.area.vertices - (x, y)) * _INNER + (x, y)
+    for other in others:
+        ox, oy, circle = bounding_circle(other.area)
+        near = reach + circle
+        if (ox - x) ** 2 + (oy - y) ** 2 >= near * near:
+            continue
+        radius = shape.area.radius * _INNER + other.area.radius
+        if polygon_distance(inner, other.area.vertices, radius) <= radius:
+            yield other
+
+
+def _lower(body: Body, height: float) -> Body:
+    if height == 0.0:
+        return body
+    x, y, z = body.pose.position
+    return replace(body, pose=Pose((x, y, z - height), body.pose.quaternion))

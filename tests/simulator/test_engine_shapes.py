@@ -1,0 +1,226 @@
+"""Polyhedra and height fields in both simulators, against each other and known heights."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planar_cases import rock
+from pybullet_cases import beam, level, mount_sensors, short_experiment
+
+from evoros.base.arrays import CONTACT, STATE_SIZE, YAW, Array, X, Y
+from evoros.base.errors import InputError
+from evoros.evolution.confirmation import Confirmation
+from evoros.evolution.experiment import Experiment
+from evoros.geometry.inertia import joint_moments
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.robot.model import Robot
+from evoros.simulator.planar import Planar
+from evoros.simulator.pybullet import PyBullet, close_engines
+from evoros.world.floors import ground_height
+from evoros.world.model import World
+
+MARGIN_M = 0.002  # PyBullet rounds a polyhedron off by 1 mm
+
+AROUND = [(0.2 * math.cos(t), 0.2 * math.sin(t), 0.2, math.degrees(t), 0.0) for t in range(6)]
+
+
+@cache
+def experiment() -> Experiment:
+    return short_experiment()
+
+
+@pytest.fixture(autouse=True)
+def _close_engines() -> Iterator[None]:
+    yield
+    close_engines()
+
+
+def readings(robot: Robot, world: World, simulator: Planar | PyBullet) -> Array:
+    found = np.zeros(len(robot.mounts))
+    with simulator.open(robot, world) as simulation:
+        simulation.sense(found)
+    return found
+
+
+def corners_of_box(x: float, y: float, z: float) -> Shape:
+    half = (x / 2, y / 2, z / 2)
+    corners = [(a * half[0], b * half[1], c * half[2])
+               for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]  # fmt: skip
+    return Shape("convex", (), corners=tuple(corners))
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.lists(st.integers(0, 2**32), min_size=1, max_size=4), st.sampled_from([None, 5.0]))
+def test_both_simulators_see_the_same_surfaces(seeds: list[int], mass: float | None) -> None:
+    """PyBullet's are at most the margin farther out, in a body of several parts, too."""
+    rng = np.random.default_rng(seeds[0])
+    shapes = tuple(
+        replace(rock(seed), pose=Pose.from_rpy((0.0, 0.3 * i, 0.1), *rng.uniform(-3, 3, 3)))
+        for i, seed in enumerate(seeds)
+    )
+    pose = Pose((2.2, float(rng.uniform(-0.5, 0.5)), 0.3))
+    inertia = None if mass is None else (1.0, 1.0, 1.0)
+    world = level(experiment(), Body("rock", pose, shapes, mass, 1.0, inertia))
+    robot = mount_sensors(experiment(), beam(), *AROUND)
+    plane, bullet = (readings(robot, world, each) for each in (Planar(), PyBullet()))
+    grown = level(experiment(), Body("rock", pose, tuple(map(grow, shapes)), mass, 1.0, inertia))
+    nearest = readings(robot, grown, Planar())
+    assert (bullet <= plane + 1e-4).all()
+    assert (bullet >= nearest - 1e-4).all()
+
+
+def grow(shape: Shape) -> Shape:
+    """The polyhedron with each corner outwards, so that it holds all within the margin."""
+    corners = np.array(shape.corners)
+    steps = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) * MARGIN_M
+    points = (corners[:, None] + steps).reshape(-1, 3)
+    return replace(shape, corners=tuple((x, y, z) for x, y, z in points.tolist()))
+
+
+def test_a_wedge_is_seen_at_the_height_of_the_beam() -> None:
+    """A ramp that begins 1 m ahead and is 1 m high 2 m ahead."""
+    corners = tuple((x, y, z) for y in (-1.0, 1.0) for x, z in ((1, 0), (2, 0), (2, 1)))
+    world = level(experiment(), Body("ramp", Pose(), (Shape("convex", (), corners=corners),)))
+    robot = mount_sensors(experiment(), beam(), (0.2, 0.0, 0.15, 0.0, 0.0))
+    assert readings(robot, world, Planar()) == pytest.approx([0.95])
+    assert readings(robot, world, PyBullet()) == pytest.approx([0.95], abs=MARGIN_M)
+
+
+@pytest.mark.parametrize("simulator", [Planar(), PyBullet()])
+def test_a_polyhedron_stops_the_robot(simulator: Planar | PyBullet) -> None:
+    """The front is 0.25 m ahead of the base frame, the block 1 m."""
+    block = Body("block", Pose((1.5, 0.0, 0.5)), (corners_of_box(1.0, 1.0, 1.0),))
+    state, touched = np.zeros(STATE_SIZE), []
+    with simulator.open(experiment().robot, level(experiment(), block)) as simulation:
+        for _ in range(40):
+            simulation.advance(np.array([0.3, 0.0]), 0.1)
+            simulation.observe(state)
+            touched.append((state[X], bool(state[CONTACT])))
+    first = next(x for x, contact in touched if contact)
+    assert first == pytest.approx(0.75, abs=0.01)
+    assert max(x for x, _ in touched) < 0.76
+
+
+def test_a_polyhedron_weighs_as_the_box_that_it_is() -> None:
+    """The engine alone would take the moments of the box around the shape, with its margin."""
+    solid = replace(corners_of_box(0.3, 0.4, 0.2), pose=Pose((0.0, 0.0, 0.0)))
+    body = Body("block", Pose((2.0, 0.0, 0.1)), (solid,), mass=3.0)
+    with PyBullet().open(experiment().robot, level(experiment(), body)) as simulation:
+        (number,) = simulation._model.movable
+        info = simulation._bullet.getDynamicsInfo(number, -1, simulation._client)
+    expected = (3 / 12 * (0.16 + 0.04), 3 / 12 * (0.09 + 0.04), 3 / 12 * (0.09 + 0.16))
+    assert info[2] == pytest.approx(expected, rel=1e-6)
+    assert joint_moments((solid,), 3.0) == pytest.approx(expected, rel=1e-6)
+
+
+# Ground that is not level.
+
+
+def hills(rng: np.random.Generator, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> Body:
+    """A field of 5 columns and 4 rows, 8 m by 6 m, whose height is 0 at the world's origin."""
+    heights = rng.uniform(-0.5, 0.5, (4, 5))
+    pose = Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw)
+    field = Shape("heightfield", (8.0, 6.0), heights=tuple(map(tuple, heights.tolist())))
+    z = ground_height((Body("f", pose, (field,)),), (0.0, 0.0))
+    assert z is not None
+    return Body("field", Pose((x, y, -z), pose.quaternion), (field,))
+
+
+def uneven(*bodies: Body) -> World:
+    world = experiment().world["boxes"]
+    course = replace(world.course, home_x_m=0.0, home_y_m=0.0, home_yaw_rad=0.0, home_z_m=0.0)
+    return replace(world, bodies=bodies, course=course)
+
+
+def height_seen(simulation: object, x: float, y: float) -> float:
+    bullet, client = simulation._bullet, simulation._client  # type: ignore[attr-defined]
+    (hit,) = bullet.rayTest([x, y, 9.0], [x, y, -9.0], physicsClientId=client)
+    return 9.0 - 18.0 * float(hit[2])
+
+
+@pytest.mark.parametrize(("x", "y", "yaw"), [(0.0, 0.0, 0.0), (1.0, -0.5, 0.0), (0.3, 0.2, 0.7)])
+def test_a_height_field_is_where_its_heights_are(x: float, y: float, yaw: float) -> None:
+    """Row i from -y, column j from -x: every grid point, whatever the mean of the heights."""
+    body = hills(np.random.default_rng(3), x, y, yaw)
+    (field,) = body.shapes
+    with PyBullet().open(experiment().robot, uneven(body)) as simulation:
+        simulation._bullet.removeBody(simulation._model.robot.body, simulation._client)
+        for i, row in enumerate(field.heights):
+            for j, height in enumerate(row):
+                inside = 0.999999  # the outermost points are on the edge
+                point = (inside * (8 * j / 4 - 4), inside * (6 * i / 3 - 3), height)
+                px, py, pz = body.pose.transform(point)
+                assert height_seen(simulation, px, py) == pytest.approx(pz, abs=1e-4)
+    close_engines()
+
+
+def test_a_robot_is_set_down_on_a_slope_and_stays() -> None:
+    """A plane that rises by 0.1 rad along x: the robot stands on it, tilted as it is."""
+    slope = Body("slope", Pose.from_rpy((0.0, 0.0, 0.0), 0.0, -0.1, 0.0), level_plane())
+    state = np.zeros(STATE_SIZE)
+    with PyBullet().open(experiment().robot, uneven(slope)) as simulation:
+        assert pitch_of(simulation) == pytest.approx(0.1, abs=1e-6)
+        simulation.advance(np.zeros(2), 1.0)
+        assert pitch_of(simulation) == pytest.approx(0.1, abs=0.01)
+        simulation.observe(state)
+        assert abs(state[X]) < 0.02
+        simulation.advance(np.array([0.3, 0.0]), 3.0)
+        simulation.observe(state)
+        assert state[X] == pytest.approx(0.9 * math.cos(0.1), abs=0.05)
+        assert not state[CONTACT]
+        (_, _, z), _ = base_pose(simulation)
+        assert z == pytest.approx(state[X] * math.tan(0.1), abs=0.01)
+
+
+def test_a_robot_drives_over_a_height_field() -> None:
+    """The same slope as a height field, at the middle of which the robot is set down."""
+    edge = 4.0 * math.tan(0.1)
+    field = Shape("heightfield", (8.0, 6.0), heights=((-edge, edge), (-edge, edge)))
+    state = np.zeros(STATE_SIZE)
+    with PyBullet().open(experiment().robot, uneven(Body("f", Pose(), (field,)))) as simulation:
+        simulation.advance(np.array([0.3, 0.0]), 3.0)
+        simulation.observe(state)
+        (_, _, z), _ = base_pose(simulation)
+    assert state[X] == pytest.approx(0.9 * math.cos(0.1), abs=0.05)
+    assert (abs(state[Y]) < 0.02, abs(state[YAW]) < 0.05, state[CONTACT]) == (True, True, 0.0)
+    assert z == pytest.approx(state[X] * math.tan(0.1), abs=0.01)
+
+
+def level_plane() -> tuple[Shape, ...]:
+    return (Shape("plane", (0.0, 0.0, 1.0)),)
+
+
+def base_pose(simulation: object) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    bullet, client = simulation._bullet, simulation._client  # type: ignore[attr-defined]
+    robot = simulation._model.robot  # type: ignore[attr-defined]
+    pose = bullet.getBasePositionAndOrientation(robot.body, client)
+    position, quaternion = bullet.multiplyTransforms(*pose, *robot.to_base)
+    return position, quaternion
+
+
+def pitch_of(simulation: object) -> float:
+    """Nose up positive [rad]."""
+    _, quaternion = base_pose(simulation)
+    x, y, z, w = quaternion
+    return math.asin(2.0 * (x * z - w * y))
+
+
+@pytest.mark.parametrize(
+    "ground",
+    [
+        Body("slope", Pose.from_rpy((0.0, 0.0, 0.0), 0.0, -0.1, 0.0), level_plane()),
+        Body("f", Pose(), (Shape("heightfield", (9.0, 9.0), heights=((0.0, 0.0),) * 2),)),
+    ],
+)
+def test_the_plane_refuses_ground_that_is_not_level(ground: Body) -> None:
+    worlds = {"hills": uneven(ground)}
+    with pytest.raises(InputError, match=r"^world\.hills: must have level ground.*=pybullet$"):
+        replace(experiment(), simulator=Planar(), world=worlds)
+    physical = replace(experiment(), simulator=PyBullet(), world=worlds)
+    with pytest.raises(InputError, match=r"^confirmation\.simulator: world\.hills: "):
+        replace(physical, confirmation=Confirmation(Planar()))

@@ -1,0 +1,139 @@
+"""A robot whose wheels stick out: they meet obstacles; what nothing drives turns freely."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from pybullet_cases import level, short_experiment
+
+from evoros.base.arrays import CONTACT, STATE_SIZE, X
+from evoros.drive.differential import DifferentialDescription
+from evoros.formats.urdf.document import UrdfDocument
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.robot.loading import MountDefaults, load_robot
+from evoros.robot.model import Robot
+from evoros.simulator.planar import Planar
+from evoros.simulator.pybullet import PyBullet, close_engines
+from evoros.world.model import World
+
+
+@pytest.fixture(autouse=True)
+def _close_engines() -> Iterator[None]:
+    yield
+    close_engines()
+
+
+def link(name: str, mass: float, shape: str, origin: str = "0 0 0", turn: str = "0 0 0") -> str:
+    moment = f"{0.01 * mass}"
+    return f"""<link name="{name}">
+      <inertial><origin xyz="{origin}"/><mass value="{mass}"/>
+        <inertia ixx="{moment}" iyy="{moment}" izz="{moment}" ixy="0" ixz="0" iyz="0"/></inertial>
+      <collision><origin xyz="{origin}" rpy="{turn}"/><geometry>{shape}</geometry></collision>
+    </link>"""
+
+
+def joint(name: str, child: str, origin: str, kind: str = "continuous") -> str:
+    return f"""<joint name="{name}" type="{kind}"><parent link="base"/><child link="{child}"/>
+      <origin xyz="{origin}"/><axis xyz="0 1 0"/><limit effort="5" velocity="20"/></joint>"""
+
+
+WHEEL = link("{}", 0.5, '<cylinder radius="0.1" length="0.04"/>', turn="1.5707963267948966 0 0")
+CHASSIS = '<box size="0.3 0.2 0.1"/>'
+BUGGY = f"""<robot name="buggy">
+  {link("base", 4.0, CHASSIS, "-0.1 0 0.12")}
+  {WHEEL.format("left")}{WHEEL.format("right")}
+  {link("caster", 0.2, '<sphere radius="0.04"/>')}
+  {joint("left_joint", "left", "0 0.2 0.1")}{joint("right_joint", "right", "0 -0.2 0.1")}
+  {joint("caster_joint", "caster", "-0.22 0 0.04", "fixed")}
+  {joint("flap_joint", "flap", "-0.2 0 0.3")}
+  {link("flap", 0.3, '<box size="0.2 0.02 0.02"/>', "0.1 0 0")}
+</robot>
+"""
+
+
+@cache
+def experiment_world() -> World:
+    return level(short_experiment())
+
+
+@pytest.fixture(scope="module")
+def buggy(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """Its wheels reach 0.1 m ahead of the chassis, which ends 0.05 m ahead of the axle."""
+    file = tmp_path_factory.mktemp("robot") / "buggy.urdf"
+    file.write_text(BUGGY)
+    drive = DifferentialDescription(["left_joint", "right_joint"], ["caster"], 0.3, 0.9, 0.5)
+    robot = load_robot(str(file), drive, MountDefaults("base", 0.2, 0.0))
+    corners = [[-0.25, -0.22], [0.1, -0.22], [0.1, 0.22], [-0.25, 0.22]]
+    wheels = frozenset({"left", "right"})
+    return replace(robot, outline=np.array(corners), exposed_links=wheels)
+
+
+def world_with(*bodies: Body) -> World:
+    return replace(experiment_world(), bodies=(*experiment_world().bodies, *bodies))
+
+
+def drive_on(robot: Robot, world: World, simulator: Planar | PyBullet) -> list[tuple[float, bool]]:
+    state, seen = np.zeros(STATE_SIZE), []
+    with simulator.open(robot, world) as simulation:
+        for _ in range(40):
+            simulation.advance(np.array([0.3, 0.0]), 0.1)
+            simulation.observe(state)
+            seen.append((float(state[X]), bool(state[CONTACT])))
+    return seen
+
+
+@pytest.mark.parametrize("simulator", [Planar(), PyBullet(time_step=0.005)])
+@pytest.mark.parametrize("mass", [None, 500.0])
+def test_a_wheel_meets_a_post(
+    buggy: Robot, simulator: Planar | PyBullet, mass: float | None
+) -> None:
+    """A post of 0.6 m ahead of the left wheel, which the chassis would pass."""
+    shape = (Shape("box", (0.1, 0.1, 1.0)),)
+    post = Body("post", Pose((0.65, 0.2, 0.5)), shape, mass)
+    seen = drive_on(buggy, world_with(post), simulator)
+    first = next(x for x, contact in seen if contact)
+    assert first == pytest.approx(0.5, abs=0.035)
+    assert not seen[0][1]
+
+
+def test_covered_wheels_pass_through_posts(buggy: Robot) -> None:
+    """Without the name of a link it is in no list of what obstacles touch."""
+    post = Body("post", Pose((0.65, 0.2, 0.5)), (Shape("box", (0.1, 0.1, 1.0)),))
+    covered = replace(buggy, exposed_links=frozenset())
+    seen = drive_on(covered, world_with(post), PyBullet())
+    assert not any(contact for _, contact in seen)
+    assert seen[-1][0] > 0.9
+
+
+def test_wheels_roll_on_a_floor_made_of_a_body(buggy: Robot) -> None:
+    """A slab of 20 m whose top is at 0: no contact is reported, and the robot drives."""
+    slab = Body("slab", Pose((0.0, 0.0, -0.5)), (Shape("box", (20.0, 20.0, 1.0)),), floor=True)
+    world = replace(experiment_world(), bodies=(slab,))
+    seen = drive_on(buggy, world, PyBullet())
+    assert not any(contact for _, contact in seen)
+    assert seen[-1][0] == pytest.approx(1.2, abs=0.05)
+
+
+def test_a_joint_that_nothing_drives_turns_freely(buggy: Robot) -> None:
+    """A flap of 0.2 m, let go level: the engine's own motor would hold it there."""
+    with PyBullet().open(buggy, world_with()) as simulation:
+        bullet, client, robot = simulation._bullet, simulation._client, simulation._model.robot
+        names = [bullet.getJointInfo(robot.body, j, client)[1] for j in robot.joints]
+        flap = robot.joints[names.index(b"flap_joint")]
+        simulation.advance(np.zeros(2), 0.2)
+        assert bullet.getJointState(robot.body, flap, client)[0] > 0.3
+
+
+def test_a_chassis_may_be_a_polyhedron(buggy: Robot) -> None:
+    """The corners of its box, in the element that stands for a mesh: the wall is met as before."""
+    corners = " ".join(
+        f"{x} {y} {z}" for x in (-0.15, 0.15) for y in (-0.1, 0.1) for z in (-0.05, 0.05)
+    )
+    text = buggy.base_urdf.text.replace(CHASSIS, f'<convex corners="{corners}"/>')
+    assert "<convex" in text
+    robot = replace(buggy, base_urdf=UrdfDocument(text), exposed_links=frozenset())
+    wall = Body("wall", Pose((0.65, 0.0, 0.5)), (Shape("box", (0.1, 0.1, 1.0)),))
+    seen = drive_on(robot, world_with(wall), PyBullet(time_step=0.005))
+    assert next(x for x, contact in seen if contact) == pytest.approx(0.55, abs=0.035)

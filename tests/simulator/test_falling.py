@@ -1,0 +1,97 @@
+"""Movable bodies in the air fall in both simulators; those that stand stay asleep."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pybullet_cases import beam, box, level, mount_sensors, short_experiment
+
+from evoros.evolution.experiment import Experiment
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.simulator.planar import Planar
+from evoros.simulator.pybullet import PyBullet, close_engines
+
+
+@pytest.fixture(scope="module")
+def experiment() -> Experiment:
+    return short_experiment()
+
+
+@pytest.fixture(autouse=True)
+def _close_engines() -> Iterator[None]:
+    yield
+    close_engines()
+
+
+def crate(name: str, x: float, z: float, mass: float | None = 2.0) -> Body:
+    return Body(name, Pose((x, 0.0, z)), (Shape("box", (0.4, 0.4, 0.4)),), mass)
+
+
+def height_of(simulation: object, number: int) -> float:
+    bullet, client = simulation._bullet, simulation._client  # type: ignore[attr-defined]
+    return float(bullet.getBasePositionAndOrientation(number, client)[0][2])
+
+
+@pytest.mark.parametrize("gravity", [9.81, 1.62])
+def test_a_body_falls_as_long_as_gravity_says(experiment: Experiment, gravity: float) -> None:
+    """From 2 m: sqrt(2 h / g). The engine damps motion by 4 % per second."""
+    world = replace(level(experiment, crate("crate", 3.0, 2.2)), gravity_mps2=gravity)
+    wanted = math.sqrt(2 * 2.0 / gravity)
+    with PyBullet(time_step=0.005).open(experiment.robot, world) as simulation:
+        (number,) = simulation._model.movable
+        assert height_of(simulation, number) == pytest.approx(2.2, abs=1e-6)
+        steps = 0
+        while height_of(simulation, number) > 0.21 and steps < 1000:
+            simulation.advance(np.zeros(2), 0.005)
+            steps += 1
+        assert steps * 0.005 == pytest.approx(wanted, rel=0.03)
+        simulation.advance(np.zeros(2), 2.0)
+        assert height_of(simulation, number) == pytest.approx(0.2, abs=0.005)
+
+
+def test_every_mission_begins_before_the_fall(experiment: Experiment) -> None:
+    world, seen = level(experiment, crate("crate", 3.0, 2.2)), []
+    for _ in range(3):
+        with PyBullet().open(experiment.robot, world) as simulation:
+            (number,) = simulation._model.movable
+            seen.append(height_of(simulation, number))
+            simulation.advance(np.zeros(2), 0.5)
+            seen.append(height_of(simulation, number))
+    assert seen[2:] == seen[:2] * 2
+    assert seen[1] < seen[0]
+
+
+def test_what_stands_stays_asleep(experiment: Experiment) -> None:
+    """On the ground, on a table and on another body; only the one above nothing falls."""
+    bodies = (
+        box("table", 3.0, size=(1.0, 1.0, 0.8)),
+        crate("on the table", 3.0, 1.0),
+        crate("on that", 3.1, 1.4),
+        crate("on the ground", -3.0, 0.2),
+        crate("leaning", 2.3, 0.5),  # beside the table, whose side it touches
+    )
+    with PyBullet().open(experiment.robot, level(experiment, *bodies)) as simulation:
+        movable = list(simulation._model.movable)
+        assert [movable.index(number) for number in simulation._model.falling] == [3]
+        simulation.advance(np.zeros(2), 1.0)
+        heights = [height_of(simulation, number) for number in movable]
+    assert heights[:3] == pytest.approx([1.0, 1.4, 0.2], abs=1e-9)
+    assert heights[3] < 0.21  # it sinks in a little: the step is coarse
+
+
+def test_both_simulators_agree_where_a_body_ends(experiment: Experiment) -> None:
+    """A sensor 0.15 m above the ground sees the crate only once it has fallen."""
+    world = level(experiment, crate("crate", 2.2, 1.5))
+    robot = mount_sensors(experiment, beam(), (0.2, 0.0, 0.15, 0.0, 0.0))
+    readings = np.zeros(1)
+    with Planar().open(robot, world) as simulation:
+        simulation.sense(readings)
+        assert readings == pytest.approx([1.8])
+    with PyBullet().open(robot, world) as physical:
+        physical.sense(readings)
+        assert readings == pytest.approx([4.5])
+        physical.advance(np.zeros(2), 2.0)
+        physical.sense(readings)
+        assert readings == pytest.approx([1.8], abs=0.01)
