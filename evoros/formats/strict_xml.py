@@ -11,6 +11,9 @@ from lxml.etree import _Element as Element
 
 from evoros.base.errors import InputError
 
+SOURCE = "{evoros}source"
+"""The attribute of an element that was taken from another file, which names that file."""
+
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _MAX_NUMBER = 1e9  # no length, mass or angle exceeds it, so no product of two overflows
 _MAX_QUOTED = 60  # characters of a value in a message
@@ -51,17 +54,25 @@ def element_error(element: Element, problem: str, fix: str) -> InputError:
 
     ``problem`` completes a sentence whose subject is the element; ``fix`` is an instruction.
     """
-    return InputError(f"{_locate(element)} {problem}; {fix}")
+    return InputError(f"{locate(element)} {problem}; {fix}")
 
 
 def warn(log: logging.Logger, element: Element, problem: str) -> None:
     """Log a warning about an element that the reader ignores although it may matter."""
-    log.warning("%s %s", _locate(element), problem)
+    log.warning("%s %s", locate(element), problem)
 
 
-def _locate(element: Element) -> str:
+def source_of(element: Element) -> str:
+    """Return the name of the file that an element was read from."""
+    for owner in itertools.chain([element], element.iterancestors()):
+        if owner.get(SOURCE) is not None:
+            return str(owner.get(SOURCE))
+    return str(element.getroottree().docinfo.URL)
+
+
+def locate(element: Element) -> str:
     """Return file, line, tag and the names of the elements around an element."""
-    source = element.getroottree().docinfo.URL
+    source = source_of(element)
     owners = [
         f" of {local_tag(owner)} {quote(owner.get('name', ''))}"
         for owner in itertools.chain([element], element.iterancestors())

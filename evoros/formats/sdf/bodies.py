@@ -1,64 +1,65 @@
 """The bodies that the links of an SDF model make."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.formats.sdf.elements import LOG
-from evoros.formats.sdf.links import Inertia, Link
-from evoros.formats.strict_xml import element_error, warn
+from evoros.formats.sdf.inertial import Inertia
+from evoros.formats.sdf.links import Link, Solid
+from evoros.formats.sdf.notes import Notes
+from evoros.geometry.footprint import bottom_height
 from evoros.geometry.inertia import point_tensor
-from evoros.geometry.shapes import Body, Pose, Shape, Vector
+from evoros.geometry.shapes import Body, Pose, Vector
 
 
 def build_fixed_bodies(links: Sequence[Link]) -> list[Body]:
-    """Build one body for each shape of static links: each keeps its own friction."""
+    """Build one body for each collision of static links: each keeps its own friction."""
     solids = [(link.path, solid) for link in links for solid in link.solids]
     return [
         Body(
             path[0] if len(solids) == 1 else "::".join((*path, solid.name)),
-            solid.shape.pose,
-            (Shape(solid.shape.kind, solid.shape.size),),
+            solid.pose,
+            solid.shapes,
             friction=solid.friction,
         )
         for path, solid in solids
     ]
 
 
-def build_movable_body(links: Sequence[Link], alone: bool) -> list[Body]:
+def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list[Body]:
     """Build the body of links that move as one; none if nothing can touch it.
 
     ``alone`` tells that the model has no other body, so that this one may have the model's name.
-
-    Raises:
-        InputError: a shape is a plane, or the shapes differ in friction.
+    If its collisions differ in friction, the body has that of the lowest one, which touches the
+    ground.
     """
     first = links[0]
     solids = [solid for link in links for solid in link.solids]
     if not solids:
-        warn(LOG, first.element, "is ignored: it has no collision, so nothing can touch it")
+        notes.add(first.element, "is ignored: it has no collision, so nothing can touch it")
         return []
-    friction = solids[0].friction
-    for link in links:
-        _check_solids(link, friction)
-    mass, pose, moments = _combine([link.inertia for link in links if link.inertia is not None])
+    inertias = [link.inertia for link in links if link.inertia is not None]
+    mass, pose, moments = _combine(inertias)
     inverse = pose.inverse()
     shapes = tuple(
-        Shape(solid.shape.kind, solid.shape.size, inverse @ solid.shape.pose) for solid in solids
+        replace(shape, pose=inverse @ solid.place(shape))
+        for solid in solids
+        for shape in solid.shapes
     )
+    friction = solids[0].friction
+    if any(solid.friction != friction for solid in solids):
+        friction = min(solids, key=_bottom).friction
+        values = ", ".join(f"{value:g}" for value in sorted({s.friction for s in solids}))
+        problem = f"has collisions of friction {values}; all get that of the lowest, {friction:g}"
+        notes.add(first.element, problem, "frictions")
     name = first.path[0] if alone else "::".join(first.path)
     return [Body(name, pose, shapes, mass, friction, moments)]
 
 
-def _check_solids(link: Link, friction: float) -> None:
-    for solid in link.solids:
-        if solid.shape.kind == "plane":
-            problem = f"has a plane ({solid.name}), but can move"
-            raise element_error(link.element, problem, "make it static")
-        if solid.friction != friction:
-            problem = f"has friction {friction:g} and {solid.friction:g} in one movable body"
-            raise element_error(link.element, problem, "give all its collisions the same friction")
+def _bottom(solid: Solid) -> float:
+    return min(bottom_height(shape, solid.place(shape)) for shape in solid.shapes)
 
 
 def _combine(parts: Sequence[Inertia]) -> tuple[float, Pose, Vector | None]:

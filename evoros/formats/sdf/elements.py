@@ -1,30 +1,36 @@
 """Which elements of SDF are used, which are ignored, which are reported, and which are errors."""
 
-import logging
 import re
 
 from lxml.etree import _Element as Element
 
-from evoros.formats.strict_xml import element_error, local_tag, warn
+from evoros.formats.sdf.notes import Notes
+from evoros.formats.strict_xml import element_error, local_tag
 
-LOG = logging.getLogger("evoros.sdf")
-
-# Of <physics>, only gravity is checked: the rest configures Gazebo's solver.
+# Of <physics>, only gravity is used: the rest configures Gazebo's solver.
 _USED = {
     "sdf": "world model",
-    "world": "model frame state gravity physics",
-    "model": "static pose frame link joint model",
+    "world": "model frame state gravity physics include joint",
+    "physics": "gravity",
+    "model": "static pose frame link joint model include",
     "frame": "pose",
-    "joint": "pose parent child",
+    "joint": "pose parent child axis",
     "link": "pose inertial collision gravity kinematic",
-    "collision": "pose geometry surface",
-    "inertial": "pose mass inertia",
+    "collision": "pose geometry surface density",
+    "inertial": "pose mass inertia density",
     "inertia": "ixx iyy izz ixy ixz iyz",
-    "geometry": "box cylinder sphere plane empty",
+    "geometry": "box cylinder sphere plane empty capsule ellipsoid cone polyline mesh heightmap "
+    "image",
     "box": "size",
     "cylinder": "radius length",
     "sphere": "radius",
     "plane": "normal size",
+    "capsule": "radius length",
+    "ellipsoid": "radii",
+    "cone": "radius length",
+    "polyline": "point height",
+    "mesh": "uri filename scale submesh",
+    "heightmap": "uri filename size pos",
     "surface": "friction",
     "friction": "ode bullet",
     "ode": "mu mu2",
@@ -34,26 +40,25 @@ _USED = {
     "state/link": "pose",
 }
 
-# Elements that neither block a robot nor move anything.
+# Elements that neither block a robot nor move anything. Those of <physics> are not looked at.
 _IGNORED = {
     "sdf": "light",
     "world": "light scene gui audio wind atmosphere magnetic_field spherical_coordinates",
-    "model": "self_collide allow_auto_disable enable_wind",
+    "model": "self_collide allow_auto_disable enable_wind plugin gripper allow_auto_disable origin",
     "link": "visual light sensor projector audio_sink audio_source battery particle_emitter "
     "self_collide enable_wind must_be_base_link",
-    "joint": "axis axis2 physics sensor gearbox_ratio gearbox_reference_body thread_pitch "
+    "joint": "physics sensor axis2 gearbox_ratio gearbox_reference_body thread_pitch "
     "screw_thread_pitch",
-    "collision": "laser_retro max_contacts density auto_inertia_params",
-    "inertial": "density auto_inertia_params",
+    "collision": "laser_retro max_contacts auto_inertia_params",
+    "inertial": "auto_inertia_params",
+    "heightmap": "texture blend use_terrain_paging sampling",
     "state": "sim_time wall_time real_time iterations light",
     "state/model": "joint frame",
     "state/link": "velocity acceleration wrench collision",
 }
 
-# Elements that no simulator here supports: each is reported once a file, unless it has no effect.
+# Elements that no simulator here supports, unless they have no effect.
 _REPORTED = {
-    "sdf": "plugin",
-    "world": "plugin",
     "link": "velocity_decay",
     "surface": "contact bounce soft_contact",
     "friction": "torsional",
@@ -61,61 +66,86 @@ _REPORTED = {
     "bullet": "friction2 fdir1 rolling_friction",
 }
 
-_FIXES = {
-    "include": "write the included model itself into this file; a sun and level ground need none",
-    "mesh": "approximate it by boxes, cylinders and spheres",
-    "capsule": "approximate it by a cylinder and two spheres",
-    "plugin": "delete it: only worlds may have plugins, models must not move by themselves",
+_LEFT_OUT = {
+    "actor": "is left out: it moves by itself",
+    "population": "is left out: write its models into the file if they shall stand there",
+    "road": "is left out: it is paint, which no robot touches or sees",
 }
-_PRIMITIVES = "use boxes, cylinders, spheres and planes"
+
+# Plugins that move nothing: they configure Gazebo, publish, or feed sensors.
+_HARMLESS = re.compile(
+    r"sensor|camera|imu|laser|lidar|ray|gps|navsat|magnet|altimeter|physics|user[-_]?commands|"
+    r"scene|broadcast|contact|ros_(init|factory|state|clock|api|link_attacher|p3d)|gui|"
+    r"publish|logical|air[-_]?(pressure|speed)|particle|lights?|label|thermal|environment|"
+    r"performance|model_?state|spherical|sky|shadow|visual|material|markers?|video|log|"
+    r"breadcrumb|"
+    r"entity|export|world_?control|stats|ground_?truth|battery|collision",
+    re.IGNORECASE,
+)
 
 
-def check_children(element: Element, kind: str = "") -> None:
-    """Check that every child of an element is supported, and warn about those of other namespaces.
-
-    ``kind`` is the key of the element in the tables, if it is not its tag.
+def check_elements(root: Element, notes: Notes) -> None:
+    """Note every element of a document that is not used although it may matter, kind by kind.
 
     Raises:
-        InputError: a child is not supported.
+        InputError: an element is of xacro, which has to be expanded first.
     """
-    kind = kind or str(element.tag)
-    known = {tag for table in (_USED, _IGNORED, _REPORTED) for tag in table.get(kind, "").split()}
+    _check(root, "sdf", notes)
+    _note_plugins(root, notes)
+
+
+def _check(element: Element, kind: str, notes: Notes) -> None:
+    used, ignored, reported = (
+        table.get(kind, "").split() for table in (_USED, _IGNORED, _REPORTED)
+    )
     for child in element:
-        if child.tag in known:
-            continue
-        if child.prefix and child.prefix != "xacro":
-            warn(LOG, child, "is ignored: it is not part of SDF")
-        else:
+        tag = str(child.tag)
+        if child.prefix == "xacro":
             problem = f"is not supported inside <{local_tag(element)}>"
-            raise element_error(child, problem, _fix(child, kind))
+            raise element_error(child, problem, "expand the file with xacro first")
+        inner = f"{kind.split('/')[0]}/{tag}" if kind.startswith("state") else tag
+        if tag in used and inner in _USED:
+            _check(child, inner, notes)
+        if tag in reported and _has_effect(child):
+            notes.add(child, "is ignored: no simulator here supports it", f"reported {tag}")
+        elif kind == "world" and tag in _LEFT_OUT:
+            notes.add(child, _LEFT_OUT[tag], f"left out {tag}")
+        elif tag not in (*used, *ignored, *reported, "plugin") and kind != "physics":
+            problem = f"is ignored: it is not part of <{local_tag(element)}> in SDF"
+            notes.add(child, problem, f"unknown {kind} {tag}")
 
 
-def _fix(element: Element, kind: str) -> str:
-    if element.prefix:
-        return "expand the file with xacro first"
-    default = _PRIMITIVES if kind == "geometry" else "delete it"
-    return _FIXES.get(local_tag(element), default)
-
-
-def report_ignored(root: Element) -> None:
-    """Warn about elements without support in a document: the first of each name, and how many."""
-    by_tag: dict[str, list[Element]] = {}
-    for parent in root.iter(*_REPORTED):
-        for element in parent.iterchildren(*_REPORTED[str(parent.tag)].split()):
-            if _has_effect(element):
-                by_tag.setdefault(str(element.tag), []).append(element)
-    for first, *others in by_tag.values():
-        more = f", as are {len(others)} more" if others else ""
-        warn(LOG, first, f"is ignored{more}: no simulator here supports it")
+def _note_plugins(root: Element, notes: Notes) -> None:
+    """Note the plugins: those that move nothing in one line, every other kind in its own."""
+    harmless: dict[str, Element] = {}
+    for plugin in root.iter("plugin"):
+        parent = plugin.getparent()
+        if parent is None or parent.tag not in ("world", "model", "sdf"):
+            continue  # those of sensors, visuals and the window
+        name = plugin.get("filename", "").strip() or plugin.get("name", "").strip() or "(no name)"
+        if _HARMLESS.search(f"{name} {plugin.get('name', '')}"):
+            harmless.setdefault(name, plugin)
+        else:
+            problem = f"{name} is ignored: what it would move stays at rest"
+            notes.add(plugin, problem, f"plugin {name}")
+    if harmless:
+        names = ", ".join(harmless)
+        first = next(iter(harmless.values()))
+        notes.add(first, f"is ignored, like all that move nothing here: {names}")
 
 
 def _has_effect(element: Element) -> bool:
     """Return whether an element holds more than zeros and false, or a mu2 that differs from mu."""
-    if element.tag == "plugin":
-        return True
     words = " ".join(str(text) for text in element.itertext()).split()
     if element.tag == "mu2":
         parent = element.getparent()
-        mu = None if parent is None else parent.findtext("mu")
-        return [float(word) for word in words] != [float(mu or 1)]
+        mu = (None if parent is None else parent.findtext("mu")) or "1"
+        return words != mu.split() and _to_numbers(words) != _to_numbers(mu.split())
     return any(word != "false" and not re.fullmatch(r"[+-]?0*\.?0*", word) for word in words)
+
+
+def _to_numbers(words: list[str]) -> list[float]:
+    try:
+        return [float(word) for word in words]
+    except ValueError:
+        return []

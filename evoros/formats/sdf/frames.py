@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 from lxml.etree import _Element as Element
 
-from evoros.formats.sdf.elements import check_children
 from evoros.formats.strict_xml import (
     element_error,
     find_child,
@@ -36,6 +35,7 @@ class RelativePose:
 class _Frame:
     relative: RelativePose
     scope: Path  # where the name of its base is looked up
+    placement: str = ""  # the frame in it that stands at the pose, in place of its origin
 
 
 class Frames:
@@ -52,15 +52,11 @@ class Frames:
 
     def _collect(self, container: Element, scope: Path) -> None:
         for element in container.iterchildren("model", "link", "frame", "joint"):
-            if element.tag != "link":  # a link is checked when it is read
-                check_children(element)
             path = (*scope, read_name(element))
             self._check_name(element, path)
-            self._frames[path] = _Frame(_read_frame_pose(element), scope)
+            placement = element.get("placement_frame", "").strip()
+            self._frames[path] = _Frame(_read_frame_pose(element), scope, placement)
             if element.tag == "model":
-                if element.get("placement_frame"):
-                    fix = "give the pose of the model itself"
-                    raise element_error(element, "has an unsupported placement_frame", fix)
                 self._collect(element, path)
 
     def _check_name(self, element: Element, path: Path) -> None:
@@ -75,8 +71,8 @@ class Frames:
         """Set the world pose of a frame; return False if there is no such frame."""
         if path not in self._frames:
             return False
-        element = self._frames[path].relative.element
-        self._frames[path] = _Frame(RelativePose(pose, "", element), ())
+        frame = self._frames[path]
+        self._frames[path] = _Frame(RelativePose(pose, "", frame.relative.element), ())
         return True
 
     def check(self) -> None:
@@ -113,8 +109,27 @@ class Frames:
             path = self._base(self._frames[path])
         for path in reversed(open_paths):
             frame = self._frames[path]
-            self._poses[path] = self._poses[self._base(frame)] @ frame.relative.pose
+            self._poses[path] = self._poses[self._base(frame)] @ self._relative_pose(path)
         return self._poses[path]
+
+    def _relative_pose(self, path: Path) -> Pose:
+        """Return the pose of a frame in its base."""
+        frame = self._frames[path]
+        if not frame.placement:
+            return frame.relative.pose
+        element = frame.relative.element
+        # The placement frame of a model is in it; that of a merged model is beside its frame.
+        inside = any(other[:-1] == path for other in self._frames)
+        within = self.find(path if inside else path[:-1], frame.placement, element)
+        pose, visited = Pose(), {path}
+        while within != path:
+            if within in visited or not within:
+                problem = f"has a placement_frame that is not in it: {quote(frame.placement)}"
+                raise element_error(element, problem, "name a link or frame of the model")
+            visited.add(within)
+            pose = self._relative_pose(within) @ pose
+            within = self._base(self._frames[within])
+        return frame.relative.pose @ pose.inverse()
 
     def _base(self, frame: _Frame) -> Path:
         relative = frame.relative

@@ -1,94 +1,146 @@
-"""Reads the bodies of an SDF file (versions 1.4 to 1.11) with a ``<world>`` or with models alone.
+"""Reads the bodies of an SDF file (versions 1.2 to 1.12) with a ``<world>`` or with models alone.
 
-The reader uses an element, ignores it because it cannot matter here, reports it as a warning of
-the logger ``evoros.sdf``, or refuses it (see ``evoros.formats.sdf.elements``). It drops none
-silently.
+The reader takes what Gazebo takes. It uses an element, ignores it because it cannot matter here,
+notes in one line that it is left out or what is assumed (a warning of the logger ``evoros.sdf``),
+or refuses it. It drops none silently.
 
-A ``<state>`` moves models and links to world poses, as in Gazebo. Links that are connected by fixed
+A ``<state>`` moves models and links to world poses, as in Gazebo. Links that are connected by
 joints become one body. A link without mass gets 1 kg, the default of SDF.
 """
 
+import hashlib
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path as FilePath
 
 from lxml.etree import _Element as Element
 
+from evoros.formats.lenient_xml import parse_leniently
 from evoros.formats.sdf.bodies import build_fixed_bodies, build_movable_body
-from evoros.formats.sdf.elements import LOG, check_children, report_ignored
+from evoros.formats.sdf.elements import check_elements
 from evoros.formats.sdf.frames import Frames, Path, read_pose
+from evoros.formats.sdf.inclusion import expand_includes
 from evoros.formats.sdf.links import Link, read_link
+from evoros.formats.sdf.reading import Reading, SdfOptions
+from evoros.formats.sdf.vehicles import settle_vehicles
 from evoros.formats.strict_xml import (
     element_error,
     find_child,
-    local_tag,
-    parse,
     quote,
     read_flag,
     read_name,
     read_numbers,
     read_text,
     require_child,
-    warn,
 )
 from evoros.geometry.shapes import Body
 
+_VERSIONS = "1.2 to 1.12"
 
-def read_sdf(content: bytes, source: str) -> tuple[Body, ...]:
-    """Read the bodies of a file's content, in its order; ``source`` is its name in errors.
+
+@dataclass(frozen=True, eq=False)
+class SdfWorld:
+    """What an SDF file describes."""
+
+    bodies: tuple[Body, ...]  # in the order of the file
+    gravity_mps2: float  # downwards
+    sha256: str  # of all files that were read
+
+
+def read_sdf(
+    content: bytes, source: str, options: SdfOptions | None = None, file: FilePath | None = None
+) -> SdfWorld:
+    """Read a file's content.
+
+    ``source`` is its name in errors, and ``file`` is where it lies, around which the files are
+    sought that it names.
 
     Raises:
-        InputError: the content cannot be read or simulated; the message has file, line and element.
+        InputError: the content, or a file that it names, cannot be read or simulated; the message
+            has file, line and element.
     """
-    root = parse(content, source)
-    worlds = _check_root(root)
-    container = worlds[0] if worlds else root
-    if worlds:
-        check_children(container)
-        _check_gravity(container)
+    reading = Reading(file or FilePath(source).absolute(), options or SdfOptions())
+    root = parse_leniently(content, source)
+    container = _choose_container(root, reading)
+    expand_includes(container, reading)
+    check_elements(root, reading.notes)
+    left_out = settle_vehicles(container, reading)
     frames = Frames(container)
     for state in container.findall("state"):
-        check_children(state)
-        _apply_state(state, (), frames)
+        _apply_state(state, (), frames, reading, left_out)
     frames.check()
     models = container.findall("model")
-    bodies = tuple(body for model in models for body in _build_bodies(model, frames))
-    report_ignored(root)
-    return bodies
+    bodies = tuple(body for model in models for body in _build_bodies(model, frames, reading))
+    gravity = _read_gravity(container)
+    reading.notes.report()
+    return SdfWorld(bodies, gravity, _hash(content, reading))
 
 
-def _check_root(root: Element) -> list[Element]:
-    """Check the root and its version; return its ``<world>``, if there is one."""
-    if root.tag != "sdf":
-        raise element_error(root, "must be <sdf>", "give a file in SDF, version 1.4 to 1.11")
+def _hash(content: bytes, reading: Reading) -> str:
+    """Return the hash of the world's file, or that of the hashes of all files."""
+    first = hashlib.sha256(content)
+    if not reading.contents:
+        return first.hexdigest()
+    others = sorted(hashlib.sha256(other).digest() for other in reading.contents.values())
+    return hashlib.sha256(first.digest() + b"".join(others)).hexdigest()
+
+
+def _choose_container(root: Element, reading: Reading) -> Element:
+    """Check the root and its version; return its ``<world>``, or itself if it has models alone."""
+    if root.tag not in ("sdf", "gazebo"):
+        raise element_error(root, "must be <sdf>", f"give a file in SDF, version {_VERSIONS}")
     version = re.fullmatch(r"1\.([0-9]{1,2})", root.get("version", "").strip())
-    if version is None or not 4 <= int(version[1]) <= 11:
+    if version is None or not 2 <= int(version[1]) <= 12:
         found = quote(root.get("version", ""))
-        problem = f"must have a version from 1.4 to 1.11, not {found}"
+        problem = f"must have a version from {_VERSIONS}, not {found}"
         raise element_error(root, problem, "convert the file")
-    check_children(root)
     worlds = root.findall("world")
-    if len(worlds) > 1 or (worlds and root.find("model") is not None):
-        fix = "keep one <world>, or models only"
-        raise element_error(worlds[-1], "must be alone in its file", fix)
-    return worlds
+    wanted = reading.options.world_name
+    names = [world.get("name", "") for world in worlds]
+    if wanted and wanted not in names:
+        known = ", ".join(map(quote, names)) or "none"
+        raise element_error(root, f"has no world {quote(wanted)}", f"set world_name to one of: {known}")
+    if wanted:
+        worlds = [worlds[names.index(wanted)]]
+    if len(worlds) > 1:
+        known = ", ".join(map(quote, names))
+        problem = f"is one of {len(worlds)} worlds in the file"
+        raise element_error(worlds[1], problem, f"set world_name to one of: {known}")
+    if not worlds:
+        return root
+    for other in [child for child in root if child is not worlds[0]]:
+        if other.tag in ("model", "include"):
+            reading.notes.add(other, "is left out: it stands beside the world", "beside")
+        if other.tag in ("model", "include", "world"):
+            root.remove(other)
+    return worlds[0]
 
 
-def _check_gravity(world: Element) -> None:
-    for parent in (world, *world.findall("physics")):
+def _read_gravity(container: Element) -> float:
+    """Return the gravity [m/s2] of a world, by default that of the Earth."""
+    for parent in (container, *container.findall("physics")):
         gravity = find_child(parent, "gravity")
         if gravity is not None:
             x, y, z = read_numbers(gravity, 3)
-            if max(abs(x), abs(y), abs(z + 9.81)) > 0.05:
-                problem = f"must be 0 0 -9.81, not {x:g} {y:g} {z:g}"
-                raise element_error(gravity, problem, "correct or delete it")
+            if max(abs(x), abs(y)) > 0.05 or z >= -0.05:
+                problem = f"must point down, not to {x:g} {y:g} {z:g}: robots here drive on the ground"
+                raise element_error(gravity, problem, "write 0 0 -9.81 or another such value")
+            # What differs by rounding only is the default.
+            return 9.81 if abs(z + 9.81) <= 0.05 else -z
+    return 9.81
 
 
-def _apply_state(state: Element, scope: Path, frames: Frames) -> None:
+def _apply_state(
+    state: Element, scope: Path, frames: Frames, reading: Reading, left_out: set[str]
+) -> None:
     for element in state.iterchildren("model", "link"):
-        check_children(element, f"state/{local_tag(element)}")
-        path = (*scope, read_name(element))
+        name = read_name(element)
+        if not scope and name in left_out:
+            continue
+        path = (*scope, name)
         scale = find_child(element, "scale")
-        if scale is not None and read_numbers(scale, 3) != (1.0, 1.0, 1.0):
+        if scale is not None and read_numbers(scale, 1, 3) not in ((1.0, 1.0, 1.0), (1.0,)):
             raise element_error(scale, "must be 1 1 1", "change the sizes of the model's shapes")
         relative = read_pose(element)
         if relative.base not in ("", "world"):
@@ -96,22 +148,23 @@ def _apply_state(state: Element, scope: Path, frames: Frames) -> None:
             raise element_error(relative.element, problem, "give its world pose")
         has_pose = relative.element is not element
         if has_pose and not frames.move(path, relative.pose):
-            warn(LOG, element, "is ignored: the world has nothing of this name")
+            problem = "is ignored: the world has nothing of this name"
+            reading.notes.add(element, problem, "state")
         elif element.tag == "model":
-            _apply_state(element, path, frames)
+            _apply_state(element, path, frames, reading, left_out)
 
 
-def _build_bodies(model: Element, frames: Frames) -> list[Body]:
-    """Build the bodies of a top-level model; links that fixed joints connect are one body."""
+def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body]:
+    """Build the bodies of a top-level model; links that joints connect are one body."""
     links: list[Link] = []
     # From each link towards the one that represents its body; () represents the ground.
     parents: dict[Path, Path] = {}
     models = list(_walk_models(model, (), False))
     for path, element, static in models:
         for child in element.findall("link"):
-            link = read_link(child, (*path, read_name(child)), frames, static)
+            link = read_link(child, (*path, read_name(child)), frames, static, reading)
             links.append(link)
-            parents[link.path] = () if static else link.path
+            parents[link.path] = () if static or link.held else link.path
     for path, element, static in models:
         # Joints do not move the links of a static model.
         for joint in () if static else element.findall("joint"):
@@ -121,7 +174,7 @@ def _build_bodies(model: Element, frames: Frames) -> list[Body]:
         groups.setdefault(_find_root(parents, link.path), []).append(link)
     bodies = build_fixed_bodies(groups.pop((), []))
     for group in groups.values():
-        bodies += build_movable_body(group, alone=len(groups) == 1 and not bodies)
+        bodies += build_movable_body(group, alone=len(groups) == 1 and not bodies, notes=reading.notes)
     return bodies
 
 
@@ -137,11 +190,7 @@ def _walk_models(model: Element, scope: Path, static: bool) -> Iterator[tuple[Pa
 
 
 def _join(joint: Element, scope: Path, frames: Frames, parents: dict[Path, Path]) -> None:
-    """Make the two links of a fixed joint belong to one body."""
-    if joint.get("type") != "fixed":
-        kind = quote(joint.get("type", ""))
-        problem = f"has type {kind}, but parts that move against each other are not supported"
-        raise element_error(joint, problem, 'make it type="fixed", or the model static')
+    """Make the two links of a joint belong to one body."""
     roots = []
     for tag in ("parent", "child"):
         end = require_child(joint, tag)

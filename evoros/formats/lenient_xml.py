@@ -1,0 +1,108 @@
+"""XML as Gazebo takes it: slips that leave no doubt about the content are repaired.
+
+Each repair keeps the line of every element. A DOCTYPE stays an error.
+"""
+
+import logging
+import re
+
+from lxml.etree import _Element as Element
+
+from evoros.base.errors import InputError
+from evoros.formats.strict_xml import parse
+
+_LOG = logging.getLogger("evoros.xml")
+
+_DECLARATION = re.compile(r"<\?xml\b[^>]*\?>")
+_COMMENT = re.compile(r"(<!\[CDATA\[.*?\]\]>)|<!--.*?-->", re.DOTALL)
+_AMPERSAND = re.compile(r"&(?!(?:#[0-9]+|#x[0-9a-fA-F]+|[A-Za-z_][\w.-]*);)")
+_TAG = re.compile(r"<([A-Za-z_][\w.-]*)(?::[\w.-]+)?(?:\s[^<>]*)?/?>")
+_ATTRIBUTE = re.compile(r"\s([A-Za-z_][\w.-]*):[\w.-]+\s*=")
+_ROOT = re.compile(r"<[A-Za-z_][^\s/>]*")
+_ENCODING = re.compile(rb"<\?xml[^>]*encoding\s*=\s*[\"']([A-Za-z0-9._-]+)")
+
+XACRO = "http://www.ros.org/wiki/xacro"
+_KNOWN = {"xacro": XACRO}
+
+
+def parse_leniently(content: bytes, source: str) -> Element:
+    """Parse a document as ``strict_xml.parse`` does, after repairs if they are necessary.
+
+    Repaired, and reported in one line, are: text, comments or a byte order mark before the XML
+    declaration, ``--`` in comments, prefixes that are not declared, and ampersands that stand for
+    themselves.
+
+    Raises:
+        InputError: the document is not well-formed even so, or has a DOCTYPE.
+    """
+    try:
+        return parse(content, source)
+    except InputError:
+        if b"<!DOCTYPE" in content:
+            raise
+        text, repairs = _repair(_decode(content))
+        if not repairs:
+            raise
+    root = parse(text.encode(), source)
+    _LOG.warning("%s: is not well-formed XML, but is read like Gazebo does: it has %s",
+                 source, ", ".join(repairs))  # fmt: skip
+    return root
+
+
+def _decode(content: bytes) -> str:
+    for mark, encoding in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
+        if content.startswith(mark):
+            return content.decode(encoding, errors="replace")
+    stated = _ENCODING.search(content)
+    encoding = stated[1].decode() if stated else "utf-8"
+    try:
+        return content.decode(encoding).removeprefix("\ufeff")
+    except (LookupError, UnicodeDecodeError):
+        return content.decode("latin-1")
+
+
+def _repair(text: str) -> tuple[str, list[str]]:
+    """Return the text with its slips repaired, and what they were."""
+    repairs: list[str] = []
+
+    def apply(repaired: str, slip: str) -> None:
+        nonlocal text
+        if repaired != text:
+            text = repaired
+            repairs.append(slip)
+
+    declaration = _DECLARATION.search(text)
+    if declaration is not None and declaration.start() > 0:
+        before, after = text[: declaration.start()], text[declaration.end() :]
+        apply(before + _lines(declaration[0]) + after, "something before its XML declaration")
+    elif declaration is not None:  # it states an encoding, which the text no longer has
+        text = _lines(declaration[0]) + text[declaration.end() :]
+    if any("--" in comment[0][4:-3] for comment in _COMMENT.finditer(text) if not comment[1]):
+        repairs.append("-- in a comment")
+    text = _COMMENT.sub(lambda match: match[1] or _lines(match[0]), text)
+    apply(_AMPERSAND.sub("&amp;", text), "& in place of &amp;")
+    prefixes = _undeclared_prefixes(text)
+    if prefixes:
+        spaces = "".join(f' xmlns:{p}="{_KNOWN.get(p, f"undeclared:{p}")}"' for p in prefixes)
+        names = ", ".join(f"{prefix}:" for prefix in prefixes)
+        apply(_ROOT.sub(lambda match: match[0] + spaces, text, count=1),
+              f"prefixes without a declaration ({names})")  # fmt: skip
+    return text, repairs
+
+
+def _lines(text: str) -> str:
+    """Return as many line breaks as the text has."""
+    return "\n" * text.count("\n")
+
+
+def _undeclared_prefixes(text: str) -> list[str]:
+    tags = _TAG.finditer(text)
+    used: dict[str, None] = {}
+    for tag in tags:
+        name = tag[0][1:].split(None, 1)[0].rstrip("/>")
+        if ":" in name:
+            used.setdefault(name.split(":")[0])
+        for attribute in _ATTRIBUTE.finditer(tag[0]):
+            used.setdefault(attribute[1])
+    declared = set(re.findall(r"\sxmlns:([\w.-]+)\s*=", text)) | {"xml", "xmlns"}
+    return [prefix for prefix in used if prefix not in declared]

@@ -1,0 +1,103 @@
+"""Finds the files and folders that an SDF file names: model://, package://, file://, Fuel, paths."""
+
+import os
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from pathlib import Path
+from urllib.parse import unquote
+
+from evoros.formats.sdf.fuel import find_in_cache, parse_address, where_to_get
+from evoros.formats.urdf.packages import PackageIndex, index_packages
+
+_VARIABLES = (
+    "GZ_SIM_RESOURCE_PATH",
+    "IGN_GAZEBO_RESOURCE_PATH",
+    "GAZEBO_MODEL_PATH",
+    "GAZEBO_RESOURCE_PATH",
+    "SDF_PATH",
+)
+_LEVELS_UP = 4  # folders above the file that are looked into
+_SCHEMES = ("model://", "package://", "file://")
+
+
+class Addresses:
+    """Where the files are that a world names; ``declared`` are the folders of ``model_paths``."""
+
+    def __init__(self, file: Path, declared: Sequence[Path]) -> None:
+        self._file = file
+        self._declared = declared
+
+    def find(self, uri: str, beside: Path) -> Path | None:
+        """Return the file or folder of an address in a file of the folder ``beside``, or None."""
+        address = parse_address(uri)
+        if address is not None:
+            return find_in_cache(address, self._declared)
+        path = _strip_scheme(uri)
+        return next((place for place in self._candidates(path, uri, beside) if place.exists()), None)
+
+    def explain(self, uri: str, beside: Path) -> tuple[str, str]:
+        """Return what is wrong with an address that leads nowhere, and what to do."""
+        address = parse_address(uri)
+        if address is not None:
+            return where_to_get(address, uri)
+        if uri.startswith(("model://", "package://")):
+            name = _strip_scheme(uri).split("/")[0]
+            return (
+                f"names {uri}, but no folder {name} is among the declared, the surrounding and "
+                f"the environment's model folders",
+                f"add the folder that holds {name} to model_paths or GZ_SIM_RESOURCE_PATH",
+            )
+        if "://" in uri and not uri.startswith("file://"):
+            return f"names {uri}, which is not on this machine", "download it and name the file"
+        return f"names {uri}, which is not in {beside}", "correct the path, or add model_paths"
+
+    def _candidates(self, path: str, uri: str, beside: Path) -> Iterator[Path]:
+        plain = Path(path).expanduser()
+        if plain.is_absolute():
+            yield plain
+            return
+        named = uri.startswith(("model://", "package://"))
+        if not named:
+            yield beside / path
+        first, _, rest = path.partition("/")
+        for folder in self._declared:
+            yield folder / path
+            if folder.name == first:
+                yield folder / rest
+        for start in (beside, self._file.parent):
+            yield from _around(start, path, first, rest)
+        for folder in _environment_folders():
+            yield folder / path
+        if named:
+            package = self._packages.find(first)
+            if package is not None:
+                yield package / rest
+            for package in self._packages.folders.values():
+                yield package / "models" / path
+
+    @cached_property
+    def _packages(self) -> PackageIndex:
+        return index_packages(self._file, [str(folder) for folder in self._declared])
+
+
+def _around(start: Path, path: str, first: str, rest: str) -> Iterator[Path]:
+    """Yield places of a named file in the folders above one, and in the model folders there."""
+    for folder in [start, *start.parents][: _LEVELS_UP + 1]:
+        if len(folder.parts) <= 1:
+            return
+        yield folder / path
+        yield folder / "models" / path
+        if folder.name == first:
+            yield folder / rest
+
+
+def _strip_scheme(uri: str) -> str:
+    scheme = next((scheme for scheme in _SCHEMES if uri.startswith(scheme)), "")
+    return unquote(uri[len(scheme) :]) if scheme else uri
+
+
+def _environment_folders() -> Iterator[Path]:
+    for variable in _VARIABLES:
+        for entry in os.environ.get(variable, "").split(os.pathsep):
+            if entry:
+                yield Path(entry).expanduser()

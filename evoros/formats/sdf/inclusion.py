@@ -1,0 +1,224 @@
+"""Replaces every ``<include>`` of an SDF document by the model that it names."""
+
+import re
+from copy import deepcopy
+from pathlib import Path
+
+from lxml import etree
+from lxml.etree import _Element as Element
+
+from evoros.formats.lenient_xml import parse_leniently
+from evoros.formats.sdf.reading import Reading
+from evoros.formats.strict_xml import (
+    SOURCE,
+    element_error,
+    find_child,
+    quote,
+    read_flag,
+    read_name,
+    read_text,
+    require_child,
+    source_of,
+)
+
+_BASICS = {
+    "ground_plane": "<model name='ground_plane'><static>true</static><link name='link'>"
+    "<collision name='collision'><geometry><plane/></geometry></collision></link></model>",
+    "sun": "<light name='sun'/>",
+}
+"""What Gazebo's basic models are, for machines without them."""
+
+_NEWEST = 12
+
+
+def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...] = ()) -> None:
+    """Replace the includes of a world or model, and of all models in it.
+
+    ``chain`` are the files whose inclusion led here.
+
+    Raises:
+        InputError: an included file is missing, cannot be read, or includes itself.
+    """
+    for model in container.findall("model"):
+        expand_includes(model, reading, chain)
+    for include in container.findall("include"):
+        model_element = _load(include, reading, chain)
+        if model_element is None:
+            container.remove(include)
+            continue
+        _adapt(include, model_element)
+        if _is_merged(include) and container.tag == "model":
+            _merge(include, model_element, container)
+        else:
+            container.replace(include, model_element)
+    _rename_duplicates(container, reading)
+
+
+def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Element | None:
+    """Return the model of an include; None if nothing of it can be met by a robot."""
+    element = require_child(include, "uri")
+    uri = read_text(element)
+    place = reading.addresses.find(uri, reading.folder_of(include))
+    if place is None:
+        basic = re.split(r"[/\\]", uri.rstrip("/"))[-1].lower().replace("%20", "_")
+        basic = basic.replace(" ", "_")
+        if basic in _BASICS:
+            return _first_model(etree.fromstring(f"<sdf>{_BASICS[basic]}</sdf>"))
+        problem, fix = reading.addresses.explain(uri, reading.folder_of(include))
+        if reading.options.missing_models == "leave_out":
+            reading.notes.add(include, f"is left out: it {problem}", f"missing {uri}")
+            return None
+        raise element_error(include, problem, f"{fix}; or set missing_models=leave_out")
+    file = _find_sdf(place, include, uri)
+    if file in chain:
+        circle = " -> ".join(str(f) for f in (*chain[chain.index(file) :], file))
+        raise element_error(include, f"includes itself: {circle}", "delete one of these includes")
+    root = parse_leniently(reading.read(file), str(file))
+    if root.tag == "robot":
+        problem = f"is left out: {file} is a robot's description (URDF), not a part of a world"
+        reading.notes.add(include, problem)
+        return None
+    model = _choose_model(root, include, reading, file)
+    if model is not None:
+        expand_includes(model, reading, (*chain, file))
+        model.set(SOURCE, str(file))
+    return model
+
+
+def _choose_model(root: Element, include: Element, reading: Reading, file: Path) -> Element | None:
+    if root.tag not in ("sdf", "gazebo"):
+        raise element_error(root, "must be <sdf>", "name a model in SDF")
+    models = root.findall("model")
+    if not models:
+        if root.find("light") is None and root.find("actor") is None:
+            raise element_error(root, "must hold a <model>", "correct the file or the include")
+        if root.find("actor") is not None:
+            reading.notes.add(include, f"is left out: {file} is an actor, which moves by itself")
+        return None
+    if len(models) > 1:
+        names = ", ".join(quote(model.get("name", "")) for model in models[1:])
+        problem = f"brings the first model of {file} only, as in Gazebo, without {names}"
+        reading.notes.add(include, problem)
+    return deepcopy(models[0])
+
+
+def _first_model(root: Element) -> Element | None:
+    return root.find("model")
+
+
+def _find_sdf(place: Path, include: Element, uri: str) -> Path:
+    """Return the SDF file of a model's folder: the newest that its model.config lists."""
+    if place.is_file():
+        return place.resolve()
+    config = place / "model.config"
+    if config.is_file():
+        root = parse_leniently(config.read_bytes(), str(config))
+        listed = [
+            (_minor_version(element.get("version", "")), (element.text or "").strip())
+            for element in root.findall("sdf")
+        ]
+        for version, name in sorted(listed, reverse=True):
+            if version <= _NEWEST and name and (place / name).is_file():
+                return (place / name).resolve()
+    candidates = [place / "model.sdf", *sorted(place.glob("*.sdf"))]
+    file = next((candidate for candidate in candidates if candidate.is_file()), None)
+    if file is None:
+        problem = f"names {uri}, but {place} has neither a model.config with an SDF file nor an .sdf"
+        raise element_error(include, problem, "complete the model's folder")
+    return file.resolve()
+
+
+def _minor_version(text: str) -> int:
+    match = re.fullmatch(r"1\.([0-9]{1,2})", text.strip())
+    return int(match[1]) if match else 0
+
+
+def _adapt(include: Element, model: Element) -> None:
+    """Give a model the name, pose, static flag and placement frame that its include states."""
+    source = source_of(include)
+    name = find_child(include, "name")
+    if name is not None:
+        model.set("name", read_text(name))
+    placement = find_child(include, "placement_frame")
+    if placement is not None:
+        model.set("placement_frame", read_text(placement))
+    pose = find_child(include, "pose")
+    if pose is not None:
+        for old in model.findall("pose"):
+            model.remove(old)
+        pose.set(SOURCE, source)
+        model.insert(0, pose)
+    static = find_child(include, "static")
+    if static is not None:
+        read_flag(static)
+        static.set(SOURCE, source)
+        model.append(static)  # of several the last one counts
+    for plugin in include.findall("plugin"):
+        plugin.set(SOURCE, source)
+        model.append(plugin)
+
+
+def _is_merged(include: Element) -> bool:
+    return include.get("merge", "false").strip().lower() in ("true", "1")
+
+
+def _merge(include: Element, model: Element, container: Element) -> None:
+    """Put the parts of a model into the model around the include, at the same places."""
+    source = str(model.get(SOURCE))
+    name = f"_merged_{read_name(model)}"
+    frame = etree.Element("frame", {"name": name, SOURCE: source})
+    pose = model.find("pose")
+    if pose is not None:
+        frame.append(pose)
+    placement = model.get("placement_frame")
+    if placement:
+        frame.set("placement_frame", placement)
+    position = container.index(include)
+    container.remove(include)
+    for child in [*model]:
+        if child.tag in ("pose", "static"):
+            continue
+        _anchor(child, name)
+        child.set(SOURCE, source)
+        container.insert(position, child)
+        position += 1
+    container.insert(0, frame)
+
+
+def _anchor(child: Element, frame: str) -> None:
+    """Make a part of a merged model relative to the frame that stands for that model."""
+    for element in child.iter("pose", "parent", "child"):
+        for attribute in ("relative_to", "frame"):
+            if element.get(attribute) == "__model__":
+                element.set(attribute, frame)
+        if (element.text or "").strip() == "__model__":
+            element.text = frame
+    if child.get("attached_to") == "__model__":
+        child.set("attached_to", frame)
+    if child.tag not in ("link", "frame", "model"):
+        return
+    if child.tag == "frame" and child.get("attached_to"):
+        return
+    pose = child.find("pose")
+    if pose is None:
+        pose = etree.SubElement(child, "pose")
+    if not (pose.get("relative_to") or pose.get("frame")):
+        pose.set("relative_to", frame)
+
+
+def _rename_duplicates(container: Element, reading: Reading) -> None:
+    """Number the models whose name is taken, as Gazebo does when it inserts them."""
+    taken = {child.get("name") for child in container.iterchildren("link", "frame", "joint")}
+    for model in container.findall("model"):
+        name = model.get("name", "").strip()
+        if name and name in taken:
+            number = 0
+            while f"{name}_{number}" in taken:
+                number += 1
+            new = f"{name}_{number}"
+            problem = f"has a name that is taken: it is called {quote(new)}"
+            reading.notes.add(model, problem, "renamed")
+            model.set("name", new)
+            name = new
+        taken.add(name)
+

@@ -1,0 +1,84 @@
+"""How an SDF file is read: the choices of the user, and what is gathered on the way."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+from lxml.etree import _Element as Element
+
+from evoros.base.checks import Rule, checked, one_of
+from evoros.base.errors import InputError
+from evoros.formats.sdf.addresses import Addresses
+from evoros.formats.sdf.notes import Notes
+from evoros.formats.strict_xml import SOURCE
+
+MISSING_MODELS = one_of("error", "leave_out")
+MISSING_MESHES = one_of("error", "box")
+VEHICLES = one_of("leave_out", "hold_still")
+FOLDERS = Rule(
+    "a list of folders",
+    lambda v: isinstance(v, list | tuple) and all(isinstance(i, str) and i for i in v),
+)
+WORLD_NAME = Rule("a text", lambda v: isinstance(v, str))
+
+
+@dataclass(frozen=True)
+@checked
+class SdfOptions:
+    """How to read an SDF file."""
+
+    model_paths: Annotated[tuple[str, ...], FOLDERS] = ()  # folders that hold models or meshes
+    world_name: Annotated[str, WORLD_NAME] = ""  # of several in the file
+    missing_models: Annotated[str, MISSING_MODELS] = "error"
+    missing_meshes: Annotated[str, MISSING_MESHES] = "error"  # box: that of the visual or inertia
+    vehicles: Annotated[str, VEHICLES] = "leave_out"
+
+    def folders(self) -> list[Path]:
+        """Return the folders of ``model_paths``.
+
+        Raises:
+            InputError: a folder does not exist.
+        """
+        found = [Path(name).expanduser() for name in self.model_paths]
+        for name, folder in zip(self.model_paths, found, strict=True):
+            if not folder.is_dir():
+                raise InputError(f"model_paths: {name}: no such folder; give an existing one")
+        return [folder.resolve() for folder in found]
+
+
+@dataclass(eq=False)
+class Reading:
+    """The reading of one world: its options, the files it has read, and what is to be told."""
+
+    file: Path  # of the world
+    options: SdfOptions
+    notes: Notes = field(default_factory=Notes)
+    contents: dict[Path, bytes] = field(default_factory=dict)  # of all files but the world's own
+
+    def __post_init__(self) -> None:
+        self.addresses = Addresses(self.file, self.options.folders())
+
+    def read(self, path: Path) -> bytes:
+        """Return the content of a file.
+
+        Raises:
+            InputError: it cannot be read.
+        """
+        real = path.resolve()
+        if real not in self.contents:
+            try:
+                self.contents[real] = real.read_bytes()
+            except OSError as error:
+                raise InputError(
+                    f"{path}: must be readable, but: {error.strerror}; change it"
+                ) from error
+        return self.contents[real]
+
+    def folder_of(self, element: Element) -> Path:
+        """Return the folder of the file that an element was read from."""
+        while element is not None:
+            source = element.get(SOURCE)
+            if source is not None and source.startswith("/"):
+                return Path(source).parent
+            element = element.getparent()  # type: ignore[assignment]
+        return self.file.parent

@@ -1,0 +1,52 @@
+"""XML that is not well-formed but clear, and XML that stays an error."""
+
+import logging
+
+import pytest
+
+from evoros.base.errors import InputError
+from evoros.formats.lenient_xml import parse_leniently
+
+SLIPS = [
+    ("<!-- made by hand -->\n<?xml version='1.0'?>\n<sdf>\n<a/></sdf>", "declaration"),
+    ("\n\n<?xml version='1.0' ?>\n<sdf><a/></sdf>", "declaration"),
+    ("\ufeff<!-- x -->\n\n<?xml version='1.0' encoding='utf-8'?><sdf>\n<a/></sdf>", "declaration"),
+    ("<?xml version='1.0'?>\n<!-- a -- b --->\n<sdf>\n<a/></sdf>", "-- in a comment"),
+    ("<sdf>\n<!--- wall\n---- roof -->\n<a/></sdf>", "-- in a comment"),
+    ("<sdf>\n\n<gz:b ignition:c='1'>x</gz:b><a/></sdf>", "gz:, ignition:"),
+    ("<sdf>\n\n<b name='R&D'>1 & 2 &lt; 3</b><a/></sdf>", "&amp;"),
+    ("<?xml version='1.0' encoding='latin-1'?>\n<sdf>\n<b>\u00e9 & x</b><a/></sdf>", "&amp;"),
+]
+
+
+@pytest.mark.parametrize(("text", "slip"), SLIPS)
+def test_a_clear_slip_is_repaired_told_and_moves_no_line(
+    text: str, slip: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        root = parse_leniently(text.encode("latin-1" if "latin-1" in text else "utf-8"), "w.sdf")
+    element = root.find("a")
+    assert element is not None
+    assert element.sourceline == text[: text.index("<a/>")].count("\n") + 1
+    (message,) = caplog.messages
+    assert message.startswith("w.sdf: ")
+    assert slip in message
+
+
+def test_repaired_text_is_unchanged() -> None:
+    root = parse_leniently("<s><b n='R&D'>é & <![CDATA[<!-- x -->]]></b></s>".encode(), "w.sdf")
+    assert (root[0].get("n"), root[0].text) == ("R&D", "é & <!-- x -->")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["<sdf>", "<sdf></a>", "x -- y", "<!DOCTYPE sdf><gz:a/>", "<sdf>&nbsp;</sdf>", "<!-- -- -->"],
+)
+def test_what_is_not_clear_stays_an_error(text: str) -> None:
+    with pytest.raises(InputError, match=r"^w\.sdf:1: "):
+        parse_leniently(text.encode(), "w.sdf")
+
+
+def test_a_sound_document_is_read_in_silence(caplog: pytest.LogCaptureFixture) -> None:
+    assert parse_leniently(b"<?xml version='1.0'?><!-- x --><sdf/>", "w.sdf").tag == "sdf"
+    assert not caplog.records
