@@ -32,7 +32,7 @@ unhurried = settings(deadline=None)
 
 
 def read(content: str, version: str = "1.9") -> tuple[Body, ...]:
-    return read_sdf(f'<sdf version="{version}">{content}</sdf>'.encode(), "w.sdf")
+    return read_sdf(f'<sdf version="{version}">{content}</sdf>'.encode(), "w.sdf").bodies
 
 
 def world(content: str, version: str = "1.9") -> tuple[Body, ...]:

@@ -178,6 +178,6 @@ def _draw_world(field: Field, draws: str) -> World:
     note = write_note({"draws": draws} | parameters)
     content = write_sdf(WORLD_NAME, field.draw_bodies(draws), note).encode()
     source = f"generated field {field.seed}"
-    bodies = read_sdf(content, source)
+    bodies = read_sdf(content, source).bodies
     digest = hashlib.sha256(content).hexdigest()
     return World(WORLD_NAME, bodies, field.course, source, digest, note=note)

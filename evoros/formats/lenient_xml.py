@@ -16,6 +16,7 @@ _LOG = logging.getLogger("evoros.xml")
 _DECLARATION = re.compile(r"<\?xml\b[^>]*\?>")
 _COMMENT = re.compile(r"(<!\[CDATA\[.*?\]\]>)|<!--.*?-->", re.DOTALL)
 _AMPERSAND = re.compile(r"&(?!(?:#[0-9]+|#x[0-9a-fA-F]+|[A-Za-z_][\w.-]*);)")
+_DOUBLE_COLON = re.compile(r"(</?[A-Za-z_][\w.-]*)::(?=[A-Za-z_])")
 _TAG = re.compile(r"<([A-Za-z_][\w.-]*)(?::[\w.-]+)?(?:\s[^<>]*)?/?>")
 _ATTRIBUTE = re.compile(r"\s([A-Za-z_][\w.-]*):[\w.-]+\s*=")
 _ROOT = re.compile(r"<[A-Za-z_][^\s/>]*")
@@ -29,8 +30,8 @@ def parse_leniently(content: bytes, source: str) -> Element:
     """Parse a document as ``strict_xml.parse`` does, after repairs if they are necessary.
 
     Repaired, and reported in one line, are: text, comments or a byte order mark before the XML
-    declaration, ``--`` in comments, prefixes that are not declared, and ampersands that stand for
-    themselves.
+    declaration, ``--`` in comments, prefixes that are not declared, ``::`` in a tag, and ampersands
+    that stand for themselves.
 
     Raises:
         InputError: the document is not well-formed even so, or has a DOCTYPE.
@@ -81,6 +82,7 @@ def _repair(text: str) -> tuple[str, list[str]]:
         repairs.append("-- in a comment")
     text = _COMMENT.sub(lambda match: match[1] or _lines(match[0]), text)
     apply(_AMPERSAND.sub("&amp;", text), "& in place of &amp;")
+    apply(_DOUBLE_COLON.sub(r"\1:", text), ":: in the name of an element")
     prefixes = _undeclared_prefixes(text)
     if prefixes:
         spaces = "".join(f' xmlns:{p}="{_KNOWN.get(p, f"undeclared:{p}")}"' for p in prefixes)

@@ -1,27 +1,51 @@
 """Reads a world from an SDF file."""
 
-import hashlib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from evoros.base.errors import InputError
 from evoros.base.resources import find_file
 from evoros.formats.sdf.reader import read_sdf
+from evoros.formats.sdf.reading import SdfOptions
+from evoros.formats.sdf.xacro import expand_world, is_xacro
 from evoros.world.course import Course
 from evoros.world.floors import settle
 from evoros.world.model import World
 
 
-def load_world(sdf: str, course: Course) -> World:
-    """Load the world of an SDF file, and add level ground if the file has none.
+def load_world(
+    sdf: str,
+    course: Course,
+    model_paths: Sequence[str] = (),
+    world_name: str = "",
+    arguments: Mapping[str, object] | None = None,
+    missing_models: str = "error",
+    missing_meshes: str = "error",
+    vehicles: str = "leave_out",
+) -> World:
+    """Load the world of an SDF file, and add level ground where the course stands on nothing.
 
-    ``sdf`` is a path, which may be relative to the bundled folder ``worlds``. In messages the world
-    has the name of its file; tables name it by its key in the configuration.
+    ``sdf`` is a path, which may be relative to the bundled folder ``worlds``. ``model_paths`` are
+    folders that hold the models and meshes that it names, ``world_name`` is that of several in the
+    file, and ``arguments`` are for a file with xacro. ``missing_models`` (``error`` or
+    ``leave_out``), ``missing_meshes`` (``error`` or ``box``) and ``vehicles`` (``leave_out`` or
+    ``hold_still``) state what to do with these. In messages the world has the name of its file;
+    tables name it by its key in the configuration.
 
     Raises:
-        InputError: the file is missing or has an unsupported element, or a waypoint lies in an
-            obstacle.
+        InputError: a file is missing or cannot be used, or a waypoint lies in an obstacle.
     """
     path = find_file(sdf, "worlds")
-    content = path.read_bytes()
-    bodies = read_sdf(content, sdf)
-    bodies = settle(bodies, course, sdf)
-    return World(Path(sdf).stem, bodies, course, sdf, hashlib.sha256(content).hexdigest())
+    options = SdfOptions(tuple(model_paths), world_name, missing_models, missing_meshes, vehicles)
+    content, source, name = path.read_bytes(), sdf, Path(sdf).stem
+    if is_xacro(path, content):
+        content = expand_world(path, arguments or {}, options.model_paths)
+        source, name = f"{sdf} (expanded)", Path(sdf).name.partition(".")[0]
+    elif arguments:
+        raise InputError(
+            f"{sdf}: a world without xacro takes no arguments, not {sorted(arguments)}; "
+            f"remove them or name a .xacro file"
+        )
+    world = read_sdf(content, source, options, path)
+    bodies = settle(world.bodies, course, sdf)
+    return World(name, bodies, course, sdf, world.sha256, gravity_mps2=world.gravity_mps2)

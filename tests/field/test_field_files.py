@@ -40,8 +40,8 @@ def test_every_seed_and_every_key_of_draws_gives_another_field() -> None:
 @given(fields())
 def test_the_file_is_the_world_in_every_bit(one: Field) -> None:
     world = one.draw_world(FIXED)
-    assert read_sdf(world.sdf.encode(), "a file") == world.bodies
-    again = World("generated", read_sdf(world.sdf.encode(), "a file"), one.course, "x", "y")
+    assert read_sdf(world.sdf.encode(), "a file").bodies == world.bodies
+    again = World("generated", read_sdf(world.sdf.encode(), "a file").bodies, one.course, "x", "y")
     assert again.sdf == world.sdf.replace(f"<!-- {world.note} -->\n", "")
 
 

@@ -14,6 +14,7 @@ SLIPS = [
     ("<?xml version='1.0'?>\n<!-- a -- b --->\n<sdf>\n<a/></sdf>", "-- in a comment"),
     ("<sdf>\n<!--- wall\n---- roof -->\n<a/></sdf>", "-- in a comment"),
     ("<sdf>\n\n<gz:b ignition:c='1'>x</gz:b><a/></sdf>", "gz:, ignition:"),
+    ("<sdf>\n<gz::priority>1</gz::priority>\n<a/></sdf>", ":: in the name"),
     ("<sdf>\n\n<b name='R&D'>1 & 2 &lt; 3</b><a/></sdf>", "&amp;"),
     ("<?xml version='1.0' encoding='latin-1'?>\n<sdf>\n<b>\u00e9 & x</b><a/></sdf>", "&amp;"),
 ]

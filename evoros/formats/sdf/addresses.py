@@ -33,7 +33,9 @@ class Addresses:
         if address is not None:
             return find_in_cache(address, self._declared)
         path = _strip_scheme(uri)
-        return next((place for place in self._candidates(path, uri, beside) if place.exists()), None)
+        return next(
+            (place for place in self._candidates(path, uri, beside) if place.exists()), None
+        )
 
     def explain(self, uri: str, beside: Path) -> tuple[str, str]:
         """Return what is wrong with an address that leads nowhere, and what to do."""
@@ -41,7 +43,13 @@ class Addresses:
         if address is not None:
             return where_to_get(address, uri)
         if uri.startswith(("model://", "package://")):
-            name = _strip_scheme(uri).split("/")[0]
+            name, _, rest = _strip_scheme(uri).partition("/")
+            folder = self.find(f"model://{name}", beside) if rest else None
+            if folder is not None:
+                return (
+                    f"names {uri}, but {folder} has no {rest}",
+                    "add the file or correct the path",
+                )
             return (
                 f"names {uri}, but no folder {name} is among the declared, the surrounding and "
                 f"the environment's model folders",

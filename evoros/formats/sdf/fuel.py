@@ -56,8 +56,10 @@ def where_to_get(address: FuelAddress, uri: str) -> tuple[str, str]:
     """Return what is missing and where it is expected, and the command that gets it."""
     cache = next(_cache_folders())
     expected = cache / address.host / address.owner.lower() / address.kind / address.name.lower()
-    model = uri if not address.inner else uri[: uri.index(f"/{address.kind}/")] + (
-        f"/{address.kind}/{address.name}"
+    model = (
+        uri
+        if not address.inner
+        else uri[: uri.index(f"/{address.kind}/")] + (f"/{address.kind}/{address.name}")
     )
     return (
         f"names a model of Fuel that is not in the local cache, where {expected} is expected",

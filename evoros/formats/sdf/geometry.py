@@ -16,7 +16,6 @@ from evoros.formats.strict_xml import (
     read_numbers,
     read_positive,
     read_text,
-    require_child,
 )
 from evoros.geometry.decomposition import decompose
 from evoros.geometry.shapes import Pose, Shape, Vector
@@ -59,28 +58,42 @@ def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
     if kind not in _PRIMITIVES:
         problem = f"is not supported inside <{local_tag(geometry)}>"
         raise element_error(solid, problem, f"use {_KINDS}")
-    return _PRIMITIVES[kind](solid)
+    return _PRIMITIVES[kind](solid, reading)
 
 
-def _read_box(box: Element) -> tuple[Shape, ...]:
-    return (Shape("box", read_positive(require_child(box, "size"), 3)),)
+def _read_lengths(
+    solid: Element, tag: str, reading: Reading, default: tuple[float, ...]
+) -> tuple[float, ...]:
+    """Return the lengths [m] in a child of a solid; without it, the default of SDF."""
+    element = find_child(solid, tag)
+    if element is not None:
+        return read_positive(element, len(default))
+    value = " ".join(f"{length:g}" for length in default)
+    reading.notes.add(solid, f"has no <{tag}>: {value} m is assumed, the default of SDF")
+    return default
 
 
-def _read_sphere(sphere: Element) -> tuple[Shape, ...]:
-    return (Shape("sphere", read_positive(require_child(sphere, "radius"), 1)),)
+def _read_box(box: Element, reading: Reading) -> tuple[Shape, ...]:
+    return (Shape("box", _read_lengths(box, "size", reading, (1.0, 1.0, 1.0))),)
 
 
-def _read_cylinder(cylinder: Element) -> tuple[Shape, ...]:
-    return (Shape("cylinder", _read_radius_and_length(cylinder)),)
+def _read_sphere(sphere: Element, reading: Reading) -> tuple[Shape, ...]:
+    return (Shape("sphere", _read_lengths(sphere, "radius", reading, (1.0,))),)
 
 
-def _read_radius_and_length(element: Element) -> tuple[float, float]:
-    lengths = (read_positive(require_child(element, tag), 1) for tag in ("radius", "length"))
-    (radius,), (length,) = lengths
+def _read_cylinder(cylinder: Element, reading: Reading) -> tuple[Shape, ...]:
+    return (Shape("cylinder", _read_radius_and_length(cylinder, reading, 1.0)),)
+
+
+def _read_radius_and_length(
+    element: Element, reading: Reading, radius_m: float
+) -> tuple[float, float]:
+    (radius,) = _read_lengths(element, "radius", reading, (radius_m,))
+    (length,) = _read_lengths(element, "length", reading, (1.0,))
     return radius, length
 
 
-def _read_plane(plane: Element) -> tuple[Shape, ...]:
+def _read_plane(plane: Element, reading: Reading) -> tuple[Shape, ...]:
     size, normal = find_child(plane, "size"), find_child(plane, "normal")
     if size is not None:  # only for its picture: a plane has no end
         read_numbers(size, 2)
@@ -92,14 +105,14 @@ def _read_plane(plane: Element) -> tuple[Shape, ...]:
     return (Shape("plane", values),)
 
 
-def _read_capsule(capsule: Element) -> tuple[Shape, ...]:
-    radius, length = _read_radius_and_length(capsule)
+def _read_capsule(capsule: Element, reading: Reading) -> tuple[Shape, ...]:
+    radius, length = _read_radius_and_length(capsule, reading, 0.5)
     ends = (Shape("sphere", (radius,), Pose((0.0, 0.0, z))) for z in (-length / 2, length / 2))
     return (Shape("cylinder", (radius, length)), *ends)
 
 
-def _read_ellipsoid(ellipsoid: Element) -> tuple[Shape, ...]:
-    a, b, c = read_positive(require_child(ellipsoid, "radii"), 3)
+def _read_ellipsoid(ellipsoid: Element, reading: Reading) -> tuple[Shape, ...]:
+    a, b, c = _read_lengths(ellipsoid, "radii", reading, (1.0, 1.0, 1.0))
     corners: list[Vector] = [(0.0, 0.0, -c), (0.0, 0.0, c)]
     for i in range(1, _SIDES // 2):
         latitude = math.pi * (i / (_SIDES // 2) - 0.5)
@@ -109,8 +122,8 @@ def _read_ellipsoid(ellipsoid: Element) -> tuple[Shape, ...]:
     return (Shape("convex", (), corners=tuple(corners)),)
 
 
-def _read_cone(cone: Element) -> tuple[Shape, ...]:
-    radius, length = _read_radius_and_length(cone)
+def _read_cone(cone: Element, reading: Reading) -> tuple[Shape, ...]:
+    radius, length = _read_radius_and_length(cone, reading, 0.5)
     base = [(radius * x, radius * y, -length / 2) for x, y in _circle()]
     return (Shape("convex", (), corners=((0.0, 0.0, length / 2), *base)),)
 
@@ -191,4 +204,3 @@ def _read_submesh(submesh: Element | None) -> tuple[str, bool]:
         "" if name is None else read_text(name),
         center is not None and read_flag(center),
     )
-

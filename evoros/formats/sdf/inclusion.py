@@ -1,7 +1,6 @@
 """Replaces every ``<include>`` of an SDF document by the model that it names."""
 
 import re
-from copy import deepcopy
 from pathlib import Path
 
 from lxml import etree
@@ -63,7 +62,7 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
         basic = re.split(r"[/\\]", uri.rstrip("/"))[-1].lower().replace("%20", "_")
         basic = basic.replace(" ", "_")
         if basic in _BASICS:
-            return _first_model(etree.fromstring(f"<sdf>{_BASICS[basic]}</sdf>"))
+            return etree.fromstring(f"<sdf>{_BASICS[basic]}</sdf>").find("model")
         problem, fix = reading.addresses.explain(uri, reading.folder_of(include))
         if reading.options.missing_models == "leave_out":
             reading.notes.add(include, f"is left out: it {problem}", f"missing {uri}")
@@ -99,11 +98,7 @@ def _choose_model(root: Element, include: Element, reading: Reading, file: Path)
         names = ", ".join(quote(model.get("name", "")) for model in models[1:])
         problem = f"brings the first model of {file} only, as in Gazebo, without {names}"
         reading.notes.add(include, problem)
-    return deepcopy(models[0])
-
-
-def _first_model(root: Element) -> Element | None:
-    return root.find("model")
+    return models[0]
 
 
 def _find_sdf(place: Path, include: Element, uri: str) -> Path:
@@ -123,7 +118,9 @@ def _find_sdf(place: Path, include: Element, uri: str) -> Path:
     candidates = [place / "model.sdf", *sorted(place.glob("*.sdf"))]
     file = next((candidate for candidate in candidates if candidate.is_file()), None)
     if file is None:
-        problem = f"names {uri}, but {place} has neither a model.config with an SDF file nor an .sdf"
+        problem = (
+            f"names {uri}, but {place} has neither a model.config with an SDF file nor an .sdf"
+        )
         raise element_error(include, problem, "complete the model's folder")
     return file.resolve()
 
@@ -207,18 +204,21 @@ def _anchor(child: Element, frame: str) -> None:
 
 
 def _rename_duplicates(container: Element, reading: Reading) -> None:
-    """Number the models whose name is taken, as Gazebo does when it inserts them."""
-    taken = {child.get("name") for child in container.iterchildren("link", "frame", "joint")}
-    for model in container.findall("model"):
-        name = model.get("name", "").strip()
-        if name and name in taken:
+    """Number the models, links and collisions whose name is taken, as Gazebo numbers models."""
+    taken: dict[str, str] = {}
+    tags = ("model", "link", "frame", "joint", "collision")
+    for element in container.iterchildren(*tags):
+        name = element.get("name", "").strip()
+        tag = str(element.tag)
+        if name and taken.get(name) == tag and tag in ("model", "link", "collision"):
             number = 0
             while f"{name}_{number}" in taken:
                 number += 1
             new = f"{name}_{number}"
             problem = f"has a name that is taken: it is called {quote(new)}"
-            reading.notes.add(model, problem, "renamed")
-            model.set("name", new)
+            reading.notes.add(element, problem, "renamed")
+            element.set("name", new)
             name = new
-        taken.add(name)
-
+        taken[name] = tag
+    for link in container.findall("link"):
+        _rename_duplicates(link, reading)

@@ -68,7 +68,9 @@ def read_link(element: Element, path: Path, frames: Frames, static: bool, readin
     if solids and not held and element.find("inertial/mass") is None and not is_auto(element):
         problem = "is not static and has no mass: it gets 1 kg, the default of SDF"
         reading.notes.add(element, problem)
-    weights = ((shape, solid.place(shape), solid.density) for solid in solids for shape in solid.shapes)
+    weights = (
+        (shape, solid.place(shape), solid.density) for solid in solids for shape in solid.shapes
+    )
     inertia = read_inertia(element, path, frames, weights, reading.notes)
     return Link(path, element, tuple(solids), inertia, held)
 
@@ -139,4 +141,3 @@ def _read_density(collision: Element, link: Element) -> float:
         if element is not None:
             return read_positive(element, 1)[0]
     return 1000.0
-

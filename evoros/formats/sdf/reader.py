@@ -23,6 +23,7 @@ from evoros.formats.sdf.frames import Frames, Path, read_pose
 from evoros.formats.sdf.inclusion import expand_includes
 from evoros.formats.sdf.links import Link, read_link
 from evoros.formats.sdf.reading import Reading, SdfOptions
+from evoros.formats.sdf.scaling import scale_model
 from evoros.formats.sdf.vehicles import settle_vehicles
 from evoros.formats.strict_xml import (
     element_error,
@@ -63,12 +64,13 @@ def read_sdf(
     reading = Reading(file or FilePath(source).absolute(), options or SdfOptions())
     root = parse_leniently(content, source)
     container = _choose_container(root, reading)
+    _insert_and_delete(container)
     expand_includes(container, reading)
     check_elements(root, reading.notes)
     left_out = settle_vehicles(container, reading)
     frames = Frames(container)
     for state in container.findall("state"):
-        _apply_state(state, (), frames, reading, left_out)
+        _apply_state(state, container, (), frames, reading, left_out)
     frames.check()
     models = container.findall("model")
     bodies = tuple(body for model in models for body in _build_bodies(model, frames, reading))
@@ -100,7 +102,9 @@ def _choose_container(root: Element, reading: Reading) -> Element:
     names = [world.get("name", "") for world in worlds]
     if wanted and wanted not in names:
         known = ", ".join(map(quote, names)) or "none"
-        raise element_error(root, f"has no world {quote(wanted)}", f"set world_name to one of: {known}")
+        raise element_error(
+            root, f"has no world {quote(wanted)}", f"set world_name to one of: {known}"
+        )
     if wanted:
         worlds = [worlds[names.index(wanted)]]
     if len(worlds) > 1:
@@ -117,6 +121,20 @@ def _choose_container(root: Element, reading: Reading) -> Element:
     return worlds[0]
 
 
+def _insert_and_delete(container: Element) -> None:
+    """Add the models that a ``<state>`` inserts, and remove those that it deletes."""
+    for state in container.findall("state"):
+        for change in state.findall("insertions"):
+            container.extend(change.findall("model"))
+            state.remove(change)
+        for change in state.findall("deletions"):
+            names = {(name.text or "").strip() for name in change.findall("name")}
+            for model in [*container.iterchildren("model", "include")]:
+                if (model.get("name") or model.findtext("name") or "").strip() in names:
+                    container.remove(model)
+            state.remove(change)
+
+
 def _read_gravity(container: Element) -> float:
     """Return the gravity [m/s2] of a world, by default that of the Earth."""
     for parent in (container, *container.findall("physics")):
@@ -124,24 +142,32 @@ def _read_gravity(container: Element) -> float:
         if gravity is not None:
             x, y, z = read_numbers(gravity, 3)
             if max(abs(x), abs(y)) > 0.05 or z >= -0.05:
-                problem = f"must point down, not to {x:g} {y:g} {z:g}: robots here drive on the ground"
+                problem = (
+                    f"must point down, not to {x:g} {y:g} {z:g}: robots here drive on the ground"
+                )
                 raise element_error(gravity, problem, "write 0 0 -9.81 or another such value")
-            # What differs by rounding only is the default.
-            return 9.81 if abs(z + 9.81) <= 0.05 else -z
+            return -z
     return 9.81
 
 
 def _apply_state(
-    state: Element, scope: Path, frames: Frames, reading: Reading, left_out: set[str]
+    state: Element,
+    owner: Element,
+    scope: Path,
+    frames: Frames,
+    reading: Reading,
+    left_out: set[str],
 ) -> None:
+    """Move and scale what is in ``owner``, the world or a model, to its ``state``."""
     for element in state.iterchildren("model", "link"):
         name = read_name(element)
         if not scope and name in left_out:
             continue
         path = (*scope, name)
+        inner = next((m for m in owner.findall(str(element.tag)) if m.get("name") == name), None)
         scale = find_child(element, "scale")
-        if scale is not None and read_numbers(scale, 1, 3) not in ((1.0, 1.0, 1.0), (1.0,)):
-            raise element_error(scale, "must be 1 1 1", "change the sizes of the model's shapes")
+        if scale is not None and inner is not None:
+            scale_model(inner, scale, reading)
         relative = read_pose(element)
         if relative.base not in ("", "world"):
             problem = f"must not be relative to {quote(relative.base)}"
@@ -150,8 +176,8 @@ def _apply_state(
         if has_pose and not frames.move(path, relative.pose):
             problem = "is ignored: the world has nothing of this name"
             reading.notes.add(element, problem, "state")
-        elif element.tag == "model":
-            _apply_state(element, path, frames, reading, left_out)
+        elif element.tag == "model" and inner is not None:
+            _apply_state(element, inner, path, frames, reading, left_out)
 
 
 def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body]:
@@ -174,7 +200,9 @@ def _build_bodies(model: Element, frames: Frames, reading: Reading) -> list[Body
         groups.setdefault(_find_root(parents, link.path), []).append(link)
     bodies = build_fixed_bodies(groups.pop((), []))
     for group in groups.values():
-        bodies += build_movable_body(group, alone=len(groups) == 1 and not bodies, notes=reading.notes)
+        bodies += build_movable_body(
+            group, alone=len(groups) == 1 and not bodies, notes=reading.notes
+        )
     return bodies
 
 
