@@ -1,4 +1,8 @@
-"""Read the surfaces of a COLLADA file (DAE), with its unit, its up axis and its scene's poses."""
+"""Read the surfaces of a COLLADA file (DAE), with its unit and the poses of its scene.
+
+Its coordinates are taken as they are, with z up, whatever ``<up_axis>`` says. Gazebo and RViz do
+so, models are made for them, and some programs write ``Y_UP`` into every file.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,32 +16,31 @@ from lxml.etree import _Element as Element
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 
-UP = {
-    "X_UP": [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
-    "Y_UP": [[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]],
-    "Z_UP": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
-}
 _DEEPEST = 100  # nodes inside nodes; a file whose nodes contain each other has no end
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class Submesh:
     """A named part of a mesh file, as triangles."""
 
     names: tuple[str, ...]  # any of them selects it as a submesh
     triangles: Array  # (n, 3, 3): corner, x y z [m]
 
 
-def read_dae(path: Path) -> list[Surface]:
-    """Read all surfaces that the scene shows, in metres, with z up.
+def read_dae(path: Path) -> list[Submesh]:
+    """Read all surfaces that the scene shows, in metres.
 
     Raises:
         InputError: the file is no COLLADA file or refers to something that it lacks.
     """
-    parser = etree.XMLParser(huge_tree=True, resolve_entities=False, no_network=True)
+    # Programs write names with < and & into attributes, so such slips are passed over.
+    parser = etree.XMLParser(huge_tree=True, resolve_entities=False, no_network=True, recover=True)
     try:
         root = etree.parse(path, parser).getroot()
-        return list(_Document(root).surfaces())
+        if root is None or etree.QName(root).localname != "COLLADA":
+            raise ValueError("it has no <COLLADA>")
+        with np.errstate(all="ignore"):  # a pose of something invisible may be nonsense
+            return list(_Document(root).surfaces())
     except (etree.XMLSyntaxError, ValueError, KeyError, IndexError, RecursionError) as error:
         problem = f"must be a COLLADA file ({error})"
         raise InputError(f"{path}: {problem}; export the mesh again, or as STL") from error
@@ -53,12 +56,11 @@ class _Document:
             if element.get("id")
         }
 
-    def surfaces(self) -> Iterator[Surface]:
+    def surfaces(self) -> Iterator[Submesh]:
         """Yield the surfaces of the scene; of a file without a scene, all geometries."""
         unit = self.root.find("{*}asset/{*}unit")
         meter = float(unit.get("meter", "1")) if unit is not None else 1.0
-        axis = (self.root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()
-        base = np.array(UP[axis], dtype=np.float64) @ np.diag([meter, meter, meter, 1.0])
+        base = np.diag([meter, meter, meter, 1.0])
         shown = self.root.find("{*}scene/{*}instance_visual_scene")
         if shown is None:
             for geometry in self.root.iterfind("{*}library_geometries/{*}geometry"):
@@ -75,7 +77,7 @@ class _Document:
             raise ValueError(f"line {element.sourceline}: there is no <{tag}> {address!r}")
         return target
 
-    def _node(self, node: Element, pose: Array, depth: int) -> Iterator[Surface]:
+    def _node(self, node: Element, pose: Array, depth: int) -> Iterator[Submesh]:
         if depth > _DEEPEST:
             raise ValueError("its nodes contain each other")
         pose = pose @ _transform(node)
@@ -93,13 +95,15 @@ class _Document:
                 if skin is not None:
                     yield self._surface(self._target(skin, "geometry"), pose, names)
 
-    def _surface(self, geometry: Element, pose: Array, names: tuple[str, ...]) -> Surface:
+    def _surface(self, geometry: Element, pose: Array, names: tuple[str, ...]) -> Submesh:
         own = tuple(name for key in ("name", "id") if (name := geometry.get(key)))
         pieces = [np.empty((0, 3, 3))]
         for element in geometry.iterfind("{*}mesh/{*}*"):
             pieces += self._triangles(element)
         triangles = np.concatenate(pieces) @ pose[:3, :3].T + pose[:3, 3]
-        return Surface((*names, *own), triangles)
+        if np.linalg.det(pose[:3, :3]) < 0:
+            triangles = triangles[:, ::-1]  # mirrored, so that faces would point inwards
+        return Submesh((*names, *own), triangles)
 
     def _triangles(self, element: Element) -> Iterator[Array]:
         """Yield arrays of triangles (n, 3, 3) of one list of primitives."""

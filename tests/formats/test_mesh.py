@@ -7,7 +7,9 @@ import pytest
 import trimesh
 
 from evoros.base.errors import InputError
+from evoros.formats import mesh
 from evoros.formats.mesh import hull_of, read_mesh
+from evoros.geometry import mesh_parts
 from evoros.geometry.shapes import Shape
 
 DAE = """<?xml version="1.0" encoding="utf-8"?>
@@ -73,6 +75,13 @@ f 10 11 12
 """
 
 
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    mesh._read.cache_clear()
+    return tmp_path / "cache" / "evoros" / "meshes"
+
+
 def write(path: Path, text: str) -> Path:
     path.write_text(text)
     return path
@@ -106,7 +115,7 @@ def test_an_stl_is_read_in_metres_and_scaled(tmp_path: Path, file_type: str) -> 
 def test_an_obj_is_read_without_its_materials(tmp_path: Path) -> None:
     path = write(tmp_path / "boxes.obj", TWO_BOXES)
     assert bounds(*read_mesh(path)) == [[0, 0, 0], [5, 1, 1]]
-    assert [len(shape.corners) for shape in read_mesh(path)] == [8, 4]
+    assert sorted(len(shape.corners) for shape in read_mesh(path)) == [4, 8]
 
 
 def test_a_submesh_is_read_alone_and_centred(tmp_path: Path) -> None:
@@ -119,6 +128,11 @@ def test_a_submesh_is_read_alone_and_centred(tmp_path: Path) -> None:
     assert "right, left" in refused(path, "middle")
 
 
+def test_a_submesh_of_an_obj_may_be_a_group(tmp_path: Path) -> None:
+    path = write(tmp_path / "boxes.obj", TWO_BOXES.replace("usemtl paint", "g corner"))
+    assert bounds(*read_mesh(path, submesh="corner")) == [[3, 0, 0], [5, 1, 1]]
+
+
 def test_a_dae_has_a_unit_and_poses(tmp_path: Path) -> None:
     path = write(tmp_path / "wedges.dae", DAE.format(up="Z_UP"))
     assert bounds(*read_mesh(path, submesh="left")) == [[5, 0, 0], [6, 2, 3]]
@@ -126,15 +140,18 @@ def test_a_dae_has_a_unit_and_poses(tmp_path: Path) -> None:
     assert bounds(*read_mesh(path, submesh="wedge")) == bounds(*read_mesh(path))
 
 
-@pytest.mark.parametrize(
-    ("up", "low", "high"),
-    [("Y_UP", [5, -3, 0], [6, 0, 2]), ("X_UP", [-2, 5, 0], [0, 6, 3])],
-)
-def test_the_up_axis_of_a_dae_becomes_z(
-    tmp_path: Path, up: str, low: list[float], high: list[float]
-) -> None:
+@pytest.mark.parametrize("up", ["X_UP", "Y_UP", "Z_UP"])
+def test_the_coordinates_of_a_dae_have_z_up_whatever_it_says(tmp_path: Path, up: str) -> None:
     path = write(tmp_path / "wedges.dae", DAE.format(up=up))
-    assert bounds(*read_mesh(path, submesh="left")) == [low, high]
+    assert bounds(*read_mesh(path, submesh="left")) == [[5, 0, 0], [6, 2, 3]]
+
+
+def test_a_dae_with_a_slip_in_a_name_is_read(tmp_path: Path) -> None:
+    text = DAE.format(up="Z_UP").replace('name="left"', 'name="<STL & BINARY>"')
+    assert bounds(*read_mesh(write(tmp_path / "wedges.dae", text), submesh="a")) == [
+        [5, 0, 0],
+        [6, 2, 3],
+    ]
 
 
 def test_the_hull_of_several_shapes_is_one_shape(tmp_path: Path) -> None:
@@ -157,3 +174,48 @@ def test_a_faulty_file_is_one_line_with_a_fix(tmp_path: Path) -> None:
     assert "finite" in refused(
         write(tmp_path / "nan.obj", TWO_BOXES.replace("v 5 0 0", "v nan 0 0"))
     )
+
+
+def test_a_mesh_is_read_once_and_a_damaged_cache_does_not_matter(
+    tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write(tmp_path / "boxes.obj", TWO_BOXES)
+    first = read_mesh(path)
+    [file] = cache.iterdir()
+    with monkeypatch.context() as patch:
+        patch.setattr(mesh_parts, "divide_mesh", lambda triangles: pytest.fail("divided again"))
+        mesh._read.cache_clear()
+        assert read_mesh(path) == first
+    for damage in ("", "{}", '{"parts": [[]], "dropped": 0, "deviation_m": 0}', "[[[", "\0"):
+        file.write_text(damage)
+        mesh._read.cache_clear()
+        assert read_mesh(path) == first
+    write(path, TWO_BOXES.replace("v 5 0 0", "v 6 0 0"))
+    assert bounds(*read_mesh(path)) == [[0, 0, 0], [6, 1, 1]]
+
+
+def test_a_cache_that_cannot_be_written_does_not_matter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(write(tmp_path / "file", "")))
+    assert len(read_mesh(write(tmp_path / "boxes.obj", TWO_BOXES))) == 2
+
+
+def test_what_is_left_out_is_told_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = write(
+        tmp_path / "boxes.obj", TWO_BOXES + "v 9 9 9\nv 9 9.0001 9\nv 9 9 9.0001\nf 13 14 15\n"
+    )
+    assert len(read_mesh(path)) == 2
+    read_mesh(path)
+    [message] = caplog.messages
+    assert message.startswith(f"{path}: 2 convex parts")
+    assert "1 parts below 1 mm" in message
+
+
+def test_a_negative_scale_mirrors(tmp_path: Path) -> None:
+    path = write(tmp_path / "boxes.obj", TWO_BOXES)
+    plain, mirrored = read_mesh(path), read_mesh(path, (-2.0, 2.0, 2.0))
+    expected = {tuple((-2 * x, 2 * y, 2 * z) for x, y, z in shape.corners) for shape in plain}
+    assert {frozenset(corners) for corners in expected} == {
+        frozenset(shape.corners) for shape in mirrored
+    }

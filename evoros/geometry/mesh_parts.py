@@ -1,0 +1,160 @@
+"""Convex parts of any surface: hulls where they fit, pieces of solids, plates of sheets."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.geometry.convex_parts import MOST_PARTS, Piece, divide, make_piece, merge
+from evoros.geometry.hull import Hull, make_hull, simplify
+from evoros.geometry.plates import divide_into_polygons
+from evoros.geometry.triangles import (
+    Surface,
+    compact,
+    concatenate,
+    is_closed,
+    split_by_edges,
+    unique_rows,
+    weld,
+)
+
+MOST_PLATES = 128
+_MOST_SURFACES = 256  # connected parts of a file
+_MOST_FACES = 2000  # of a part that is cut; a finer one is made coarser
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """Convex parts that stand for a surface."""
+
+    hulls: tuple[Hull, ...]
+    dropped: int  # number of parts that are too small to count
+    deviation: float  # largest distance [m] from the surface to that of the parts
+
+
+def divide_mesh(triangles: Array) -> Parts:
+    """Divide triangles (n, 3, 3) [m] into convex parts."""
+    hulls: list[Hull] = []
+    dropped = 0
+    surfaces, deviation = _gather(_join_cavities(split_by_edges(weld(triangles))))
+    for surface in surfaces:
+        found, error = _decompose_part(surface)
+        dropped += not found
+        deviation = max(deviation, error)
+        for hull in found:
+            simple, error = simplify(hull)
+            hulls.append(simple)
+            deviation = max(deviation, error)
+    return Parts(tuple(hulls), dropped, deviation)
+
+
+def _decompose_part(surface: Surface) -> tuple[list[Hull], float]:
+    """Return the hulls of one connected surface, and their largest deviation [m]."""
+    piece = make_piece(surface)
+    if piece is None:
+        return [], 0.0
+    extent = float(np.ptp(surface.points, axis=0).max())
+    if surface.is_hollow:
+        piece = replace(piece, concavity=extent)
+    elif _is_hull(piece, min(max(0.002, 0.01 * extent), 0.02)):
+        return [piece.hull], piece.depth
+    closed = is_closed(surface)
+    if not closed and len(surface.faces) <= _MOST_FACES:
+        polygons = divide_into_polygons(surface)
+        if len(polygons) <= MOST_PLATES:
+            return [hull for points in polygons if (hull := make_hull(points)) is not None], 0.0
+    coarse, error = _coarsen(surface, extent)
+    if coarse is not surface:
+        piece = make_piece(coarse) or piece
+    tolerance = min(max(0.01, 0.03 * extent), 0.1)
+    most = MOST_PARTS if extent < 5.0 else 4 * MOST_PARTS
+    pieces = merge(divide(piece, tolerance, closed, most))
+    return [piece.hull for piece in pieces], error + max(p.concavity for p in pieces)
+
+
+def _is_hull(piece: Piece, tolerance: float) -> bool:
+    """Whether the surface is that of its hull, but for a missing bottom."""
+    if piece.depth > tolerance:
+        return False
+    hull, corners = piece.hull, piece.surface.triangles
+    lacking = hull.area - piece.surface.area
+    if abs(lacking) <= 0.02 * hull.area:
+        return piece.concavity <= tolerance
+    # The area vectors of a closed surface cancel out; what is left points into the opening.
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    away = np.einsum("ij,ij->i", normals, corners.mean(axis=1) - hull.corners.mean(axis=0))
+    opening = -(normals * np.sign(away)[:, None]).sum(axis=0)
+    size = float(np.sqrt((opening * opening).sum()))
+    return abs(size - lacking) <= 0.02 * hull.area and float(opening[2]) < -0.7 * size
+
+
+def _coarsen(surface: Surface, extent: float) -> tuple[Surface, float]:
+    """Return a surface of fewer faces, and how far [m] its points moved at most."""
+    cell, error, coarse = min(max(extent / 100, 0.002), 0.02), 0.0, surface
+    while len(coarse.faces) > _MOST_FACES:
+        _, indices = unique_rows(np.floor(surface.points / cell))
+        counts = np.bincount(indices)
+        points = np.stack(
+            [np.bincount(indices, surface.points[:, i]) / counts for i in range(3)], axis=1
+        )
+        faces = indices[surface.faces]
+        apart = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+        error = float(np.linalg.norm(points[indices] - surface.points, axis=1).max())
+        if not apart.any():
+            break
+        coarse = compact(points, faces[apart])
+        cell *= 1.5
+    return coarse, error
+
+
+def _join_cavities(surfaces: list[Surface]) -> list[Surface]:
+    """Join each closed surface that is the inner side of another one to that."""
+    volumes = [_signed_volume(surface) if is_closed(surface) else 0.0 for surface in surfaces]
+    order = sorted(range(len(surfaces)), key=lambda i: (-abs(volumes[i]), i))
+    joined: dict[int, list[int]] = {}
+    for rank, i in enumerate(order):
+        outer = next(
+            (j for j in reversed(order[:rank]) if _is_cavity(surfaces, volumes, i, j)), None
+        )
+        if outer is None or outer not in joined:
+            joined[i] = [i]
+        else:
+            joined[outer].append(i)
+    return [concatenate([surfaces[i] for i in joined[outer]]) for outer in sorted(joined)]
+
+
+def _is_cavity(surfaces: list[Surface], volumes: list[float], inner: int, outer: int) -> bool:
+    if volumes[inner] * volumes[outer] >= 0.0:
+        return False
+    a, b = surfaces[inner].points, surfaces[outer].points
+    return bool((a.min(axis=0) > b.min(axis=0)).all() and (a.max(axis=0) < b.max(axis=0)).all())
+
+
+def _signed_volume(surface: Surface) -> float:
+    """Return the volume [m3] of a closed surface, negative if its faces point inwards."""
+    a, b, c = np.moveaxis(surface.triangles - surface.points[0], 1, 0)
+    return float((a * np.cross(b, c)).sum() / 6)
+
+
+def _gather(surfaces: list[Surface]) -> tuple[list[Surface], float]:
+    """Join small neighbours until there are at most ``_MOST_SURFACES``, and how wide [m] they are.
+
+    The leaves of a tree become clumps, in cells that grow until there are few enough of them.
+    """
+    if len(surfaces) <= _MOST_SURFACES:
+        return surfaces, 0.0
+    low = np.array([surface.points.min(axis=0) for surface in surfaces])
+    high = np.array([surface.points.max(axis=0) for surface in surfaces])
+    extents = (high - low).max(axis=1)
+    cell = float((high.max(axis=0) - low.min(axis=0)).max()) / 200
+    groups: dict[tuple[float, ...], list[Surface]] = {}
+    while len(groups) == 0 or len(groups) > _MOST_SURFACES:
+        groups = {}
+        cells = np.floor((low + high) / 2 / cell).tolist()
+        for i, surface in enumerate(surfaces):
+            # A part that is larger than a cell stays alone.
+            key = (*cells[i],) if extents[i] < cell else (float(i),)
+            groups.setdefault(key, []).append(surface)
+        cell *= 1.5
+    joined = [replace(concatenate(group), is_hollow=False) for group in groups.values()]
+    return joined, cell / 1.5
