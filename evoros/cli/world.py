@@ -1,7 +1,7 @@
 """The command ``evoros-world``: writes the world of a configuration as an SDF file."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from evoros.base.console import DONE, INPUT
@@ -12,7 +12,8 @@ USAGE = """evoros-world writes a world as an SDF file, for Gazebo and for world=
 
 evoros-world FILE [key=value ...] [--config-dir FOLDER]
 
-FILE must not exist. The keys are those of evoros, with world=generated chosen:
+FILE must not exist. Meshes and height fields are written beside it, in files of its name.
+The keys are those of evoros, with world=generated chosen:
   evoros-world field.sdf world.generated.seed=3 world.generated.density=0.3"""
 
 
@@ -50,11 +51,21 @@ def _write(name: str, rest: Sequence[str]) -> str:
         )
     (world,) = worlds.values()
     path = Path(name).expanduser()
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(world.sdf)
-    except FileExistsError as error:
-        raise InputError(f"{path}: must be a new file, and it exists; choose another") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another") from error
+    first, *others = world.files(path.stem).items()
+    _write_new({path: first[1], **{path.with_name(other): content for other, content in others}})
     return f"{path}: {len(world.obstacles)} obstacles"
+
+
+def _write_new(files: Mapping[Path, bytes]) -> None:
+    """Write files, of which none may exist."""
+    for path in files:
+        if path.exists():
+            raise InputError(f"{path}: must be a new file, and it exists; choose another")
+    for path, content in files.items():
+        try:
+            with path.open("xb") as file:
+                file.write(content)
+        except OSError as error:
+            raise InputError(
+                f"{path}: cannot be written ({error.strerror}); choose another"
+            ) from error

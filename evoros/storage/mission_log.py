@@ -232,12 +232,12 @@ def _fill(path: Path, files: Mapping[str, str]) -> None:
             raise
 
 
-def write_atomically(path: Path, content: str) -> None:
+def write_atomically(path: Path, content: str | bytes) -> None:
     """Replace a file's content; a kill leaves either the old content or the new one."""
     draft = path.with_name(f".{path.name}.part")
     try:
-        with draft.open("w") as file:
-            file.write(content)
+        with draft.open("wb") as file:
+            file.write(content if isinstance(content, bytes) else content.encode())
             file.flush()
             os.fsync(file.fileno())  # before the rename: a loss of power leaves no empty file
         draft.replace(path)

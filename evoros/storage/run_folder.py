@@ -109,7 +109,7 @@ class RunFolder(MissionLog):
         folder = self.path / CHAMPION
         tracks = (folder / _trajectory_file(world) for world in champion.worlds)
         return all(track.is_file() for track in tracks) and all(
-            (folder / name).is_file() and (folder / name).read_text() == content
+            (folder / name).is_file() and (folder / name).read_bytes() == content
             for name, content in _champion_files(champion).items()
         )
 
@@ -120,7 +120,7 @@ class RunFolder(MissionLog):
         """
         folder = self.path / CHAMPION
         tracks = {_trajectory_file(name): trajectory_table(t) for name, t in trajectories.items()}
-        files = {**tracks, **_champion_files(champion)}
+        files: dict[str, str | bytes] = {**tracks, **_champion_files(champion)}
         folder.mkdir(exist_ok=True)
         (folder / list(files)[-1]).unlink(missing_ok=True)
         for name, content in files.items():
@@ -131,10 +131,12 @@ def _trajectory_file(world: str) -> str:
     return f"trajectory_{world}.csv"
 
 
-def _champion_files(champion: Champion) -> dict[str, str]:
+def _champion_files(champion: Champion) -> dict[str, bytes]:
     """The champion's files without its trajectories: content by name, ``design.csv`` last."""
-    files = {"genes.csv": gene_table(champion.id, champion.design, champion.gene_names)}
+    genes = gene_table(champion.id, champion.design, champion.gene_names)
+    files = {"genes.csv": genes.encode()}
     if champion.robot is not None:
-        files["robot.urdf"] = champion.robot.urdf
-    files |= {f"world_{name}.sdf": world.sdf for name, world in champion.worlds.items()}
-    return {**files, "design.csv": design_table({champion.id: champion.design})}
+        files["robot.urdf"] = champion.robot.urdf.encode()
+    for name, world in champion.worlds.items():
+        files |= world.files(f"world_{name}")
+    return {**files, "design.csv": design_table({champion.id: champion.design}).encode()}

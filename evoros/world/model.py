@@ -7,7 +7,7 @@ import numpy as np
 
 from evoros.base.checks import POSITIVE, TEXT, checked, instance_of, invalid, sequence_of
 from evoros.base.errors import InputError
-from evoros.formats.sdf.writer import write_sdf
+from evoros.formats.sdf.writer import write_sdf, write_surfaces
 from evoros.geometry.footprint import bottom_height, contains, project_shape, top_height
 from evoros.geometry.shapes import Body
 from evoros.world.course import A_COURSE, Course
@@ -61,8 +61,13 @@ class World:
 
     @property
     def sdf(self) -> str:
-        """The bodies as an SDF file."""
-        return write_sdf(self.name, self.bodies, self.note)
+        """The bodies as an SDF file; see ``files`` for the files that it names."""
+        return write_sdf(self.name, self.bodies, self.note, self.gravity_mps2)
+
+    def files(self, stem: str) -> dict[str, bytes]:
+        """Return the contents of an SDF file with the name ``stem`` and of those beside it."""
+        sdf = write_sdf(self.name, self.bodies, self.note, self.gravity_mps2, stem)
+        return {f"{stem}.sdf": sdf.encode(), **write_surfaces(stem, self.bodies)}
 
     @property
     def obstacles(self) -> tuple[Body, ...]:

@@ -12,8 +12,9 @@ from evoros.base.arrays import CONTACT, STATE_SIZE, X
 from evoros.drive.differential import DifferentialDescription
 from evoros.formats.urdf.document import UrdfDocument
 from evoros.geometry.shapes import Body, Pose, Shape
-from evoros.robot.loading import MountDefaults, load_robot
+from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
+from evoros.robot.mounting import MountDefaults
 from evoros.simulator.planar import Planar
 from evoros.simulator.pybullet import PyBullet, close_engines
 from evoros.world.model import World

@@ -1,18 +1,23 @@
 """Writes bodies as an SDF file, which the reader of this package and Gazebo can read.
 
 Lengths and angles are rounded to nine decimals, so that a file that was read is written unchanged.
+SDF has no elements for polyhedra and heights, which lie in files beside it.
 """
 
 import math
-from collections.abc import Iterable
-from xml.sax.saxutils import quoteattr
+from collections.abc import Iterator, Sequence
+from xml.sax.saxutils import escape, quoteattr
 
+from evoros.formats.sdf.surfaces import encode_heights, format_obj, height_range, name_part
 from evoros.geometry.shapes import Body, Pose, Shape
+
+_GRAVITY_MPS2 = 9.81
+"""The gravity of a file that states none."""
 
 _FRAME = """<?xml version="1.0"?>
 {comment}<sdf version="1.9">
   <world name={name}>
-{models}
+{gravity}{models}
   </world>
 </sdf>
 """
@@ -45,20 +50,67 @@ _GEOMETRY = {
     "sphere": "<sphere><radius>{}</radius></sphere>",
     "plane": "<plane><normal>{} {} {}</normal><size>100 100</size></plane>",
 }
+_MESH = "<mesh><uri>{file}</uri><submesh><name>{part}</name></submesh></mesh>"
+_HEIGHTMAP = (
+    "<heightmap><uri>{file}</uri><size>{x} {y} {z}</size><pos>0 0 {bottom}</pos></heightmap>"
+)
 
 
-def write_sdf(name: str, bodies: Iterable[Body], comment: str = "") -> str:
+def write_sdf(
+    name: str,
+    bodies: Sequence[Body],
+    comment: str = "",
+    gravity_mps2: float = _GRAVITY_MPS2,
+    stem: str = "",
+) -> str:
     """Return the text of an SDF file with a world of these bodies, each of which is a model.
 
-    The file begins with ``comment``, in which XML does not allow ``--``.
+    The file begins with ``comment``, in which XML does not allow ``--``. It names the files of
+    ``write_surfaces`` with the same ``stem``, which is ``name`` by default.
     """
     note = f"<!-- {comment} -->\n" if comment else ""
-    models = "\n".join(map(_format_model, bodies))
-    return _FRAME.format(comment=note, name=quoteattr(name), models=models)
+    gravity = ""
+    if gravity_mps2 != _GRAVITY_MPS2:
+        gravity = f"    <gravity>0 0 -{_format_exact(gravity_mps2)}</gravity>\n"
+    files = _name_files(bodies, stem or name)
+    models = "\n".join(_format_model(body, files) for body in bodies)
+    return _FRAME.format(comment=note, name=quoteattr(name), gravity=gravity, models=models)
 
 
-def _format_model(body: Body) -> str:
-    solids = (_format_solid(i + 1, shape, body.friction) for i, shape in enumerate(body.shapes))
+def write_surfaces(stem: str, bodies: Sequence[Body]) -> dict[str, bytes]:
+    """Return the contents of the files that ``write_sdf`` names, by their names."""
+    parts = list(_find("convex", bodies))
+    files = {f"{stem}.obj": format_obj(parts).encode()} if parts else {}
+    fields = enumerate(_find("heightfield", bodies), start=1)
+    return files | {f"{stem}_{number}.png": encode_heights(field) for number, field in fields}
+
+
+def _find(kind: str, bodies: Sequence[Body]) -> Iterator[Shape]:
+    return (shape for body in bodies for shape in body.shapes if shape.kind == kind)
+
+
+def _name_files(bodies: Sequence[Body], stem: str) -> dict[int, str]:
+    """Return the geometries in files, by the identity of their shapes."""
+    geometries = {
+        id(shape): _MESH.format(file=escape(f"{stem}.obj"), part=name_part(number))
+        for number, shape in enumerate(_find("convex", bodies), start=1)
+    }
+    for number, shape in enumerate(_find("heightfield", bodies), start=1):
+        low, high = height_range(shape)
+        geometries[id(shape)] = _HEIGHTMAP.format(
+            file=escape(f"{stem}_{number}.png"),
+            x=_format_rounded(shape.size[0]),
+            y=_format_rounded(shape.size[1]),
+            z=_format_rounded(high - low if high > low else 1.0),  # of white, which level ground
+            bottom=_format_rounded(low),  # has not
+        )
+    return geometries
+
+
+def _format_model(body: Body, files: dict[int, str]) -> str:
+    solids = (
+        _format_solid(i + 1, shape, body.friction, files) for i, shape in enumerate(body.shapes)
+    )
     content = [*solids] if body.mass is None else [_format_inertial(body), *solids]
     return _MODEL.format(
         name=quoteattr(body.name.replace("::", "-")),  # `::` separates the names in a path
@@ -73,8 +125,10 @@ def _format_inertial(body: Body) -> str:
     return _INERTIAL.format(mass=_format_exact(body.mass or 0.0), moments=moments)
 
 
-def _format_solid(number: int, shape: Shape, friction: float) -> str:
-    geometry = _GEOMETRY[shape.kind].format(*map(_format_rounded, shape.size))
+def _format_solid(number: int, shape: Shape, friction: float, files: dict[int, str]) -> str:
+    geometry = files.get(id(shape)) or _GEOMETRY[shape.kind].format(
+        *map(_format_rounded, shape.size)
+    )
     pose = "" if shape.pose == Pose() else f"          <pose>{_format_pose(shape.pose)}</pose>\n"
     return _SOLID.format(number=number, pose=pose, geometry=geometry, mu=_format_exact(friction))
 
