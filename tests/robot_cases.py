@@ -59,6 +59,8 @@ def load(name: str = "erle_rover", **changes: Any) -> Robot:
         description=config["description"],
         arguments=config["arguments"],
         packages=config["packages"],
+        missing_meshes=config.get("missing_meshes", "error"),
+        wheels_touch=config.get("wheels_touch", True),
         mount=MountDefaults(**mount),
         drive=instantiate(config["drive"], _convert_="all"),
     )

@@ -9,7 +9,18 @@ from typing import Annotated
 import numpy as np
 
 from evoros.base.checks import NUMBER, POSITIVE, checked, invalid
-from evoros.drive.wheels import ANGLE, PAIR, TOLERANCE_M, UP, axle, driven_joint, same_radius, wheel
+from evoros.drive.wheels import (
+    ANGLE,
+    LINKS,
+    PAIR,
+    UP,
+    axle,
+    check_caster,
+    driven_joint,
+    same_radius,
+    tolerated,
+    wheel,
+)
 from evoros.formats.urdf.tree import Urdf
 
 
@@ -34,6 +45,7 @@ class Ackermann:
     steering_stop_rad: Annotated[float, POSITIVE]  # how far the steering joints can turn
     steering_limit_rad: Annotated[float, ANGLE]  # how far each of them may turn
     max_speed_mps: Annotated[float, POSITIVE]  # of the rear axle's middle
+    caster_links: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.steering_limit_rad > self.steering_stop_rad:
@@ -46,9 +58,9 @@ class Ackermann:
         return 0.0
 
     @property
-    def caster_links(self) -> tuple[str, ...]:
-        """All wheels are driven."""
-        return ()
+    def turn_ratio(self) -> float:
+        """The wheels roll without slipping."""
+        return 1.0
 
     @cached_property
     def steering_limit(self) -> float:
@@ -96,6 +108,16 @@ class AckermannDescription:
     rear_wheel_joints: Annotated[Sequence[str], PAIR]  # left, right: continuous, axis to the left
     steering_limit_rad: Annotated[float, ANGLE]  # of each front wheel
     max_speed_mps: Annotated[float, POSITIVE]  # of the rear axle's middle
+    caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
+
+    @property
+    def wheel_joints(self) -> tuple[str, ...]:
+        """All four wheels are driven."""
+        return (*self.front_wheel_joints, *self.rear_wheel_joints)
+
+    def choose(self, urdf: Urdf) -> "AckermannDescription":
+        """Return this description: its joints are named."""
+        return self
 
     def fit(self, urdf: Urdf) -> Ackermann:
         """The drive with the wheelbase, tracks, radius and stops of this robot.
@@ -103,13 +125,15 @@ class AckermannDescription:
         Raises:
             InputError: a joint is missing, or does not fit such a drive.
         """
-        names = (*self.front_wheel_joints, *self.rear_wheel_joints)
+        names = self.wheel_joints
         centers, radii = zip(*(wheel(urdf, name) for name in names), strict=True)
         radius = same_radius(urdf, radii)
-        front_x, front_track = axle(urdf, self.front_wheel_joints, centers[:2])
-        rear_x, rear_track = axle(urdf, self.rear_wheel_joints, centers[2:])
-        kingpin_x, kingpin_track, stop = self._steering(urdf)
-        if abs(kingpin_x - front_x) > TOLERANCE_M or front_x <= rear_x:
+        front_x, front_track = axle(urdf, self.front_wheel_joints, centers[:2], radius)
+        rear_x, rear_track = axle(urdf, self.rear_wheel_joints, centers[2:], radius)
+        kingpin_x, kingpin_track, stop = self._steering(urdf, radius)
+        for link in self.caster_links:
+            check_caster(urdf, link, names)
+        if abs(kingpin_x - front_x) > tolerated(radius) or front_x <= rear_x:
             found = f"not at x = {front_x:g} m with the axes at {kingpin_x:g} and the rear wheels "
             rule = "front wheels must be on their steering axes, ahead of the rear wheels"
             raise urdf.error(f"{rule}, {found}at {rear_x:g} m", "correct the joints' <origin>")
@@ -125,9 +149,10 @@ class AckermannDescription:
             steering_stop_rad=stop,
             steering_limit_rad=self.steering_limit_rad,
             max_speed_mps=self.max_speed_mps,
+            caster_links=tuple(self.caster_links),
         )
 
-    def _steering(self, urdf: Urdf) -> tuple[float, float, float]:
+    def _steering(self, urdf: Urdf, radius: float) -> tuple[float, float, float]:
         """x [m], track [m] and stop [rad] of the steering joints."""
         joints = [driven_joint(urdf, name, "revolute", UP) for name in self.steering_joints]
         for joint, name in zip(joints, self.front_wheel_joints, strict=True):
@@ -139,4 +164,4 @@ class AckermannDescription:
         stop = min(min(joint.upper, -joint.lower) for joint in joints)
         if stop <= 0:
             raise urdf.error("steering joints must turn to both sides", "widen their <limit>")
-        return (*axle(urdf, self.steering_joints, places), stop)
+        return (*axle(urdf, self.steering_joints, places, radius), stop)

@@ -5,20 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
-from evoros.base.checks import NUMBER, POSITIVE, Rule, checked
-from evoros.drive.wheels import ANGLE, PAIR, TOLERANCE_M, axle, same_radius, wheel
+from evoros.base.checks import NUMBER, POSITIVE, checked
+from evoros.drive.wheels import ANGLE, LINKS, PAIR, axle, check_caster, same_radius, wheel
 from evoros.formats.urdf.tree import Urdf
-from evoros.geometry.footprint import bottom_height
-
-LINKS = Rule(
-    "a list of the names of one or more links",
-    lambda v: (
-        isinstance(v, list | tuple)
-        and len(v) > 0
-        and all(isinstance(name, str) and name for name in v)
-        and len(set(v)) == len(v)
-    ),
-)
 
 
 @dataclass(frozen=True)
@@ -45,6 +34,11 @@ class Differential:
     def steering_joints(self) -> tuple[str, ...]:
         """Nothing is steered."""
         return ()
+
+    @property
+    def turn_ratio(self) -> float:
+        """The wheels roll without slipping."""
+        return 1.0
 
     @property
     def steering_limit(self) -> float:
@@ -81,6 +75,15 @@ class DifferentialDescription:
     steering_limit_rad: Annotated[float, ANGLE]  # of the bicycle model
     max_speed_mps: Annotated[float, POSITIVE]  # of each wheel, along the ground
 
+    @property
+    def steering_joints(self) -> tuple[str, ...]:
+        """Nothing is steered."""
+        return ()
+
+    def choose(self, urdf: Urdf) -> "DifferentialDescription":
+        """Return this description: its joints are named."""
+        return self
+
     def fit(self, urdf: Urdf) -> Differential:
         """The drive with the track and radius of this robot.
 
@@ -89,12 +92,9 @@ class DifferentialDescription:
         """
         centers, radii = zip(*(wheel(urdf, name) for name in self.wheel_joints), strict=True)
         radius = same_radius(urdf, radii)
-        x, track = axle(urdf, self.wheel_joints, centers)
-        wheels = {urdf.joints[name].child for name in self.wheel_joints}
+        x, track = axle(urdf, self.wheel_joints, centers, radius)
         for link in self.caster_links:
-            if link in wheels:
-                raise urdf.error(f"caster {link!r} must not be a driven wheel", "name another link")
-            _check_caster(urdf, link)
+            check_caster(urdf, link, self.wheel_joints)
         return Differential(
             wheel_joints=tuple(self.wheel_joints),
             caster_links=tuple(self.caster_links),
@@ -105,19 +105,3 @@ class DifferentialDescription:
             steering_limit_rad=self.steering_limit_rad,
             max_speed_mps=self.max_speed_mps,
         )
-
-
-def _check_caster(urdf: Urdf, link: str) -> None:
-    """A caster has a shape, and its lowest point is on the ground."""
-    if link not in urdf.poses:
-        known = ", ".join(sorted(urdf.poses))
-        raise urdf.error(f"caster link {link!r} must exist", f"name one of: {known}")
-    shapes, pose = urdf.shapes[link], urdf.poses[link]
-    if not shapes or link == urdf.root:
-        rule = f"caster {link!r} must be a link of its own with a collision shape"
-        raise urdf.error(rule, "give it a <link> with a sphere for <collision>")
-    height = min(bottom_height(shape, pose @ shape.pose) for shape in shapes)
-    if abs(height) > TOLERANCE_M:
-        rule = f"caster {link!r} must touch the ground, which is at the height 0 of {urdf.root!r}"
-        cure = "correct the <origin> of its joint"
-        raise urdf.error(f"{rule}, but its lowest point is at {height:g} m", cure)

@@ -1,5 +1,6 @@
 """What a drive must offer."""
 
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 from evoros.formats.urdf.tree import Urdf
@@ -34,6 +35,14 @@ class Drive(Protocol):
         ...
 
     @property
+    def turn_ratio(self) -> float:
+        """The curvature that the robot drives on level ground, divided by the commanded one.
+
+        It is 1 but for a drive whose wheels slip when it turns.
+        """
+        ...
+
+    @property
     def rear_axle_x_m(self) -> float:
         """Where on the robot's x axis the point lies that moves straight ahead (rear axle)."""
         ...
@@ -61,6 +70,29 @@ class Drive(Protocol):
 @runtime_checkable
 class DriveDescription(Protocol):
     """Names the joints of a drive and sets its limits."""
+
+    @property
+    def steering_joints(self) -> Sequence[str]:
+        """Of all drives; empty if nothing is steered."""
+        ...
+
+    @property
+    def wheel_joints(self) -> Sequence[str]:
+        """The joints of all driven wheels."""
+        ...
+
+    @property
+    def caster_links(self) -> Sequence[str]:
+        """Links that slide on the ground."""
+        ...
+
+    def choose(self, urdf: Urdf) -> "DriveDescription":
+        """The description to use for this robot: itself, unless it finds the joints by itself.
+
+        Raises:
+            InputError: it finds none.
+        """
+        ...
 
     def fit(self, urdf: Urdf) -> Drive:
         """The drive on this robot.

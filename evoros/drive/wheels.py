@@ -1,5 +1,6 @@
 """What every drive on wheels needs to know of the wheels of its robot."""
 
+import logging
 import math
 from collections.abc import Sequence
 
@@ -7,9 +8,18 @@ from evoros.base.arrays import Array
 from evoros.base.checks import POSITIVE, Rule
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
+from evoros.geometry.footprint import bottom_height
+
+_LOG = logging.getLogger(__name__)
 
 TOLERANCE_M = 1e-3
-"""How far wheels may be from lying opposite each other, or from touching the ground."""
+"""How far wheels may be from lying opposite each other, or from touching the ground, untold."""
+
+TOLERATED_M, TOLERATED_SHARE = 5e-3, 0.05
+"""How far they may be at most: a distance [m] or a share of the wheels' radius."""
+
+CASTER_GAP_M = 12e-3
+"""How far above or below the ground the lowest point of a caster may be."""
 
 FORWARD, LEFT, UP = range(3)
 
@@ -17,15 +27,34 @@ ANGLE = Rule(
     "an angle greater than 0 and less than pi/2",
     lambda v: POSITIVE.holds(v) and v < 0.5 * math.pi,
 )
-PAIR = Rule(
-    "a list of the names of two joints, left and right",
-    lambda v: (
-        isinstance(v, list | tuple)
-        and len(v) == 2
-        and all(isinstance(name, str) and name for name in v)
-        and v[0] != v[1]
-    ),
-)
+
+
+def _names(least: int, most: float, text: str) -> Rule:
+    return Rule(
+        text,
+        lambda v: (
+            isinstance(v, list | tuple)
+            and least <= len(v) <= most
+            and all(isinstance(name, str) and name for name in v)
+            and len(set(v)) == len(v)
+        ),
+    )
+
+
+PAIR = _names(2, 2, "a list of the names of two joints, left and right")
+SIDE = _names(2, math.inf, "a list of the names of two or more joints")
+LINKS = _names(0, math.inf, "a list of the names of links")
+
+
+def tolerated(radius: float) -> float:
+    """How far [m] a wheel of a radius [m] may be from where it should be."""
+    return max(TOLERATED_M, TOLERATED_SHARE * radius)
+
+
+def tell_offset(urdf: Urdf, offset: float, what: str) -> None:
+    """Report an offset [m] that is taken although it is more than rounding."""
+    if abs(offset) > TOLERANCE_M:
+        _LOG.warning("%s: %s by %.1f mm, which is taken as it is", urdf.source, what, 1e3 * offset)
 
 
 def driven_joint(urdf: Urdf, name: str, kind: str, axis: int) -> Joint:
@@ -61,28 +90,34 @@ def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
         cure = 'turn its <origin>, for example by rpy="1.5707963 0 0"'
         raise urdf.error(f"wheel {link!r} must have the cylinder's axis along its own", cure)
     axle, center = urdf.poses[link].position, pose.position
-    if abs(center[0] - axle[0]) + abs(center[2] - axle[2]) > TOLERANCE_M:
+    if abs(center[0] - axle[0]) + abs(center[2] - axle[2]) > tolerated(radius):
         raise urdf.error(f"wheel {link!r} must be centred on its joint", "correct its <origin>")
-    if abs(center[2] - radius) > TOLERANCE_M:
+    if abs(center[2] - radius) > tolerated(radius):
         rule = f"wheel {link!r} must touch the ground, which is at the height 0 of {urdf.root!r}"
         found = f"its centre is at {center[2]:g} m, its radius {radius:g} m"
         raise urdf.error(f"{rule}, but {found}", "correct the <origin> of its joints")
+    tell_offset(urdf, center[2] - radius, f"wheel {link!r} is above the ground")
     return urdf.poses[link].rotation @ shapes[0].pose.position + axle, radius
 
 
-def axle(urdf: Urdf, names: Sequence[str], places: Sequence[Array]) -> tuple[float, float]:
+def axle(
+    urdf: Urdf, names: Sequence[str], places: Sequence[Array], radius: float
+) -> tuple[float, float]:
     """x [m] and track [m] of two places, left then right, which must lie opposite each other.
 
     Raises:
-        InputError: they do not; ``names`` are those of their joints.
+        InputError: they do not; ``names`` are those of their joints, ``radius`` [m] is that of the
+            wheels.
     """
     (left_x, left_y, _), (right_x, right_y, _) = (place.tolist() for place in places)
     if left_y <= right_y:
         raise urdf.error(f"joint {names[0]!r} must be left of {names[1]!r}", "swap the two names")
-    if abs(left_x - right_x) > TOLERANCE_M or abs(left_y + right_y) > TOLERANCE_M:
+    offset = max(abs(left_x - right_x), abs(left_y + right_y))
+    if offset > tolerated(radius):
         found = f"({left_x:g}, {left_y:g}) and ({right_x:g}, {right_y:g})"
         rule = f"joints {names[0]!r} and {names[1]!r} must lie opposite each other, not at {found}"
         raise urdf.error(rule, "correct their <origin>")
+    tell_offset(urdf, offset, f"joints {names[0]!r} and {names[1]!r} are not opposite")
     return 0.5 * (left_x + right_x), left_y - right_y
 
 
@@ -92,7 +127,31 @@ def same_radius(urdf: Urdf, radii: Sequence[float]) -> float:
     Raises:
         InputError: they differ.
     """
-    if max(radii) - min(radii) > TOLERANCE_M:
+    radius = math.fsum(radii) / len(radii)
+    if max(radii) - min(radii) > tolerated(radius):
         found = ", ".join(f"{radius:g}" for radius in radii)
         raise urdf.error(f"wheels must be equally large, not {found} m", "correct their shapes")
-    return math.fsum(radii) / len(radii)
+    tell_offset(urdf, max(radii) - min(radii), "the radii of the wheels differ")
+    return radius
+
+
+def check_caster(urdf: Urdf, link: str, wheels: Sequence[str]) -> None:
+    """Check that a caster has a shape, whose lowest point is on the ground.
+
+    Raises:
+        InputError: it has none, is not on the ground, or is one of the ``wheels`` (joints).
+    """
+    if link in {urdf.joints[name].child for name in wheels}:
+        raise urdf.error(f"caster {link!r} must not be a driven wheel", "name another link")
+    if link not in urdf.poses:
+        known = ", ".join(sorted(urdf.poses))
+        raise urdf.error(f"caster link {link!r} must exist", f"name one of: {known}")
+    shapes, pose = urdf.shapes[link], urdf.poses[link]
+    if not shapes or link == urdf.root:
+        rule = f"caster {link!r} must be a link of its own with a collision shape"
+        raise urdf.error(rule, "give it a <link> with a sphere for <collision>")
+    height = min(bottom_height(shape, pose @ shape.pose) for shape in shapes)
+    if abs(height) > CASTER_GAP_M:
+        rule = f"caster {link!r} must touch the ground, which is at the height 0 of {urdf.root!r}"
+        fix = "correct the <origin> of its joint"
+        raise urdf.error(f"{rule}, but its lowest point is at {height:g} m", fix)

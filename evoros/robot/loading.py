@@ -3,11 +3,17 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from lxml.etree import _Element as Element
+
 from evoros.base.errors import InputError
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.formats.urdf import expansion
 from evoros.formats.urdf.document import UrdfDocument
-from evoros.formats.urdf.tree import Urdf, read_tree
+from evoros.formats.urdf.solids import MISSING_MESHES
+from evoros.formats.urdf.tree import Urdf
+from evoros.geometry.footprint import top_height
+from evoros.robot.adaptation import AdaptedRobot, adapt
+from evoros.robot.exposure import find_exposed, rolling_shapes
 from evoros.robot.model import Robot, VisibleShape
 from evoros.robot.mounting import MountDefaults, fit_mount
 from evoros.robot.outline import SolidShape, compute_outline
@@ -21,33 +27,47 @@ def load_robot(
     packages: Sequence[str] = (),
     ignored_packages: Sequence[str] = (),
     environment: Mapping[str, Any] | None = None,
+    missing_meshes: str = "error",
+    wheels_touch: bool = True,
 ) -> Robot:
     """Load the robot that a xacro or URDF file describes.
 
     ``description`` is a path, which may be relative to the bundled robots; ``arguments`` are those
-    of the xacro file; ``packages`` are further folders in which it may name files. A missing
-    ``mount`` is chosen for the robot.
+    of the xacro file; ``packages`` are further folders in which it may name files, and packages in
+    ``ignored_packages`` are left out. ``environment`` has the variables of ``$(env)``. A missing
+    ``mount`` is chosen for the robot. ``missing_meshes`` is ``error`` or ``box``. If
+    ``wheels_touch``, obstacles can touch the wheels and casters that stick out of the body.
 
     Raises:
         InputError: the file cannot be used, or ``drive`` or ``mount`` do not fit it.
     """
     mount = MountDefaults() if mount is None else mount
-    _check_types(description, drive, mount, arguments or {}, packages)
-    file, root = expansion.read(
-        description,
-        expansion.ReadOptions(arguments or {}, packages, ignored_packages, environment or {}),
-    )
-    urdf = read_tree(root, str(file))
-    fitted = drive.fit(urdf)
-    solids = _find_collision_shapes(urdf, fitted)
-    places = _find_sensor_links(urdf)
+    options = expansion.ReadOptions(arguments or {}, packages, ignored_packages, environment or {})
+    _check_types(description, drive, mount, options)
+    if missing_meshes not in MISSING_MESHES:
+        choices = " or ".join(MISSING_MESHES)
+        raise InputError(f"robot.missing_meshes: must be {choices}, not {missing_meshes!r}; set it")
+    file, root = expansion.read(description, options)
+    adapted = adapt(root, str(file), drive, missing_meshes)
+    urdf, fitted = adapted.urdf, adapted.drive.fit(adapted.urdf)
+    solids = _find_body(urdf, fitted, adapted.exposed_casters)
+    exposed = frozenset(adapted.exposed_casters)
+    if wheels_touch:
+        body = compute_outline((solid.shape, solid.pose) for solid in solids)
+        exposed |= find_exposed(urdf, _rolling_links(urdf, fitted) - exposed, body)
+    touching = [(solid.shape, solid.pose) for solid in solids]
+    for link in sorted(exposed.difference(adapted.exposed_casters)):
+        touching += rolling_shapes(urdf, link)
+    places = _find_sensor_links(urdf, root)
     default = fit_mount(mount, places, solids)
+    document = UrdfDocument.from_elements(root)
     robot = Robot(
         name=urdf.name,
-        base_urdf=UrdfDocument.from_elements(root),
+        base_urdf=document,
+        engine_urdf=_document_for_engines(document, adapted),
         drive=fitted,
-        outline=compute_outline((solid.shape, solid.pose) for solid in solids),
-        height_m=max(solid.height_range[1] for solid in solids),
+        outline=compute_outline(touching),
+        height_m=max(top_height(shape, pose) for shape, pose in touching),
         mount_link=default.link,
         mount_z_m=default.z_m,
         mount_pitch_deg=default.pitch_deg,
@@ -56,21 +76,31 @@ def load_robot(
         solids=tuple(solids),
         visuals=tuple(_visible_shapes(urdf, fitted)),
         reserved_names=frozenset(urdf.poses) | frozenset(urdf.joints),
+        exposed_links=exposed,
     )
     if default.link not in places:
         raise robot.link_error(default.link)
     return robot
 
 
+def _document_for_engines(document: UrdfDocument, adapted: AdaptedRobot) -> UrdfDocument | None:
+    """Return the adapted description, or None if nothing had to be adapted."""
+    changed = UrdfDocument.from_elements(adapted.elements)
+    return None if changed.text == document.text else changed
+
+
 def _check_types(
-    description: object, drive: object, mount: object, arguments: object, packages: object
+    description: object, drive: object, mount: object, options: expansion.ReadOptions
 ) -> None:
+    lists: Any = list | tuple
     for name, value, expected, what in (
         ("description", description, str, "the path of a file"),
         ("drive", drive, DriveDescription, "the description of a drive"),
         ("mount", mount, MountDefaults, "a default mount (MountDefaults)"),
-        ("arguments", arguments, Mapping, "a mapping from names to values"),
-        ("packages", packages, list | tuple, "a list of folders"),
+        ("arguments", options.arguments, Mapping, "a mapping from names to values"),
+        ("packages", options.packages, lists, "a list of folders"),
+        ("ignored_packages", options.ignored_packages, lists, "a list of names of packages"),
+        ("environment", options.environment, Mapping, "a mapping from names to values"),
     ):
         if not isinstance(value, expected):
             raise InputError(f"robot.{name}: must be {what}, not {value!r}; give one")
@@ -87,11 +117,14 @@ def _visible_shapes(urdf: Urdf, drive: Drive) -> Iterator[VisibleShape]:
             yield VisibleShape(link, shape, urdf.poses[link] @ shape.pose, link in rolling)
 
 
-def _find_collision_shapes(urdf: Urdf, drive: Drive) -> list[SolidShape]:
-    """Find all shapes but those of wheels and casters, in the robot's frame."""
-    rolling = _rolling_links(urdf, drive)
+def _find_body(urdf: Urdf, drive: Drive, exposed_casters: Mapping[str, str]) -> list[SolidShape]:
+    """Find all shapes but those of wheels and casters, in the robot's frame.
+
+    Parts of the body that slide on the ground belong to it.
+    """
+    rolling = _rolling_links(urdf, drive) - set(exposed_casters)
     solids = [
-        SolidShape(link, shape, urdf.poses[link] @ shape.pose)
+        SolidShape(exposed_casters.get(link, link), shape, urdf.poses[link] @ shape.pose)
         for link, shapes in urdf.shapes.items()
         if link not in rolling
         for shape in shapes
@@ -102,11 +135,12 @@ def _find_collision_shapes(urdf: Urdf, drive: Drive) -> list[SolidShape]:
     return solids
 
 
-def _find_sensor_links(urdf: Urdf) -> dict[str, tuple[float, float, float, float]]:
+def _find_sensor_links(urdf: Urdf, root: Element) -> dict[str, tuple[float, float, float, float]]:
     """Find the upright links that are fixed to the root: x, y, z [m] and yaw [rad] of each."""
+    described = {link.get("name") for link in root.findall("link")}
     sensor_links = {}
     for link, pose in urdf.poses.items():
         fixed = all(joint.type == "fixed" for joint in urdf.joints_above(link))
-        if fixed and pose.rotation[2, 2] > 1.0 - 1e-9:
+        if fixed and link in described and pose.rotation[2, 2] > 1.0 - 1e-9:
             sensor_links[link] = (*pose.position, pose.yaw)
     return sensor_links

@@ -37,11 +37,12 @@ class VisibleShape:
 class Robot:
     """A robot, with or without sensors.
 
-    Its frame is that of the root link: on the ground at rest, x forward, y left.
+    Its frame is on the ground at rest, x forward, y left: that of the root link of what engines
+    load.
     """
 
     name: str
-    base_urdf: UrdfDocument  # without sensors
+    base_urdf: UrdfDocument  # what its file says, without sensors
     drive: Drive
     outline: Array  # (k, 2) [m], convex, counter-clockwise: footprint of its collision shapes
     height_m: float  # top of its collision shapes, above the ground
@@ -54,7 +55,12 @@ class Robot:
     solids: tuple[SolidShape, ...] = ()  # the collision shapes of links that do not roll
     chosen_mount: tuple[str, ...] = ()  # keys of the default mount that the robot left open
     reserved_names: frozenset[str] = frozenset()  # of links and joints
-    exposed_links: frozenset[str] = frozenset()  # wheels and casters that can touch obstacles
+    exposed_links: frozenset[str] = frozenset()
+    """Wheels and casters that stick out of the body, so that obstacles can touch them; the outline
+    includes them."""
+    engine_urdf: UrdfDocument | None = None
+    """What engines load, if it is not ``base_urdf``: with the joints beside the drive held, wheels
+    as cylinders, convex parts for meshes, and masses for what moves; the root is on the ground."""
     mounts: tuple[Mount, ...] = ()  # those of one sensor type are contiguous
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
 
@@ -70,9 +76,14 @@ class Robot:
             parts.append(f'  <gazebo reference="{name}">{sensor.gazebo(name)}</gazebo>\n')
         return "".join((*parts, "</robot>\n"))
 
+    @property
+    def engine_text(self) -> str:
+        """The text of what engines load, without sensors."""
+        return (self.engine_urdf or self.base_urdf).text
+
     def urdf_elements(self) -> Element:
-        """Create the elements of ``urdf``, without the Gazebo elements of its sensors."""
-        root = self.base_urdf.copy_elements()
+        """Create the elements that engines load, with a link and a joint a mount."""
+        root = (self.engine_urdf or self.base_urdf).copy_elements()
         for name, mount in self._sensor_names():
             root.extend(sensor_elements(name, mount, self.sensors[mount.sensor]))
         return root

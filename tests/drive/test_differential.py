@@ -116,7 +116,6 @@ def described(**values: Any) -> DifferentialDescription:
         ("wheel_joints", ["a"]),
         ("wheel_joints", ["a", "a"]),
         ("wheel_joints", "ab"),
-        ("caster_links", []),
         ("caster_links", None),
         ("caster_links", "caster"),
         ("caster_links", [""]),

@@ -139,9 +139,9 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> str:
     answer = _request_expansion(request, file, options.time_limit_s)
     if "error" in answer:
         place = f"{answer['file']}:{answer['line']}" if answer.get("line") else answer["file"]
-        raise InputError(
-            f"{place}: xacro must expand without error, but: {answer['error']}; correct the file"
-        )
+        lacking = re.search(r"Undefined substitution argument (\w+)", answer["error"])
+        fix = f"set robot.arguments.{lacking[1]}" if lacking else "correct the file"
+        raise InputError(f"{place}: xacro must expand without error, but: {answer['error']}; {fix}")
     unknown = sorted(set(texts) - set(answer["known"]))
     if unknown:
         raise InputError(

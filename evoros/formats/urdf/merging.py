@@ -1,6 +1,5 @@
 """Merges links that cannot move against each other: engines take time for every link."""
 
-import math
 from collections.abc import Collection
 
 import numpy as np
@@ -9,6 +8,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
 from evoros.formats.strict_xml import require_child
+from evoros.formats.urdf.elements import build_inertial, set_origin
 from evoros.formats.urdf.parts import read_origin, read_tensor, read_value
 from evoros.geometry.inertia import point_tensor
 from evoros.geometry.shapes import Pose
@@ -28,7 +28,23 @@ def merge_fixed_links(root: Element, kept: Collection[str] = ()) -> str:
         _merge(parent, child, read_origin(joint))
         root.remove(joint)
         root.remove(child)
+    _merge_inner(root, links, kept)
     return etree.tostring(root, encoding="unicode")
+
+
+def _merge_inner(root: Element, links: dict[str, Element], kept: Collection[str]) -> None:
+    """Merge the remaining fixed links, which carry links that move or are kept."""
+    for joint in root.findall("joint"):
+        if joint.get("type") != "fixed" or _end(joint, "child") in kept:
+            continue
+        pose, parent, child = read_origin(joint), _end(joint, "parent"), _end(joint, "child")
+        _merge(links[parent], links[child], pose)
+        for carried in root.findall("joint"):
+            if _end(carried, "parent") == child:
+                set_origin(carried, pose @ read_origin(carried))
+                require_child(carried, "parent").set("link", parent)
+        root.remove(joint)
+        root.remove(links[child])
 
 
 def _end(joint: Element, tag: str) -> str:
@@ -47,8 +63,14 @@ def _find_outermost(root: Element, kept: Collection[str]) -> Element | None:
 def _merge(parent: Element, child: Element, pose: Pose) -> None:
     """Merge a child into its parent; ``pose`` is that of the child's frame in the parent's."""
     for collision in child.findall("collision"):
-        _set_origin(collision, pose @ read_origin(collision))
+        set_origin(collision, pose @ read_origin(collision))
         parent.append(collision)
+    if child.find("inertial") is None:  # a frame
+        return
+    if parent.find("inertial") is None:
+        mass, centre, tensor = _read_inertia(child, pose)
+        parent.append(build_inertial(mass, centre, tensor))
+        return
     mass1, centre1, tensor1 = _read_inertia(parent, Pose())
     mass2, centre2, tensor2 = _read_inertia(child, pose)
     mass = mass1 + mass2
@@ -57,19 +79,7 @@ def _merge(parent: Element, child: Element, pose: Pose) -> None:
     tensor += tensor2 + point_tensor(mass2, centre2 - centre)
     for inertial in parent.findall("inertial"):
         parent.remove(inertial)
-    parent.append(_build_inertial(mass, centre, tensor))
-
-
-def _build_inertial(mass: float, centre: Array, tensor: Array) -> Element:
-    """Build the ``<inertial>`` of a mass [kg], centre (3,) [m] and tensor (3, 3) [kg m2]."""
-    moments, axes = np.linalg.eigh(tensor)
-    axes[:, 2] *= math.copysign(1.0, float(np.linalg.det(axes)))  # right-handed
-    inertial = etree.Element("inertial")
-    etree.SubElement(inertial, "mass", value=repr(mass))
-    xx, yy, zz = (repr(moment) for moment in moments.tolist())
-    etree.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy="0", ixz="0", iyz="0")
-    _set_origin(inertial, Pose.from_matrix(centre.tolist(), axes))
-    return inertial
+    parent.append(build_inertial(mass, centre, tensor))
 
 
 def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
@@ -83,18 +93,3 @@ def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
     tensor = rotation @ read_tensor(require_child(inertial, "inertia")) @ rotation.T
     mass = read_value(require_child(inertial, "mass"), "value")
     return mass, np.array(frame.position), tensor
-
-
-def _set_origin(element: Element, pose: Pose) -> None:
-    for origin in element.findall("origin"):
-        element.remove(origin)
-    rotation = pose.rotation
-    pitch = math.asin(min(max(-float(rotation[2, 0]), -1.0), 1.0))
-    if abs(rotation[2, 0]) < 1.0 - 1e-12:
-        roll = math.atan2(rotation[2, 1], rotation[2, 2])
-        yaw = math.atan2(rotation[1, 0], rotation[0, 0])
-    else:  # roll and yaw turn about the same axis
-        roll, yaw = 0.0, math.atan2(-rotation[0, 1], rotation[1, 1])
-    xyz = " ".join(repr(float(coordinate)) for coordinate in pose.position)
-    rpy = f"{roll!r} {pitch!r} {yaw!r}"
-    element.insert(0, etree.Element("origin", xyz=xyz, rpy=rpy))

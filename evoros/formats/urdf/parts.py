@@ -13,7 +13,7 @@ from evoros.formats.strict_xml import element_error, quote, read_name, require_c
 from evoros.geometry.inertia import symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape
 
-JOINT_TYPES = ("fixed", "continuous", "revolute", "prismatic")
+JOINT_TYPES = ("fixed", "continuous", "revolute", "prismatic", "planar", "floating")
 LIMITED_TYPES = ("revolute", "prismatic")
 
 
@@ -29,7 +29,8 @@ class Joint:
     axis: Array  # (3,) unit vector in the frame of the child link
     lower: float  # [rad or m]; -inf: no limit
     upper: float  # [rad or m]; inf: no limit
-    effort: float  # maximum torque or force [Nm or N]; 0: it cannot be driven
+    effort: float  # maximum torque or force [Nm or N]; 0: none is stated
+    velocity: float = 0.0  # maximum rate [rad/s or m/s]; 0: none is stated
 
 
 def read_values(
@@ -104,17 +105,18 @@ def read_joint(element: Element, links: Collection[str]) -> Joint:
     if kind not in JOINT_TYPES:
         problem = f"must be of type {', '.join(JOINT_TYPES)}, not {quote(kind)}"
         raise element_error(element, problem, "change its type")
-    lower, upper, effort = _read_limit(element, kind)
+    lower, upper, effort, velocity = _read_limit(element, kind)
     return Joint(
         name=read_name(element),
         type=kind,
         parent=_read_end(element, "parent", links),
         child=_read_end(element, "child", links),
         origin=read_origin(element),
-        axis=_read_axis(element),
+        axis=_read_axis(element) if kind != "fixed" else np.array([1.0, 0.0, 0.0]),
         lower=lower,
         upper=upper,
         effort=effort,
+        velocity=velocity,
     )
 
 
@@ -138,24 +140,25 @@ def _read_axis(joint: Element) -> Array:
     return unit
 
 
-def _read_limit(joint: Element, kind: str) -> tuple[float, float, float]:
-    limit = require_child(joint, "limit") if kind in LIMITED_TYPES else joint.find("limit")
+def _read_limit(joint: Element, kind: str) -> tuple[float, float, float, float]:
+    """Read lower, upper, effort and velocity; what is not stated is infinite or 0."""
+    limit = joint.find("limit")
     if limit is None:
-        return -math.inf, math.inf, 0.0
-    effort = read_value(limit, "effort")
-    read_value(limit, "velocity")
+        return -math.inf, math.inf, 0.0, 0.0
+    effort = abs(read_value(limit, "effort", "0"))
+    velocity = abs(read_value(limit, "velocity", "0"))
     if kind not in LIMITED_TYPES:
-        return -math.inf, math.inf, effort
+        return -math.inf, math.inf, effort, velocity
     lower, upper = read_value(limit, "lower", "0"), read_value(limit, "upper", "0")
     if lower > upper:
         problem = f"must have lower at most upper, not {lower:g} and {upper:g}"
         raise element_error(limit, problem, "swap them")
-    return lower, upper, effort
+    return lower, upper, effort, velocity
 
 
 def read_shapes(link: Element) -> tuple[Shape, ...]:
     """Read the collision shapes of a link, posed in its frame."""
-    return tuple(_read_shape(collision) for collision in link.findall("collision"))
+    return tuple(read_shape(collision) for collision in link.findall("collision"))
 
 
 def read_visuals(link: Element) -> tuple[Shape, ...]:
@@ -164,19 +167,21 @@ def read_visuals(link: Element) -> tuple[Shape, ...]:
     A link without any, or with a mesh among them, is shown by its collision shapes.
     """
     try:
-        return tuple(map(_read_shape, link.findall("visual"))) or read_shapes(link)
+        return tuple(map(read_shape, link.findall("visual"))) or read_shapes(link)
     except InputError:  # no robot is refused for its looks
         return read_shapes(link)
 
 
-def _read_shape(element: Element) -> Shape:
+def read_shape(element: Element) -> Shape:
     """Read the shape of a ``<collision>`` or a ``<visual>``."""
     geometry = require_child(element, "geometry")
-    if len(geometry) != 1 or geometry[0].tag not in ("box", "cylinder", "sphere"):
+    if len(geometry) != 1 or geometry[0].tag not in ("box", "cylinder", "sphere", "convex"):
         found = " and ".join(f"<{child.tag!s}>" for child in geometry) or "nothing"
         problem = f"must contain one box, cylinder or sphere, not {found}"
         raise element_error(geometry, problem, "build the part from such collision shapes")
     solid = geometry[0]
+    if solid.tag == "convex":
+        return _read_convex(solid, read_origin(element))
     if solid.tag == "box":
         size = read_values(solid, "size", 3)
     else:
@@ -186,3 +191,9 @@ def _read_shape(element: Element) -> Shape:
         problem = f"must have lengths above 0 m, not {size}"
         raise element_error(solid, problem, "write positive lengths only")
     return Shape(str(solid.tag), tuple(size), read_origin(element))
+
+
+def _read_convex(solid: Element, pose: Pose) -> Shape:
+    """Read a convex polyhedron, which this package writes in place of a mesh."""
+    numbers = iter([float(word) for word in solid.get("corners", "").split()])
+    return Shape("convex", (), pose, corners=tuple(zip(numbers, numbers, numbers, strict=True)))

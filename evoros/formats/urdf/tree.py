@@ -8,8 +8,16 @@ from lxml.etree import _Element as Element
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.formats.strict_xml import element_error, local_tag, read_name
-from evoros.formats.urdf.parts import Joint, check_inertia, read_joint, read_shapes, read_visuals
+from evoros.formats.urdf.parts import Joint, read_joint, read_shapes, read_visuals
 from evoros.geometry.shapes import Pose, Shape
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A plugin of Gazebo: its file and its class, and the texts of its children by their tags."""
+
+    name: str
+    texts: Mapping[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +31,8 @@ class Urdf:
     poses: Mapping[str, Pose]  # of each link, in the root's frame
     shapes: Mapping[str, tuple[Shape, ...]]  # collision shapes of each link, in its own frame
     visuals: Mapping[str, tuple[Shape, ...]]  # visible shapes of each link, in its own frame
+    plugins: tuple[Plugin, ...] = ()  # of Gazebo
+    actuated: frozenset[str] = frozenset()  # joints of transmissions and of ros2_control
 
     def error(self, problem: str, fix: str) -> InputError:
         """Create the error for a part of this description, which the caller raises."""
@@ -48,6 +58,21 @@ class Urdf:
         axis: Array = self.poses[joint.child].rotation @ joint.axis
         return axis
 
+    def children_of(self, link: str) -> list[Joint]:
+        """Return the joints whose parent is this link."""
+        return [joint for joint in self.joints.values() if joint.parent == link]
+
+    def rigid_group(self, link: str) -> dict[str, Pose]:
+        """Return the links that fixed joints hang below a link, and itself, in its frame."""
+        group, frontier = {link: Pose()}, [link]
+        while frontier:
+            here = frontier.pop()
+            for joint in self.children_of(here):
+                if joint.type == "fixed":
+                    group[joint.child] = group[here] @ joint.origin
+                    frontier.append(joint.child)
+        return group
+
     def joints_above(self, link: str) -> Iterator[Joint]:
         """Yield the joints on the way from a link up to the root."""
         by_child = {joint.child: joint for joint in self.joints.values()}
@@ -66,8 +91,6 @@ def read_tree(robot: Element, source: str) -> Urdf:
         problem = f"must be <robot>, not <{local_tag(robot)}>"
         raise element_error(robot, problem, "name the file of a robot")
     links = _find_by_name(robot, "link")
-    for link in links.values():
-        check_inertia(link)
     joints = {
         name: read_joint(element, links) for name, element in _find_by_name(robot, "joint").items()
     }
@@ -80,7 +103,27 @@ def read_tree(robot: Element, source: str) -> Urdf:
         poses=_compute_poses(robot, root, links, joints),
         shapes={name: read_shapes(link) for name, link in links.items()},
         visuals={name: read_visuals(link) for name, link in links.items()},
+        plugins=tuple(_read_plugins(robot)),
+        actuated=_find_actuated(robot),
     )
+
+
+def _read_plugins(robot: Element) -> Iterator[Plugin]:
+    for plugin in robot.iterfind("gazebo//plugin"):
+        texts: dict[str, tuple[str, ...]] = {}
+        for child in plugin:
+            if isinstance(child.tag, str) and child.text and child.text.strip():
+                texts[child.tag] = (*texts.get(child.tag, ()), child.text.strip())
+        yield Plugin(f"{plugin.get('filename', '')} {plugin.get('name', '')}", texts)
+
+
+def _find_actuated(robot: Element) -> frozenset[str]:
+    """Find the joints that have an actuator or a command interface."""
+    names = {str(joint.get("name")) for joint in robot.iterfind("transmission/joint")}
+    for joint in robot.iterfind("ros2_control/joint"):
+        if joint.find("command_interface") is not None:
+            names.add(str(joint.get("name")))
+    return frozenset(names)
 
 
 def _find_by_name(robot: Element, tag: str) -> dict[str, Element]:

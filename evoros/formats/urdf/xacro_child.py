@@ -7,13 +7,15 @@ hostile file safe.
 """
 
 import contextlib
+import io
 import json
 import os
 import re
 import resource
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO
 
 MEMORY_BYTES = 1 << 30
 OUTPUT_CHARACTERS = 1 << 24
@@ -63,6 +65,7 @@ class _Packages:
         self.folders: dict[str, str] = request["packages"]
         self.ignored: list[str] = request["ignored"]
         self.skipped: list[str] = []  # includes and macros
+        self.missing: dict[str, str] = {}  # packages of includes, with the file that includes
 
     def find(self, name: str) -> str:
         """Return the folder of a package: a root of that name, or a folder of that name in one."""
@@ -74,22 +77,39 @@ class _Packages:
             if (root / name).is_dir():
                 return str(root / name)
         if name not in self.folders:
-            raise LookupError(
-                f"package {name!r} is in none of the folders {', '.join(self.roots)}, nor in "
-                f"ROS_PACKAGE_PATH, AMENT_PREFIX_PATH or the folders around the file; add the "
-                f"folder that holds it to the robot's packages, or its name to ignored_packages "
-                f"if only an accessory needs it"
-            )
+            raise LookupError(self.explain([name]))
         return self.folders[name]
 
-    def open(self, name: str) -> TextIO:
+    def explain(self, names: Sequence[str]) -> str:
+        """Return the error for packages that are missing."""
+        return (
+            f"package {', '.join(names)} is in none of the folders {', '.join(self.roots)}, nor in "
+            f"ROS_PACKAGE_PATH, AMENT_PREFIX_PATH or the folders around the file; add the folder "
+            f"that holds it to the robot's packages, or its name to ignored_packages if only an "
+            f"accessory needs it"
+        )
+
+    def find_included(self, name: str, file: str) -> str:
+        """Return the folder of an included package; a missing one is left out, to report all."""
+        try:
+            return self.find(name)
+        except LookupError:
+            self.missing.setdefault(name, file)
+            return f"{_IGNORED}/{name}"
+
+    def open(self, name: str) -> BinaryIO:
         """Open an included or loaded file, which must lie in a declared folder, like meshes."""
         real = Path(name).resolve()
         allowed = [*self.roots, *self.folders.values()]
         if not any(real.is_relative_to(Path(root).resolve()) for root in allowed):
             folders = ", ".join(self.roots)
             raise _OutsideError(f"{name} must lie inside {folders} or the robot's packages")
-        return real.open()
+        return io.BytesIO(_start_with_declaration(real.read_bytes()))
+
+
+def _start_with_declaration(content: bytes) -> bytes:
+    """Return the content of a file without comments or blank lines before its declaration."""
+    return re.sub(rb"\A(\s|<!--.*?-->)+(?=<\?xml )", b"", content, flags=re.DOTALL)
 
 
 def _patch_xacro(packages: _Packages, environment: dict[str, str]) -> Any:
@@ -132,6 +152,11 @@ def _skip_ignored(xacro: Any, packages: _Packages) -> None:
     process_include, handle_macro_call = xacro.process_include, xacro.handle_macro_call
 
     def include(node: Any, macros: Any, symbols: Any, func: Any) -> None:
+        for package in re.findall(
+            r"\$\(find(?:-pkg-share)? ([^)$\s]+)\)", node.getAttribute("filename")
+        ):
+            folder = packages.find_included(package, xacro.filestack[-1])
+            packages.folders.setdefault(package, folder)
         name = str(xacro.eval_text(node.getAttribute("filename"), symbols))
         if name.removeprefix("file://").startswith(_IGNORED):
             packages.skipped.append(name.removeprefix("file://").removeprefix(_IGNORED + "/"))
@@ -183,6 +208,9 @@ def _expand(request: dict[str, Any]) -> dict[str, Any]:
         reason = " ".join(str(error).split())
         line = getattr(error, "lineno", None) or _find_line(current, str(error))
         return {"error": reason, "file": current, "line": line}
+    if packages.missing:
+        first = next(iter(packages.missing.values()))
+        return {"error": packages.explain(list(packages.missing)), "file": first}
     text = document.toprettyxml(indent="  ")
     if len(text) > OUTPUT_CHARACTERS:
         return {"error": f"it expands to more than {OUTPUT_CHARACTERS >> 20} MiB", "file": file}

@@ -92,7 +92,7 @@ def _limits(drive: Drive) -> tuple[float, ...]:
         drive.max_speed_mps,
         drive.speed_limit_offset_m,
         drive.steering_limit,
-        drive.wheelbase_m,
+        drive.wheelbase_m / drive.turn_ratio,
         drive.rear_axle_x_m,
     )
 

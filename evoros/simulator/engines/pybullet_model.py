@@ -60,7 +60,8 @@ class Engine:
         drive = robot.drive
         joints = (drive.steering_joints, drive.wheel_joints, drive.caster_links)
         surroundings = (world.bodies, world.gravity_mps2, world.course.home)
-        source = (robot.urdf, joints, robot.exposed_links, surroundings, settings)
+        described = (robot.urdf, robot.engine_text, joints, robot.exposed_links)
+        source = (described, surroundings, settings)
         if self._model is None or self._built_from != source or self._disturbed(self._model):
             self._built_from = None
             try:
@@ -117,6 +118,9 @@ class Engine:
             collisionFilterMode=0,  # else a pair collides if only one of the two masks says so
             physicsClientId=client,
         )
+        if not robot.drive.steering_joints and len(robot.drive.wheel_joints) > 2:
+            # Skid-steer: the engine's usual friction of a sliding wheel is not against its slip.
+            bullet.setPhysicsEngineParameter(enableConeFriction=0, physicsClientId=client)
         numbers = [
             (number, body) for body in world.bodies for number in add_body(bullet, client, body)
         ]

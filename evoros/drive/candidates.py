@@ -1,0 +1,133 @@
+"""Finds the wheels and steering joints of a robot by their shapes, places and names."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.drive.rolling import Wheel, group_shapes, measure_wheel
+from evoros.drive.wheels import CASTER_GAP_M, LEFT, UP, tolerated
+from evoros.formats.urdf.parts import Joint
+from evoros.formats.urdf.tree import Urdf
+
+ALIGNED = math.cos(math.radians(5.0))
+"""The cosine between two axes that are taken as the same."""
+
+CASTER = re.compile(r"caster|castor|swivel|omni|ball", re.IGNORECASE)
+_WHEEL = re.compile(r"wheel|whl|tire|tyre|hub(?!cap)", re.IGNORECASE)
+_STEERING = re.compile(r"steer|hinge|knuckle|kingpin|ackermann", re.IGNORECASE)
+_MAX_LACK = 0.15  # of roundness, of a part that may be a wheel
+_MIN_RADIUS_M = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A joint whose child link looks like a wheel on the ground."""
+
+    joint: Joint
+    wheel: Wheel  # in the root's frame
+    turns: bool  # the joint is not fixed
+    steering: Joint | None  # that turns it about the vertical
+
+    @property
+    def x(self) -> float:
+        """Where it is along the robot [m]."""
+        return float(self.wheel.centre[0])
+
+    @property
+    def y(self) -> float:
+        """Where it is across the robot [m], left positive."""
+        return float(self.wheel.centre[1])
+
+
+def find_candidates(urdf: Urdf) -> list[Candidate]:
+    """Return all parts that look like wheels and stand on the ground, casters excepted."""
+    found: dict[str, Candidate] = {}
+    for joint in urdf.joints.values():
+        above = list(urdf.joints_above(joint.child))
+        if any(CASTER.search(name) for j in above for name in (j.name, j.child)):
+            continue
+        turns = joint.type in ("continuous", "revolute")
+        named = bool(_WHEEL.search(joint.name) or _WHEEL.search(joint.child))
+        across = abs(float(urdf.axis_of(joint)[LEFT])) > ALIGNED
+        if (turns and across) or (named and joint.type in ("continuous", "revolute", "fixed")):
+            wheel = measure_link(urdf, joint.child)
+            if wheel is not None and wheel.roundness < _MAX_LACK:
+                found[joint.name] = Candidate(joint, wheel, turns, _find_steering(urdf, above[1:]))
+    outer = [c for c in found.values() if not _inside_another(urdf, c, found)]
+    if not outer:
+        return []
+    turning = [c for c in outer if c.turns] or outer
+    ground = min(c.wheel.bottom for c in turning)
+    return [c for c in outer if abs(c.wheel.bottom - ground) < _reach(c)]
+
+
+def _reach(candidate: Candidate) -> float:
+    return max(CASTER_GAP_M, 2.0 * tolerated(candidate.wheel.radius))
+
+
+def measure_link(urdf: Urdf, link: str) -> Wheel | None:
+    """Measure a link about the robot's lateral axis; None if it has no shape of some size."""
+    pose = urdf.poses[link]
+    shapes = [(shape, pose @ local) for shape, local in group_shapes(urdf, link)]
+    if not shapes:
+        return None
+    wheel = measure_wheel(shapes, np.array([0.0, 1.0, 0.0]))
+    return wheel if wheel.radius > _MIN_RADIUS_M else None
+
+
+def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:
+    """Find the joint that steers a wheel: one about the vertical, or one that is called so."""
+    upright = [
+        joint
+        for joint in above
+        if joint.type in ("revolute", "continuous")
+        and abs(float(urdf.axis_of(joint)[UP])) > ALIGNED
+    ]
+    named = [
+        joint
+        for joint in above
+        if joint.type == "fixed" and (_STEERING.search(joint.name) or _STEERING.search(joint.child))
+    ]
+    return next(iter([*upright, *named]), None)
+
+
+def _inside_another(urdf: Urdf, candidate: Candidate, found: dict[str, Candidate]) -> bool:
+    """Return whether another candidate is the wheel that a candidate belongs to.
+
+    Of turning joints above each other the last one counts, of fixed ones the first, and turning
+    ones come before fixed ones.
+    """
+    above = {joint.name for joint in urdf.joints_above(candidate.joint.child)}
+    below = [
+        other
+        for other in found.values()
+        if other is not candidate and candidate.joint in urdf.joints_above(other.joint.child)
+    ]
+    if any(other.turns for other in below):
+        return True
+    above.discard(candidate.joint.name)
+    return not candidate.turns and any(name in found for name in above)
+
+
+def pair_up(candidates: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:
+    """Return the pairs (left, right) that lie opposite each other, from the front to the rear."""
+    left = [c for c in candidates if c.y > 0.0]
+    right = [c for c in candidates if c.y <= 0.0]
+    pairs = []
+    for one in sorted(left, key=lambda c: -c.x):
+        opposite = [c for c in right if _are_opposite(one, c)]
+        if opposite:
+            other = min(opposite, key=lambda c: abs(c.x - one.x))
+            right.remove(other)
+            pairs.append((one, other))
+    return pairs
+
+
+def _are_opposite(left: Candidate, right: Candidate) -> bool:
+    reach: Array = 2.0 * np.array([_reach(left), _reach(right)])
+    middle = abs(left.y + right.y) / 2.0
+    return abs(left.x - right.x) < reach.max() and middle < 0.25 * abs(left.y - right.y)

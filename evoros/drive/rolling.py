@@ -1,0 +1,97 @@
+"""Measures round parts: the radius and width of a wheel from its shapes."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.formats.urdf.tree import Urdf
+from evoros.geometry.shapes import Pose, Shape
+
+_RIM = 64  # points on the rim of a cylinder
+_ALONG = 1.0 - 1e-6  # cosine between two axes that are the same
+
+
+class Wheel(NamedTuple):
+    """A wheel as a cylinder about its axle."""
+
+    centre: Array  # (3,) [m], of its shapes
+    radius: float  # [m]
+    width: float  # [m]
+    roundness: float  # 0: round; the share of the radius that is lacking in a direction
+
+    @property
+    def bottom(self) -> float:
+        """The height [m] of the lowest point if the axle is level."""
+        return float(self.centre[2]) - self.radius
+
+
+def group_shapes(
+    urdf: Urdf, link: str, shapes: Mapping[str, Sequence[Shape]] | None = None
+) -> list[tuple[Shape, Pose]]:
+    """Return the shapes of a link and of all that is fixed to it, with poses in its frame."""
+    found = urdf.shapes if shapes is None else shapes
+    return [
+        (shape, pose @ shape.pose)
+        for name, pose in urdf.rigid_group(link).items()
+        for shape in found[name]
+    ]
+
+
+def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
+    """Measure one or more shapes about the direction ``axis`` (3,) through their middle.
+
+    The poses are in the frame of ``axis`` and of the result.
+    """
+    if len(shapes) == 1:
+        shape, pose = shapes[0]
+        if shape.kind == "sphere":
+            return Wheel(np.array(pose.position), shape.size[0], 2.0 * shape.size[0], 0.0)
+        if shape.kind == "cylinder" and abs(float(pose.rotation[:, 2] @ axis)) > _ALONG:
+            return Wheel(np.array(pose.position), shape.size[0], shape.size[1], 0.0)
+    points = np.concatenate([shape_points(shape, pose) for shape, pose in shapes])
+    across = _normals(axis)
+    flat, along = points @ across.T, points @ axis
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    middle = (low + high) / 2
+    radius = float(np.sqrt(((flat - middle) ** 2).sum(axis=1)).max())
+    half = (along.min() + along.max()) / 2
+    # A circle is as wide as its diameter in every direction.
+    angles = np.arange(12) * (math.pi / 12)
+    widths = np.ptp(flat @ np.stack([np.cos(angles), np.sin(angles)]), axis=0)
+    roundness = 1.0 - float(widths.min()) / (2.0 * radius) if radius > 0 else 1.0
+    return Wheel(middle @ across + half * axis, radius, float(np.ptp(along)), roundness)
+
+
+def shape_points(shape: Shape, pose: Pose) -> Array:
+    """Return points (n, 3) whose hull is that of the shape, or nearly so if it is round."""
+    if shape.kind == "convex":
+        local = np.array(shape.corners)
+    elif shape.kind == "box":
+        signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+        local = signs * np.array(shape.size) / 2
+    elif shape.kind == "cylinder":
+        rim = _circle() * shape.size[0]
+        half = np.array([0.0, 0.0, shape.size[1] / 2])
+        local = np.concatenate([rim - half, rim + half])
+    else:
+        polar = np.linspace(0.0, math.pi, 17)
+        rings = [_circle() * math.sin(a) + np.array([0.0, 0.0, math.cos(a)]) for a in polar]
+        local = shape.size[0] * np.concatenate(rings)
+    points: Array = local @ pose.rotation.T + pose.position
+    return points
+
+
+def _circle() -> Array:
+    angles = np.arange(_RIM) * (2.0 * math.pi / _RIM)
+    return np.stack([np.cos(angles), np.sin(angles), np.zeros(_RIM)], axis=1)
+
+
+def _normals(axis: Array) -> Array:
+    """Return two unit vectors (2, 3) across an axis."""
+    helper = np.eye(3)[int(np.abs(axis).argmin())]
+    first = np.cross(axis, helper)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(axis, first)])

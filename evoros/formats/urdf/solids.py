@@ -1,0 +1,160 @@
+"""Rewrites the solids of a URDF as boxes, cylinders, spheres and convex polyhedra."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+from lxml.etree import _Element as Element
+
+from evoros.base.errors import InputError
+from evoros.formats.strict_xml import element_error, require_child
+from evoros.formats.urdf.elements import build_collision
+from evoros.formats.urdf.parts import read_origin, read_shape, read_tensor, read_value, read_values
+from evoros.geometry.shapes import Pose, Shape, Vector
+
+MISSING_MESHES = ("error", "box")
+_PRIMITIVES = ("box", "cylinder", "sphere", "convex")
+_MAX_PARTS = 64  # convex parts of a mesh; one with more is taken as its hull
+_MAX_CORNERS = 256  # of a convex part; one with more is taken by its extreme corners
+_ELLIPSOID_RINGS = 9
+
+
+class SolidsReader:
+    """Reads the solids of one description, and keeps account of what it had to assume."""
+
+    def __init__(self, missing_meshes: str) -> None:
+        self.missing_meshes = missing_meshes
+        self.notes: list[str] = []
+        self._converted = 0
+        self._empty: list[str] = []
+        self._boxes: list[str] = []
+
+    def rewrite_collisions(self, robot: Element) -> None:
+        """Replace every collision of another kind by collisions that engines know."""
+        for link in robot.findall("link"):
+            for collision in link.findall("collision"):
+                if not _is_primitive(collision):
+                    shapes = self.read(link, collision)
+                    link.remove(collision)
+                    link.extend([build_collision(shape) for shape in shapes])
+
+    def read(self, link: Element, part: Element) -> tuple[Shape, ...]:
+        """Read the solids of a ``<collision>`` or ``<visual>``, posed in the frame of its link.
+
+        Raises:
+            InputError: its geometry is of an unknown kind, or its mesh cannot be read.
+        """
+        geometry = part.find("geometry")
+        if geometry is None or not len(geometry):
+            self._empty.append(str(link.get("name")))
+            return ()
+        solid, pose = geometry[0], read_origin(part)
+        if solid.tag == "mesh":
+            return self._read_mesh(link, solid, pose)
+        if solid.tag == "capsule":
+            radius, length = read_value(solid, "radius"), read_value(solid, "length")
+            ends = (Pose((0.0, 0.0, side * length / 2)) for side in (1, -1))
+            balls = [Shape("sphere", (radius,), pose @ end) for end in ends]
+            return (Shape("cylinder", (radius, length), pose), *balls)
+        if solid.tag == "ellipsoid":
+            radii = read_values(solid, "radii" if solid.get("radii") else "radius", 3)
+            return (Shape("convex", (), pose, corners=_ellipsoid(radii)),)
+        if _is_empty(solid):
+            self._empty.append(str(link.get("name")))
+            return ()
+        return (read_shape(part),)
+
+    def finish(self) -> list[str]:
+        """Return a line for each kind of assumption."""
+        if self._converted:
+            self.notes.append(f"{self._converted} collision meshes are taken as convex parts")
+        if self._empty:
+            names = ", ".join(dict.fromkeys(self._empty))
+            self.notes.append(f"shapes without a size are left out, of the links {names}")
+        if self._boxes:
+            names = ", ".join(dict.fromkeys(self._boxes))
+            self.notes.append(f"missing meshes are replaced by boxes: {names}")
+        return self.notes
+
+    def _read_mesh(self, link: Element, solid: Element, pose: Pose) -> tuple[Shape, ...]:
+        name = str(solid.get("filename"))
+        if not Path(name).is_file():
+            if self.missing_meshes == "box":
+                self._boxes.append(name)
+                box = _box_of_inertia(link)
+                return (box,) if box is not None else ()
+            fix = "add the folder of its package to robot.packages, or set robot.missing_meshes=box"
+            raise element_error(solid, f"names the mesh {name}, which does not exist", fix)
+        x, y, z = read_values(solid, "scale", 3, "1 1 1")
+        parts = read_parts(Path(name), (x, y, z))
+        self._converted += 1
+        return tuple(Shape("convex", (), pose @ part.pose, corners=part.corners) for part in parts)
+
+
+def read_parts(path: Path, scale: Vector) -> tuple[Shape, ...]:
+    """Read a mesh as convex parts, few enough and simple enough for an engine."""
+    from evoros.formats.mesh import hull_of, read_mesh  # its libraries load slowly
+
+    parts = read_mesh(path, scale)
+    if not parts:
+        raise InputError(f"{path}: must contain a solid; export the mesh again")
+    if len(parts) > _MAX_PARTS:
+        parts = (hull_of(parts),)
+    return tuple(map(simplify, parts))
+
+
+def simplify(shape: Shape) -> Shape:
+    """Keep the corners that are the farthest in evenly spread directions."""
+    if len(shape.corners) <= _MAX_CORNERS:
+        return shape
+    corners = np.array(shape.corners)
+    turn = np.arange(_MAX_CORNERS) + 0.5
+    height, angle = 1.0 - 2.0 * turn / _MAX_CORNERS, turn * math.pi * (1.0 + math.sqrt(5.0))
+    ring = np.sqrt(1.0 - height * height)
+    directions = np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1)
+    kept = sorted(set((corners @ directions.T).argmax(axis=0).tolist()))
+    return Shape("convex", (), shape.pose, corners=tuple(shape.corners[i] for i in kept))
+
+
+def _is_primitive(part: Element) -> bool:
+    geometry = part.find("geometry")
+    known = geometry is not None and len(geometry) == 1 and geometry[0].tag in _PRIMITIVES
+    return known and geometry is not None and not _is_empty(geometry[0])
+
+
+def _is_empty(solid: Element) -> bool:
+    """Return whether a length of a solid is 0, as people write for a part without collisions."""
+    lengths = [solid.get(name) for name in ("radius", "length")]
+    words = " ".join([solid.get("size", ""), *(length or "" for length in lengths)]).split()
+    try:
+        return any(float(word) == 0.0 for word in words)
+    except ValueError:
+        return False
+
+
+def _ellipsoid(radii: list[float]) -> tuple[Vector, ...]:
+    """Return corners on an ellipsoid of these radii [m]."""
+    a, b, c = radii
+    corners = [(0.0, 0.0, c), (0.0, 0.0, -c)]
+    for ring in range(1, _ELLIPSOID_RINGS):
+        polar = math.pi * ring / _ELLIPSOID_RINGS
+        for step in range(2 * _ELLIPSOID_RINGS):
+            turn = math.pi * step / _ELLIPSOID_RINGS
+            x, y = math.sin(polar) * math.cos(turn), math.sin(polar) * math.sin(turn)
+            corners.append((a * x, b * y, c * math.cos(polar)))
+    return tuple(corners)
+
+
+def _box_of_inertia(link: Element) -> Shape | None:
+    """Return the homogeneous box with the inertia of a link; None if it has no mass."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return None
+    mass = read_value(require_child(inertial, "mass"), "value")
+    moments, axes = np.linalg.eigh(read_tensor(require_child(inertial, "inertia")))
+    if mass <= 0.0 or moments[0] <= 0.0:
+        return None
+    squares = 6.0 / mass * (moments.sum() - 2.0 * moments)
+    size = tuple(np.sqrt(np.clip(squares, 1e-6, 1.0)).tolist())
+    axes[:, 2] *= math.copysign(1.0, float(np.linalg.det(axes)))
+    return Shape("box", size, read_origin(inertial) @ Pose.from_matrix((0.0, 0.0, 0.0), axes))

@@ -1,0 +1,200 @@
+"""Rewrites a robot description as others write it into the form that engines and drives take.
+
+What the file says stays as it is. Each assumption is reported in one line. A description that is
+already in this form is not changed.
+"""
+
+import logging
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from lxml.etree import _Element as Element
+
+from evoros.drive.automatic import AutomaticDescription
+from evoros.drive.differential import DifferentialDescription
+from evoros.drive.protocol import DriveDescription
+from evoros.drive.rolling import Wheel, shape_points
+from evoros.formats.urdf.elements import require_limit
+from evoros.formats.urdf.inertias import correct_inertias, give_mass
+from evoros.formats.urdf.solids import SolidsReader
+from evoros.formats.urdf.tree import Urdf, read_tree
+from evoros.geometry.shapes import Pose, Shape
+from evoros.robot.body_adaptation import (
+    Casters,
+    add_supports,
+    centre_of_mass,
+    complete_body,
+    find_casters,
+    hold_joints,
+    place_on_ground,
+    show_as_collisions,
+)
+from evoros.robot.wheel_adaptation import (
+    MOTOR_VELOCITY,
+    Notes,
+    adapt_steering,
+    adapt_wheel,
+    find_joint,
+)
+
+_LOG = logging.getLogger(__name__)
+
+GRAVITY_MPS2 = 9.81
+STEERING_STOP_RAD = 0.8  # of steering joints that state no limits
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptedRobot:
+    """A description that engines take, and the description of its drive."""
+
+    elements: Element
+    urdf: Urdf
+    drive: DriveDescription
+    exposed_casters: Mapping[str, str]
+    """Links that were made of parts of the body that slide on the ground, and the links they are
+    from."""
+
+
+def adapt(
+    description: Element, source: str, drive: DriveDescription, missing_meshes: str
+) -> AdaptedRobot:
+    """Rewrite a copy of a ``<robot>`` for a drive.
+
+    Raises:
+        InputError: a part cannot be understood, or the drive does not fit.
+    """
+    elements, reader = deepcopy(description), SolidsReader(missing_meshes)
+    reader.rewrite_collisions(elements)
+    notes = show_as_collisions(elements, read_tree(elements, source), reader)
+    urdf = read_tree(elements, source)
+    chosen, wheels, found = _adapt_drive(elements, urdf, drive)
+    driven = (*chosen.wheel_joints, *chosen.steering_joints)
+    urdf = read_tree(elements, source)
+    notes += found + hold_joints(elements, urdf, driven)
+    notes += place_on_ground(elements, urdf, wheels)
+    urdf = read_tree(elements, source)
+    rolling = {urdf.joints[name].child for name in chosen.wheel_joints}
+    rolling_groups = {link for name in rolling for link in urdf.rigid_group(name)}
+    span = max(np.ptp([wheel.centre for wheel in wheels], axis=0)[:2].tolist())
+    notes += complete_body(elements, urdf, rolling_groups, reader, span)
+    notes += correct_inertias(elements, _extent(read_tree(elements, source), wheels))
+    notes += _complete_masses(elements, read_tree(elements, source), chosen, wheels)
+    casters, chosen = _adapt_casters(elements, source, chosen, wheels, rolling_groups)
+    urdf = read_tree(elements, source)
+    notes += [*casters.notes, *_complete_motors(elements, urdf, driven, wheels[0].radius)]
+    for note in [*reader.finish(), *notes]:
+        _LOG.warning("%s: %s", source, note)
+    return AdaptedRobot(elements, read_tree(elements, source), chosen, casters.exposed)
+
+
+def _adapt_drive(
+    elements: Element, urdf: Urdf, drive: DriveDescription
+) -> tuple[DriveDescription, list[Wheel], list[str]]:
+    """Choose the drive and rewrite its joints and wheels; return these in the root's frame."""
+    found, notes = isinstance(drive, AutomaticDescription), Notes([], [], [], [])
+    chosen = drive.choose(urdf)
+    stop = max(float(getattr(chosen, "steering_limit_rad", 0.0)), STEERING_STOP_RAD)
+    for name in chosen.steering_joints:
+        adapt_steering(elements, urdf, name, found, stop, notes)
+    wheels = [adapt_wheel(elements, urdf, name, found, notes) for name in chosen.wheel_joints]
+    lines = {
+        "joints whose axis points to the right or down are turned round": notes.turned_round,
+        "wheels whose axis is not across the robot are straightened": notes.straightened,
+        "wheels are taken as one cylinder": notes.reshaped,
+        f"steering joints without limits stop at {stop:g} rad": notes.stops,
+    }
+    return chosen, wheels, [f"{text}: {', '.join(names)}" for text, names in lines.items() if names]
+
+
+def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
+    """Return the diagonal [m] of a box around the robot: no mass is farther away."""
+    points = [wheel.centre[None] for wheel in wheels]
+    points += [np.array([pose.position]) for pose in urdf.poses.values()]
+    points += [
+        shape_points(shape, urdf.poses[name] @ shape.pose)
+        for name, shapes in urdf.shapes.items()
+        for shape in shapes
+    ]
+    return float(np.linalg.norm(np.ptp(np.concatenate(points), axis=0)))
+
+
+def _complete_masses(
+    elements: Element, urdf: Urdf, drive: DriveDescription, wheels: Sequence[Wheel]
+) -> list[str]:
+    """Give a mass to wheels, steering links and a body that have none."""
+    links = {str(link.get("name")): link for link in elements.findall("link")}
+    given = []
+    for name in drive.wheel_joints:
+        child = urdf.joints[name].child
+        if not _has_mass(links, urdf, child):
+            give_mass(links[child], [(shape, shape.pose) for shape in urdf.shapes[child]])
+            given.append(child)
+    for name in drive.steering_joints:
+        child = urdf.joints[name].child
+        if not _has_mass(links, urdf, child):
+            _give_share(links[child], wheels[0].radius)
+            given.append(child)
+    body = urdf.rigid_group(urdf.root)
+    if not any(links[name].find("inertial") is not None for name in body):
+        shapes = [(s, pose @ s.pose) for name, pose in body.items() for s in urdf.shapes[name]]
+        if shapes:
+            give_mass(links[urdf.root], shapes)
+            given.append(urdf.root)
+    if not given:
+        return []
+    return [f"masses are assumed from the size (500 kg/m3), of {', '.join(given)}"]
+
+
+def _has_mass(links: dict[str, Element], urdf: Urdf, link: str) -> bool:
+    return any(links[name].find("inertial") is not None for name in urdf.rigid_group(link))
+
+
+def _give_share(link: Element, radius: float) -> None:
+    """Give a steering link the mass of a small part: a cube with the wheel's radius as edge."""
+    give_mass(link, [(Shape("box", (radius, radius, radius)), Pose())])
+
+
+def _adapt_casters(
+    elements: Element,
+    source: str,
+    drive: DriveDescription,
+    wheels: Sequence[Wheel],
+    rolling: set[str],
+) -> tuple[Casters, Any]:
+    """Find casters, add those that a robot on two wheels lacks, and name them to the drive."""
+    given = tuple(drive.caster_links)
+    casters = find_casters(elements, read_tree(elements, source), rolling, given)
+    urdf = read_tree(elements, source)
+    if isinstance(drive, DifferentialDescription):
+        points = [
+            shape_points(shape, urdf.poses[name] @ shape.pose)
+            for name, shapes in urdf.shapes.items()
+            for shape in shapes
+        ]
+        axle_x = float(np.mean([wheel.centre[0] for wheel in wheels]))
+        added = add_supports(elements, urdf, axle_x, casters.links, np.concatenate(points))
+        casters = Casters(
+            (*casters.links, *added.links), casters.exposed, (*casters.notes, *added.notes)
+        )
+    if casters.links == given:
+        return casters, drive
+    return casters, replace(drive, caster_links=casters.links)  # type: ignore[type-var]
+
+
+def _complete_motors(
+    elements: Element, urdf: Urdf, driven: Sequence[str], radius: float
+) -> list[str]:
+    """Give joints of the drive that state no effort a torque: the weight at a wheel's radius."""
+    mass, _ = centre_of_mass(elements, urdf)
+    weak = [name for name in driven if urdf.joints[name].effort <= 0.0]
+    torque = mass * GRAVITY_MPS2 * radius
+    for name in weak:
+        limit = require_limit(find_joint(elements, name))
+        limit.set("effort", repr(torque))
+        limit.set("velocity", limit.get("velocity", repr(MOTOR_VELOCITY)))
+    if not weak:
+        return []
+    return [f"joints without effort get {torque:.3g} N m (weight times radius): {', '.join(weak)}"]

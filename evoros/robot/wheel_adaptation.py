@@ -1,0 +1,158 @@
+"""Rewrites the wheels and steering joints of a robot as drives expect them."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from lxml.etree import _Element as Element
+
+from evoros.base.arrays import Array
+from evoros.drive.candidates import ALIGNED
+from evoros.drive.rolling import Wheel, group_shapes, measure_wheel
+from evoros.drive.wheels import LEFT, UP, tolerated
+from evoros.formats.strict_xml import require_child
+from evoros.formats.urdf.elements import set_collisions, set_motor
+from evoros.formats.urdf.parts import Joint
+from evoros.formats.urdf.tree import Urdf
+from evoros.geometry.shapes import Pose, Shape
+
+_SAME = 1.0 - 1e-6  # cosine between two axes that are the same
+_MAX_LACK = 0.15  # of roundness, of a wheel whose axis is corrected
+_TURNING = ("continuous", "revolute")
+MOTOR_VELOCITY = 100.0  # [rad/s], of a joint that states none
+
+
+class Notes(NamedTuple):
+    """The names of joints and links, by what was assumed of them."""
+
+    turned_round: list[str]
+    straightened: list[str]
+    reshaped: list[str]
+    stops: list[str]
+
+
+def adapt_wheel(elements: Element, urdf: Urdf, name: str, fixed: bool, notes: Notes) -> Wheel:
+    """Make a joint turn forwards about the left, and its wheel one cylinder; return the wheel.
+
+    ``fixed`` allows a fixed joint, which then turns. The result is in the root's frame.
+
+    Raises:
+        InputError: the joint or its link cannot be a wheel.
+    """
+    joint = urdf.find_joint(name, *_TURNING, *(("fixed",) if fixed else ()))
+    rotation, shapes = urdf.poses[joint.child].rotation, group_shapes(urdf, joint.child)
+    if not shapes:
+        problem = f"wheel {joint.child!r} must have a <collision> or a <visual>"
+        raise urdf.error(problem, "give it a cylinder for <collision>")
+    axis = _point_left(urdf, joint, notes)
+    wheel = measure_wheel(shapes, axis)
+    _check_centre(urdf, joint, wheel, axis)
+    if not _is_plain(urdf, joint, axis):
+        _reshape(elements, urdf, joint, wheel, axis)
+        notes.reshaped.append(joint.child)
+    if joint.type != "continuous" or not np.array_equal(axis, joint.axis):
+        _rewrite(elements, joint, "continuous", axis)
+    centre: Array = rotation @ wheel.centre + urdf.poses[joint.child].position
+    return wheel._replace(centre=centre)
+
+
+def _point_left(urdf: Urdf, joint: Joint, notes: Notes) -> Array:
+    """Return the axis (3,) in the link's frame that points to the robot's left."""
+    rotation = urdf.poses[joint.child].rotation
+    left: Array = rotation.T[:, LEFT]
+    if joint.type == "fixed":
+        return left
+    along = float(urdf.axis_of(joint)[LEFT])
+    if along < -ALIGNED:
+        notes.turned_round.append(joint.name)
+    if abs(along) > _SAME:
+        return joint.axis if along > 0.0 else -joint.axis
+    if abs(along) < ALIGNED:
+        round_about = measure_wheel(group_shapes(urdf, joint.child), left).roundness
+        if round_about > _MAX_LACK:
+            found = ", ".join(f"{x:g}" for x in urdf.axis_of(joint))
+            problem = f"joint {joint.name!r} must have its axis point to the left (y), not {found}"
+            raise urdf.error(problem, "turn its <axis> or its <origin>")
+    if abs(along) < 1.0 - 4e-5:  # half a degree
+        notes.straightened.append(joint.name)
+    return left
+
+
+def _check_centre(urdf: Urdf, joint: Joint, wheel: Wheel, axis: Array) -> None:
+    beside = wheel.centre - float(wheel.centre @ axis) * axis
+    offset = float(np.linalg.norm(beside))
+    if offset > tolerated(wheel.radius):
+        problem = f"wheel {joint.child!r} must be centred on its joint, not {offset:g} m beside it"
+        raise urdf.error(problem, "correct its <origin>")
+
+
+def _is_plain(urdf: Urdf, joint: Joint, axis: Array) -> bool:
+    """Return whether the wheel's only shape is a sphere, or a cylinder about the axis."""
+    shapes = urdf.shapes[joint.child]
+    if len(shapes) != 1 or len(group_shapes(urdf, joint.child)) != 1:
+        return False
+    if shapes[0].kind == "cylinder":
+        return abs(float(shapes[0].pose.rotation[:, 2] @ axis)) > _SAME
+    return shapes[0].kind == "sphere"
+
+
+def _reshape(elements: Element, urdf: Urdf, joint: Joint, wheel: Wheel, axis: Array) -> None:
+    """Give the wheel one cylinder about its axis, and nothing else to collide with."""
+    links = {str(link.get("name")): link for link in elements.findall("link")}
+    for name in urdf.rigid_group(joint.child):
+        set_collisions(links[name], ())
+    place = float(wheel.centre @ axis) * axis
+    pose = Pose.from_matrix(place.tolist(), _frame_along(axis))
+    cylinder = Shape("cylinder", (wheel.radius, max(wheel.width, 1e-3)), pose)
+    set_collisions(links[joint.child], (cylinder,))
+
+
+def _frame_along(axis: Array) -> Array:
+    """Return a right-handed rotation (3, 3) whose z axis is ``axis``."""
+    helper = np.eye(3)[int(np.abs(axis).argmin())]
+    x = np.cross(helper, axis)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(axis, x), axis], axis=1)
+
+
+def adapt_steering(
+    elements: Element, urdf: Urdf, name: str, fixed: bool, stop: float, notes: Notes
+) -> None:
+    """Make a joint turn left about the vertical, up to ``stop`` [rad] if it states no limits.
+
+    Raises:
+        InputError: the joint turns about another axis.
+    """
+    joint = urdf.find_joint(name, *_TURNING, *(("fixed",) if fixed else ()))
+    rotation = urdf.poses[joint.child].rotation
+    up: Array = rotation.T[:, UP]
+    along = 1.0 if joint.type == "fixed" else float(urdf.axis_of(joint)[UP])
+    if abs(along) < ALIGNED:
+        problem = f"joint {name!r} must have its axis point up (z)"
+        raise urdf.error(problem, "turn its <axis> or its <origin>")
+    lower, upper = joint.lower, joint.upper
+    if along < 0.0:
+        lower, upper = -upper, -lower
+        notes.turned_round.append(name)
+    stated = joint.type == "revolute" and math.isfinite(lower) and math.isfinite(upper)
+    if not stated:
+        lower, upper = -stop, stop
+        notes.stops.append(name)
+    if stated and along > _SAME:
+        return
+    keeps = joint.type != "fixed" and abs(along) > _SAME
+    axis = math.copysign(1.0, along) * joint.axis if keeps else up
+    limit = require_child(_rewrite(elements, joint, "revolute", axis), "limit")
+    limit.set("lower", repr(lower))
+    limit.set("upper", repr(upper))
+
+
+def _rewrite(elements: Element, joint: Joint, kind: str, axis: Array) -> Element:
+    element = find_joint(elements, joint.name)
+    set_motor(element, kind, axis, joint.effort, joint.velocity or MOTOR_VELOCITY)
+    return element
+
+
+def find_joint(elements: Element, name: str) -> Element:
+    """Return the element of a joint that exists."""
+    return next(joint for joint in elements.findall("joint") if joint.get("name") == name)

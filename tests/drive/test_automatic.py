@@ -1,0 +1,180 @@
+"""The drive is found in descriptions as people write them, told, and refused if it is not plain."""
+
+from typing import Any
+
+import pytest
+from lxml import etree
+
+from evoros.base.errors import InputError
+from evoros.drive.ackermann import AckermannDescription
+from evoros.drive.automatic import AutomaticDescription
+from evoros.drive.differential import DifferentialDescription
+from evoros.drive.skid_steer import SkidSteerDescription
+from evoros.formats.urdf.tree import Urdf, read_tree
+
+RADIUS = 0.05
+ROUND = (
+    f'<collision><origin rpy="1.5708 0 0"/><geometry><cylinder radius="{RADIUS}" length="0.03"/>'
+    "</geometry></collision>"
+)
+
+
+def link(name: str, body: str = ROUND) -> str:
+    return f'<link name="{name}">{body}</link>'
+
+
+def joint(
+    name: str, child: str, xyz: str, kind: str = "continuous", parent: str = "base", more: str = ""
+) -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{xyz}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{more or Y}</joint>'
+
+
+Y, Z = '<axis xyz="0 1 0"/>', '<axis xyz="0 0 1"/>'
+
+
+def wheel(name: str, xyz: str, **more: str) -> str:
+    return link(f"{name}_wheel") + joint(f"{name}_wheel_joint", f"{name}_wheel", xyz, **more)
+
+
+def read(*parts: str) -> Urdf:
+    text = f'<robot name="r"><link name="base"/>{"".join(parts)}</robot>'
+    return read_tree(etree.fromstring(text), "r.urdf")
+
+
+def choose(*parts: str, **values: Any) -> Any:
+    return AutomaticDescription(**values).choose(read(*parts))
+
+
+PAIR = wheel("left", "0 0.1 0.05") + wheel("right", "0 -0.1 0.05")
+FRONT = wheel("fl", "0.2 0.1 0.05") + wheel("fr", "0.2 -0.1 0.05")
+REAR = wheel("rl", "-0.2 0.1 0.05") + wheel("rr", "-0.2 -0.1 0.05")
+
+
+def test_a_pair_of_wheels_is_a_differential_drive(caplog: pytest.LogCaptureFixture) -> None:
+    chosen = choose(PAIR)
+    assert isinstance(chosen, DifferentialDescription)
+    assert chosen.wheel_joints == ("left_wheel_joint", "right_wheel_joint")
+    assert (chosen.wheelbase_m, chosen.max_speed_mps) == (0.2, 0.5)
+    (line,) = caplog.messages
+    assert "Differential; wheels left_wheel_joint, right_wheel_joint" in line
+
+
+def test_two_pairs_are_skid_steer() -> None:
+    chosen = choose(REAR, FRONT, turning_resistance=1.4)
+    assert isinstance(chosen, SkidSteerDescription)
+    assert chosen.left_wheel_joints == ("fl_wheel_joint", "rl_wheel_joint")
+    assert chosen.right_wheel_joints == ("fr_wheel_joint", "rr_wheel_joint")
+    assert chosen.turning_resistance == 1.4
+
+
+def steered(kind: str, limit: str) -> str:
+    parts = []
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        hinge = f"{side}_steering_hinge"
+        parts.append(link(hinge, ""))
+        parts.append(joint(f"{hinge}_joint", hinge, f"0.2 {y} 0.05", kind, more=Z + limit))
+        parts.append(wheel(f"front_{side}", "0 0 0", parent=hinge))
+    return "".join(parts)
+
+
+LIMIT = '<limit lower="-0.6" upper="0.6" effort="1" velocity="1"/>'
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "angle"),
+    [("revolute", LIMIT, 0.6), ("continuous", "", 0.5), ("fixed", "", 0.5)],
+)
+def test_steered_wheels_before_others_are_ackermann(kind: str, limit: str, angle: float) -> None:
+    chosen = choose(steered(kind, limit), REAR)
+    assert isinstance(chosen, AckermannDescription)
+    assert chosen.steering_joints == ("left_steering_hinge_joint", "right_steering_hinge_joint")
+    assert chosen.front_wheel_joints == ("front_left_wheel_joint", "front_right_wheel_joint")
+    assert chosen.rear_wheel_joints == ("rl_wheel_joint", "rr_wheel_joint")
+    assert chosen.steering_limit_rad == angle
+
+
+def test_fixed_wheels_are_found_by_their_name_and_shape() -> None:
+    fixed = "".join(
+        wheel(name, xyz, kind="fixed") for name, xyz in (("l", "0 0.1 0.05"), ("r", "0 -0.1 0.05"))
+    )
+    assert choose(fixed).wheel_joints == ("l_wheel_joint", "r_wheel_joint")
+
+
+def test_swivel_casters_and_rockers_are_no_wheels() -> None:
+    swivel = link("caster_swivel", "") + joint("swivel", "caster_swivel", "-0.2 0 0.05", more=Z)
+    swivel += wheel("caster", "0 0 0", parent="caster_swivel")
+    assert isinstance(choose(PAIR, swivel), DifferentialDescription)
+    box = '<collision><geometry><box size="0.4 0.02 0.04"/></geometry></collision>'
+    rockers = ""
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        rockers += link(f"{side}_rocker", box)
+        rockers += joint(f"{side}_rocker_joint", f"{side}_rocker", f"0 {y} 0.05")
+        for end, x in (("front", 0.2), ("rear", -0.2)):
+            rockers += wheel(f"{side}_{end}", f"{x} 0 0", parent=f"{side}_rocker")
+    chosen = choose(rockers)
+    assert isinstance(chosen, SkidSteerDescription)
+    assert "left_rocker_joint" not in chosen.wheel_joints
+
+
+PLUGIN = """<gazebo><plugin filename="libgazebo_ros_diff_drive.so" name="diff_drive">
+<left_joint>rl_wheel_joint</left_joint><right_joint>rr_wheel_joint</right_joint>
+</plugin></gazebo>"""
+TRANSMISSION = '<transmission name="t{0}"><joint name="{0}"/></transmission>'
+CONTROL = """<ros2_control name="c" type="system"><joint name="rl_wheel_joint">
+<command_interface name="velocity"/></joint><joint name="rr_wheel_joint">
+<command_interface name="velocity"/></joint></ros2_control>"""
+
+
+@pytest.mark.parametrize(
+    "hint",
+    [
+        PLUGIN,
+        TRANSMISSION.format("rl_wheel_joint") + TRANSMISSION.format("rr_wheel_joint"),
+        CONTROL,
+    ],
+)
+def test_plugins_and_actuators_say_which_wheels_are_driven(hint: str) -> None:
+    chosen = choose(FRONT, REAR, hint)
+    assert isinstance(chosen, DifferentialDescription)
+    assert chosen.wheel_joints == ("rl_wheel_joint", "rr_wheel_joint")
+
+
+def test_the_speed_follows_the_slowest_wheel_and_keys_come_first() -> None:
+    limit = '<limit effort="1" velocity="6"/>'
+    slow = wheel("l", "0 0.1 0.05", more=Y + limit) + wheel("r", "0 -0.1 0.05", more=Y + limit)
+    assert choose(slow).max_speed_mps == pytest.approx(6 * RADIUS)
+    assert choose(slow, max_speed_mps=0.7).max_speed_mps == 0.7
+    fast = slow.replace('velocity="6"', 'velocity="99"')
+    assert choose(fast).max_speed_mps == 1.0
+
+
+@pytest.mark.parametrize(
+    ("parts", "values"),
+    [
+        ("", {}),
+        (wheel("left", "0 0.1 0.05"), {}),
+        (PAIR, {"kind": "ackermann"}),
+        (FRONT + REAR, {"kind": "differential"}),
+        (steered("revolute", LIMIT), {}),
+    ],
+)
+def test_what_is_not_plain_is_refused_with_the_candidates(
+    parts: str, values: dict[str, Any]
+) -> None:
+    with pytest.raises(InputError) as caught:
+        choose(parts, **values)
+    message = str(caught.value)
+    assert message.startswith("r.urdf: ")
+    assert "drive@robot.drive=differential" in message
+    assert "\n" not in message
+    for name in ("left_wheel_joint", "fl_wheel_joint"):
+        assert name not in parts or name in message
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("kind", "tracks"), ("max_speed_mps", 0), ("turning_resistance", 0.9)]
+)
+def test_a_bad_value_is_named(key: str, value: object) -> None:
+    with pytest.raises(InputError, match=key):
+        AutomaticDescription(**{key: value})  # type: ignore[arg-type]
