@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from hypothesis import settings
@@ -10,7 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from evoros.formats.sdf.reader import read_sdf
+from evoros.formats.sdf.reader import SdfWorld, read_sdf
+from evoros.formats.sdf.reading import SdfOptions
 from evoros.geometry.shapes import Body, Pose
 
 BOX = "<geometry><box><size>1 2 3</size></box></geometry>"
@@ -37,6 +39,20 @@ def read(content: str, version: str = "1.9") -> tuple[Body, ...]:
 
 def world(content: str, version: str = "1.9") -> tuple[Body, ...]:
     return read(f"<world name='w'>{content}</world>", version)
+
+
+def write(path: Path, text: str) -> Path:
+    """Write a text to a file in a folder that need not exist."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+def load(folder: Path, content: str, version: str = "1.9", **options: object) -> SdfWorld:
+    """Read a world whose file lies in the folder ``worlds``; its content begins on line 3."""
+    text = f"<sdf version='{version}'>\n<world name='w'>\n{content}\n</world></sdf>"
+    file = write(folder / "worlds" / "w.sdf", text)
+    return read_sdf(file.read_bytes(), "w.sdf", SdfOptions(**options), file)  # type: ignore[arg-type]
 
 
 def assert_pose(

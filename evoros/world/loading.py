@@ -28,9 +28,9 @@ def load_world(
     ``sdf`` is a path, which may be relative to the bundled folder ``worlds``. ``model_paths`` are
     folders that hold the models and meshes that it names, ``world_name`` is that of several in the
     file, and ``arguments`` are for a file with xacro. ``missing_models`` (``error`` or
-    ``leave_out``), ``missing_meshes`` (``error`` or ``box``) and ``vehicles`` (``leave_out`` or
-    ``hold_still``) state what to do with these. In messages the world has the name of its file;
-    tables name it by its key in the configuration.
+    ``leave_out``), ``missing_meshes`` (``error``, ``box`` or ``leave_out``) and ``vehicles``
+    (``leave_out`` or ``hold_still``) state what to do with these. In messages the world has the
+    name of its file; tables name it by its key in the configuration.
 
     Raises:
         InputError: a file is missing or cannot be used, or a waypoint lies in an obstacle.

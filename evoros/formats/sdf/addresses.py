@@ -1,7 +1,7 @@
-"""Finds the files and folders that an SDF file names: model://, package://, file://, Fuel, paths."""
+"""Finds the files that an SDF file names by model://, package://, file://, Fuel or path."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from urllib.parse import unquote
@@ -27,15 +27,18 @@ class Addresses:
         self._file = file
         self._declared = declared
 
-    def find(self, uri: str, beside: Path) -> Path | None:
-        """Return the file or folder of an address in a file of the folder ``beside``, or None."""
+    def find(
+        self, uri: str, beside: Path, accepts: Callable[[Path], bool] = Path.exists
+    ) -> Path | None:
+        """Return the file or folder of an address in a file of the folder ``beside``, or None.
+
+        It is the first that ``accepts`` accepts.
+        """
         address = parse_address(uri)
         if address is not None:
             return find_in_cache(address, self._declared)
         path = _strip_scheme(uri)
-        return next(
-            (place for place in self._candidates(path, uri, beside) if place.exists()), None
-        )
+        return next(filter(accepts, self._candidates(path, uri, beside)), None)
 
     def explain(self, uri: str, beside: Path) -> tuple[str, str]:
         """Return what is wrong with an address that leads nowhere, and what to do."""
@@ -44,12 +47,10 @@ class Addresses:
             return where_to_get(address, uri)
         if uri.startswith(("model://", "package://")):
             name, _, rest = _strip_scheme(uri).partition("/")
-            folder = self.find(f"model://{name}", beside) if rest else None
+            folder = self.find(f"model://{name}", beside)
             if folder is not None:
-                return (
-                    f"names {uri}, but {folder} has no {rest}",
-                    "add the file or correct the path",
-                )
+                lacking = rest or "model.config with an SDF file and no .sdf"
+                return f"names {uri}, but {folder} has no {lacking}", "complete the folder"
             return (
                 f"names {uri}, but no folder {name} is among the declared, the surrounding and "
                 f"the environment's model folders",

@@ -57,18 +57,19 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
     """Return the model of an include; None if nothing of it can be met by a robot."""
     element = require_child(include, "uri")
     uri = read_text(element)
-    place = reading.addresses.find(uri, reading.folder_of(include))
-    if place is None:
+    beside = reading.folder_of(include)
+    place = reading.addresses.find(uri, beside, lambda place: _find_sdf(place) is not None)
+    file = None if place is None else _find_sdf(place)
+    if file is None:
         basic = re.split(r"[/\\]", uri.rstrip("/"))[-1].lower().replace("%20", "_")
         basic = basic.replace(" ", "_")
         if basic in _BASICS:
             return etree.fromstring(f"<sdf>{_BASICS[basic]}</sdf>").find("model")
-        problem, fix = reading.addresses.explain(uri, reading.folder_of(include))
+        problem, fix = reading.addresses.explain(uri, beside)
         if reading.options.missing_models == "leave_out":
             reading.notes.add(include, f"is left out: it {problem}", f"missing {uri}")
             return None
         raise element_error(include, problem, f"{fix}; or set missing_models=leave_out")
-    file = _find_sdf(place, include, uri)
     if file in chain:
         circle = " -> ".join(str(f) for f in (*chain[chain.index(file) :], file))
         raise element_error(include, f"includes itself: {circle}", "delete one of these includes")
@@ -101,7 +102,7 @@ def _choose_model(root: Element, include: Element, reading: Reading, file: Path)
     return models[0]
 
 
-def _find_sdf(place: Path, include: Element, uri: str) -> Path:
+def _find_sdf(place: Path) -> Path | None:
     """Return the SDF file of a model's folder: the newest that its model.config lists."""
     if place.is_file():
         return place.resolve()
@@ -117,12 +118,7 @@ def _find_sdf(place: Path, include: Element, uri: str) -> Path:
                 return (place / name).resolve()
     candidates = [place / "model.sdf", *sorted(place.glob("*.sdf"))]
     file = next((candidate for candidate in candidates if candidate.is_file()), None)
-    if file is None:
-        problem = (
-            f"names {uri}, but {place} has neither a model.config with an SDF file nor an .sdf"
-        )
-        raise element_error(include, problem, "complete the model's folder")
-    return file.resolve()
+    return None if file is None else file.resolve()
 
 
 def _minor_version(text: str) -> int:

@@ -98,12 +98,15 @@ def _read_shapes(
     try:
         return read_geometry(require_child(collision, "geometry"), reading)
     except MeshMissingError as error:
+        if reading.options.missing_meshes == "leave_out":
+            reading.notes.add(collision, "is left out: its mesh is missing or cannot be read")
+            return ()
         if reading.options.missing_meshes != "box":
             raise
         box = substitute_box(link, path, frames, reading)
         if box is None:
             raise MeshMissingError(
-                f"{error}, which finds no box here: neither visual nor inertia has one"
+                f"{error}, but neither visual nor inertia gives one; or to leave_out"
             ) from None
         shape, place, origin = box
         reading.notes.add(collision, f"has a mesh that cannot be read; a box of its {origin}, "

@@ -13,7 +13,7 @@ from evoros.formats.sdf.notes import Notes
 from evoros.formats.strict_xml import SOURCE
 
 MISSING_MODELS = one_of("error", "leave_out")
-MISSING_MESHES = one_of("error", "box")
+MISSING_MESHES = one_of("error", "box", "leave_out")
 VEHICLES = one_of("leave_out", "hold_still")
 FOLDERS = Rule(
     "a list of folders",

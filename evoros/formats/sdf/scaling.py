@@ -19,7 +19,7 @@ def scale_model(model: Element, scale: Element, reading: Reading) -> None:
     if min(x, y, z) <= 0:
         raise element_error(scale, "must be greater than 0", "write three positive numbers")
     reading.notes.add(scale, f"scales the sizes of its shapes by {x:g} {y:g} {z:g}, as in Gazebo")
-    factors = {
+    factors: dict[str, dict[str, tuple[float, ...]]] = {
         "box": {"size": (x, y, z)},
         "sphere": {"radius": (max(x, y, z),)},
         "cylinder": {"radius": (max(x, y),), "length": (z,)},

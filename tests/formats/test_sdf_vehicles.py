@@ -1,0 +1,75 @@
+"""Models with joints: vehicles, furniture with hinges, and joints to the world."""
+
+import logging
+from pathlib import Path
+
+import pytest
+from sdf_cases import COLLISION, LINK, load
+
+DIFF = "<plugin name='drive' filename='libgazebo_ros_diff_drive.so'/>"
+
+
+def wheel(number: int, kind: str = "revolute", limit: str = "") -> str:
+    axis = f"<axis><xyz>0 1 0</xyz>{limit}</axis>"
+    return (
+        f"<link name='w{number}'>{COLLISION}</link><joint name='j{number}' type='{kind}'>"
+        f"<parent>l</parent><child>w{number}</child>{axis}</joint>"
+    )
+
+
+CARS = [
+    LINK + wheel(1) + wheel(2),
+    LINK + wheel(1, "continuous") + wheel(2, "continuous"),
+    LINK + wheel(1, limit="<limit><lower>-1e16</lower><upper>1e16</upper></limit>") * 1
+    + wheel(2, limit="<limit><lower>-1e16</lower><upper>1e16</upper></limit>"),
+    LINK + DIFF,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("parts", CARS)
+def test_a_vehicle_is_left_out_or_held_still_and_told(
+    tmp_path: Path, parts: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    content = f"<model name='car'>{parts}</model><model name='m'><static>1</static>{LINK}</model>"
+    state = "<state><model name='car'><pose>1 0 0 0 0 0</pose></model></state>"
+    with caplog.at_level(logging.WARNING):
+        assert [body.name for body in load(tmp_path, content + state).bodies] == ["m"]
+    told = [message for message in caplog.messages if "left out" in message]
+    assert len(told) == 1
+    assert told[0].startswith("w.sdf:3: <model> of model 'car'")
+    caplog.clear()
+    bodies = load(tmp_path, content + state, vehicles="hold_still").bodies
+    assert len(bodies) > 1
+    assert all(body.mass is None for body in bodies)
+    assert bodies[0].pose.position == (1.0, 0.0, 0.0)
+    assert sum("held still" in message for message in caplog.messages) == 1
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic", "screw", "universal", "ball"])
+def test_furniture_is_held_still_at_its_joints(
+    tmp_path: Path, kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    limit = "<limit><lower>0</lower><upper>1.5</upper></limit>"
+    door = LINK + wheel(1, kind, limit) + wheel(2, kind, limit)
+    with caplog.at_level(logging.WARNING):
+        (body,) = load(tmp_path, f"<model name='door'>{door}</model>").bodies
+    assert (body.mass, len(body.shapes)) == (3.0, 3)  # it can be pushed as a whole
+    assert sum("held still at its joints 'j1', 'j2'" in m for m in caplog.messages) == 1
+    frame = "<joint name='f' type='fixed'><parent>world</parent><child>l</child></joint>"
+    bodies = load(tmp_path, f"<model name='door'>{door}{frame}</model>").bodies
+    assert [body.mass for body in bodies] == [None] * 3
+
+
+def test_one_part_that_turns_freely_makes_no_vehicle(tmp_path: Path) -> None:
+    fan = LINK + wheel(1, "continuous")
+    (body,) = load(tmp_path, f"<model name='fan'>{fan}</model>").bodies
+    assert len(body.shapes) == 2
+
+
+def test_joints_of_a_static_model_move_nothing(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        bodies = load(tmp_path, f"<model name='m'><static>1</static>{CARS[0]}</model>").bodies
+    assert len(bodies) == 3
+    assert not caplog.records
