@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from evoros.base.arrays import Array
 from evoros.geometry.cuts import cut
-from evoros.geometry.hull import MOST_CORNERS, Hull, make_hull, simplify
+from evoros.geometry.hull import MOST_CORNERS, Hull, hull_volume, make_hull, simplify
 from evoros.geometry.triangles import Indices, Surface, sample, split_by_points
 
 MOST_PARTS = 64
@@ -77,10 +77,13 @@ def _widest_gap(surface: Surface, hull: Hull, extent: float) -> tuple[float, Ind
     return gap, owners[near][np.sort(first)][:_SUSPECTS]
 
 
-def divide(piece: Piece, tolerance: float, closed: bool, most: int = MOST_PARTS) -> list[Piece]:
+def divide(
+    piece: Piece, tolerance: float, closed: bool, most: int = MOST_PARTS, work: float = np.inf
+) -> list[Piece]:
     """Cut a piece into pieces until their concavity [m] is within the tolerance.
 
-    The piece with the deepest hollow is cut first. ``most`` limits the number of pieces.
+    The piece with the deepest hollow is cut first. ``most`` limits the number of pieces, and
+    ``work`` the number of faces that are looked at in all cuts tried.
     """
     done: list[Piece] = []
     waiting = [(-piece.concavity, 0, piece)]
@@ -88,8 +91,10 @@ def divide(piece: Piece, tolerance: float, closed: bool, most: int = MOST_PARTS)
     while waiting:
         concavity, _, worst = heapq.heappop(waiting)
         pieces: list[Piece] = []
-        if -concavity > tolerance and len(done) + len(waiting) + 1 < most:
-            pieces = _best_cut(worst, closed)
+        if -concavity > tolerance and len(done) + len(waiting) + 1 < most and work > 0:
+            planes = _candidates(worst)
+            work -= len(planes) * len(worst.surface.faces)
+            pieces = _best_cut(worst, planes, closed)
         if not pieces:
             done.append(worst)
         for part in pieces:
@@ -98,21 +103,19 @@ def divide(piece: Piece, tolerance: float, closed: bool, most: int = MOST_PARTS)
     return done
 
 
-def _best_cut(piece: Piece, closed: bool) -> list[Piece]:
-    """Return the pieces of the cut that leaves the least hull volume; none if no cut divides."""
+def _best_cut(piece: Piece, planes: list[tuple[Array, float]], closed: bool) -> list[Piece]:
+    """Cut a piece by the plane that leaves the least hull volume; no pieces if none divides it."""
     best: tuple[float, int] | None = None
     plane = None
-    for normal, offset in _candidates(piece):
-        hulls = [
-            hull
+    for normal, offset in planes:
+        volumes = [
+            hull_volume(part.points)
             for side in cut(piece.surface, normal, offset, capped=False)
             for part in split_by_points(side)
-            if (hull := make_hull(part.points)) is not None
         ]
-        if len(hulls) < 2:
+        if len(volumes) < 2:
             continue
-        volume = sum(hull.volume for hull in hulls) / piece.hull.volume
-        score = (round(volume, 6), len(hulls))
+        score = (round(sum(volumes) / piece.hull.volume, 6), len(volumes))
         if best is None or score < best:
             best, plane = score, (normal, offset)
     if plane is None:

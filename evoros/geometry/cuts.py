@@ -18,16 +18,16 @@ def cut(surface: Surface, normal: Array, offset: float, capped: bool) -> list[Su
     distance[np.abs(distance) < 1e-6] = 0.0
     sides = []
     for sign in (1.0, -1.0):
-        side, segments = _clip(surface, sign * distance)
+        side, segments, owners = _clip(surface, sign * distance)
         if capped and len(segments):
-            side = _cap(side, segments, normal)
+            side = _cap(side, segments, owners, int(np.argmax(np.abs(normal))))
         if len(side.faces):
             sides.append(side)
     return sides
 
 
-def _clip(surface: Surface, distance: Array) -> tuple[Surface, Indices]:
-    """Return the part at negative distances, and the segments (m, 2) along which it was cut.
+def _clip(surface: Surface, distance: Array) -> tuple[Surface, Indices, Indices]:
+    """Return the part at negative distances, the segments (m, 2) of the cut, and their faces (m,).
 
     A face in the plane itself belongs to neither side, whose caps take its place.
     """
@@ -35,7 +35,8 @@ def _clip(surface: Surface, distance: Array) -> tuple[Surface, Indices]:
     inside, outside = (d < 0).sum(axis=1), (d > 0).sum(axis=1)
     whole = (inside > 0) & (outside == 0)
     kept = faces[whole]
-    touching = kept[(d[whole] == 0).sum(axis=1) == 2]
+    edge_on = np.flatnonzero((d[whole] == 0).sum(axis=1) == 2)
+    touching = kept[edge_on]
     along = touching[distance[touching] == 0].reshape(-1, 2)
     one = _rolled(faces, d < 0, (inside == 1) & (outside > 0))
     two = _rolled(faces, d > 0, (inside == 2) & (outside == 1))
@@ -58,7 +59,11 @@ def _clip(surface: Surface, distance: Array) -> tuple[Surface, Indices]:
     ]
     segments = np.concatenate([along, np.stack([p, q], axis=1), np.stack([s, r], axis=1)])
     points = np.concatenate([surface.points, crossings])
-    return _joined(points, np.concatenate(pieces), segments)
+    starts = np.cumsum([len(piece) for piece in pieces])
+    owners = np.concatenate(
+        [edge_on, starts[0] + np.arange(len(one)), starts[2] + np.arange(len(two))]
+    )
+    return _joined(points, np.concatenate(pieces), segments, owners)
 
 
 def _rolled(faces: Indices, lone: NDArray[np.bool_], chosen: NDArray[np.bool_]) -> Indices:
@@ -69,40 +74,75 @@ def _rolled(faces: Indices, lone: NDArray[np.bool_], chosen: NDArray[np.bool_]) 
     return rolled
 
 
-def _joined(points: Array, faces: Indices, segments: Indices) -> tuple[Surface, Indices]:
+def _joined(
+    points: Array, faces: Indices, segments: Indices, owners: Indices
+) -> tuple[Surface, Indices, Indices]:
     """Return the surface without unused points, and the segments by its indices."""
     used, indices = np.unique(faces, return_inverse=True)
     renamed = np.searchsorted(used, segments)
-    return Surface(points[used], indices.reshape(-1, 3)), renamed
+    return Surface(points[used], indices.reshape(-1, 3)), renamed, owners
 
 
-def _cap(side: Surface, segments: Indices, normal: Array) -> Surface:
-    """Close the cut whose outline the segments are, by trapezoids between each two of them."""
-    axis = int(np.argmax(np.abs(normal)))
+def _cap(side: Surface, segments: Indices, owners: Indices, axis: int) -> Surface:
+    """Close the cut whose outline the segments are, by trapezoids between each two of them.
+
+    A corner of a trapezoid on a segment divides the face that the segment belongs to, its owner, so
+    that further cuts still find them connected.
+    """
     u, v = (axis + 1) % 3, (axis + 2) % 3
-    flat = side.points[segments][:, :, [u, v]]
-    swap = flat[:, 0, 0] > flat[:, 1, 0]
-    segments = np.where(swap[:, None], segments[:, ::-1], segments)
+    backwards = side.points[segments[:, 0], u] > side.points[segments[:, 1], u]
+    segments = np.where(backwards[:, None], segments[:, ::-1], segments)
     low, high = side.points[segments[:, 0]], side.points[segments[:, 1]]
-    bounds = np.unique(flat[:, :, 0])
+    bounds = np.unique(np.concatenate([low[:, u], high[:, u]]))
     bounds = bounds[np.concatenate([[True], np.diff(bounds) > 1e-7])]
-    points, faces, count = [side.points], [side.faces], len(side.points)
+    points, count = [side.points], len(side.points)
+    corners: dict[tuple[int, float], int] = {}
+    faces: list[tuple[int, int, int]] = []
+    slope = (high - low) / np.maximum(high[:, u] - low[:, u], 1e-12)[:, None]
     for start, end in pairwise(bounds.tolist()):
         middle = (start + end) / 2
         crossing = np.flatnonzero((low[:, u] < middle) & (high[:, u] > middle))
-        a, b = low[crossing], high[crossing]
-        slope = (b - a) / (b[:, u] - a[:, u])[:, None]
-        order = np.argsort((a + slope * (middle - a[:, u])[:, None])[:, v], kind="stable")
-        order = order[: len(order) // 2 * 2]
-        left = (a + slope * np.maximum(start - a[:, u], 0.0)[:, None])[order]
-        right = (a + slope * np.minimum(end - a[:, u], b[:, u] - a[:, u])[:, None])[order]
-        owners = segments[crossing[order]][:, 0]
-        i = count + np.arange(0, len(order), 2)  # lower points on the left; the upper ones follow
-        j = i + len(order)
-        points += [left, right]
-        faces += [np.stack([i, j, j + 1], axis=1), np.stack([i, j + 1, i + 1], axis=1)]
-        # Faces without an area tie the trapezoids to the outline, so that they stay one part.
-        tied = count + np.arange(len(order))
-        faces.append(np.stack([owners, tied, tied], axis=1))
-        count += 2 * len(order)
-    return Surface(np.concatenate(points), np.concatenate(faces))
+        heights = low[crossing, v] + slope[crossing, v] * (middle - low[crossing, u])
+        crossing = crossing[np.argsort(heights, kind="stable")][: len(crossing) // 2 * 2]
+        for level in (start, end):
+            for segment in crossing.tolist():
+                if (segment, level) in corners:
+                    continue
+                if level < low[segment, u] + 1e-7:
+                    corners[segment, level] = int(segments[segment, 0])
+                elif level > high[segment, u] - 1e-7:
+                    corners[segment, level] = int(segments[segment, 1])
+                else:
+                    corners[segment, level] = count
+                    points.append((low[segment] + slope[segment] * (level - low[segment, u]))[None])
+                    count += 1
+        for below, above in zip(crossing[::2].tolist(), crossing[1::2].tolist(), strict=True):
+            a, b = corners[below, start], corners[below, end]
+            c, d = corners[above, end], corners[above, start]
+            faces += [(a, b, c), (a, c, d)]
+    divided = _divide_owners(side.faces, segments, owners, corners, len(side.points))
+    trapezoids = np.array(faces, dtype=np.int64).reshape(-1, 3)
+    trapezoids = trapezoids[(trapezoids != np.roll(trapezoids, 1, axis=1)).all(axis=1)]
+    return Surface(np.concatenate(points), np.concatenate([divided, trapezoids]))
+
+
+def _divide_owners(
+    faces: Indices,
+    segments: Indices,
+    owners: Indices,
+    corners: dict[tuple[int, float], int],
+    count: int,
+) -> Indices:
+    """Return the faces, those divided that have corners, numbered from ``count``, on an edge."""
+    inner: dict[int, list[tuple[float, int]]] = {}
+    for (segment, level), corner in corners.items():
+        if corner >= count:
+            inner.setdefault(segment, []).append((level, corner))
+    new: list[tuple[int, int, int]] = []
+    for segment, found in inner.items():
+        first, last = segments[segment].tolist()
+        apex = next(i for i in faces[owners[segment]].tolist() if i not in (first, last))
+        chain = [first, *(corner for _, corner in sorted(found)), last]
+        new += [(apex, i, j) for i, j in pairwise(chain)]
+    kept = np.delete(faces, owners[list(inner)], axis=0)
+    return np.concatenate([kept, np.array(new, dtype=np.int64).reshape(-1, 3)])

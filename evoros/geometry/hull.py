@@ -53,6 +53,12 @@ def make_hull(points: Array) -> Hull | None:
     return Hull(points[vertices], faces, hull.equations, float(hull.volume), float(hull.area))
 
 
+def hull_volume(points: Array) -> float:
+    """Return the volume [m3] of the hull of points (k, 3) [m]; 0 if they are flat."""
+    hull = _qhull(points) if len(points) > 3 else None
+    return 0.0 if hull is None else float(hull.volume)
+
+
 def _qhull(points: Array) -> ConvexHull | None:
     try:
         return ConvexHull(points)

@@ -22,6 +22,8 @@ MOST_PLATES = 128
 _MOST_SURFACES = 256  # connected parts of a file
 _MOST_FACES = 2000  # of a part that is cut; a finer one is made coarser
 
+_WORK = 2e6  # faces looked at in cuts of a file, which limits the time to seconds
+
 
 @dataclass(frozen=True, eq=False)
 class Parts:
@@ -36,9 +38,12 @@ def divide_mesh(triangles: Array) -> Parts:
     """Divide triangles (n, 3, 3) [m] into convex parts."""
     hulls: list[Hull] = []
     dropped = 0
-    surfaces, deviation = _gather(_join_cavities(split_by_edges(weld(triangles))))
-    for surface in surfaces:
-        found, error = _decompose_part(surface)
+    groups, deviation = _gather(_join_cavities(split_by_edges(weld(triangles))))
+    for group in groups:
+        if len(group) == 1:
+            found, error = _decompose_part(group[0], _WORK * len(group[0].faces) / len(triangles))
+        else:
+            found, error = _clump(group), 0.0
         dropped += not found
         deviation = max(deviation, error)
         for hull in found:
@@ -48,7 +53,12 @@ def divide_mesh(triangles: Array) -> Parts:
     return Parts(tuple(hulls), dropped, deviation)
 
 
-def _decompose_part(surface: Surface) -> tuple[list[Hull], float]:
+def _clump(surfaces: list[Surface]) -> list[Hull]:
+    hull = make_hull(np.concatenate([surface.points for surface in surfaces]))
+    return [] if hull is None else [hull]
+
+
+def _decompose_part(surface: Surface, work: float) -> tuple[list[Hull], float]:
     """Return the hulls of one connected surface, and their largest deviation [m]."""
     piece = make_piece(surface)
     if piece is None:
@@ -68,7 +78,7 @@ def _decompose_part(surface: Surface) -> tuple[list[Hull], float]:
         piece = make_piece(coarse) or piece
     tolerance = min(max(0.01, 0.03 * extent), 0.1)
     most = MOST_PARTS if extent < 5.0 else 4 * MOST_PARTS
-    pieces = merge(divide(piece, tolerance, closed, most))
+    pieces = merge(divide(piece, tolerance, closed, most, work))
     return [piece.hull for piece in pieces], error + max(p.concavity for p in pieces)
 
 
@@ -136,13 +146,13 @@ def _signed_volume(surface: Surface) -> float:
     return float((a * np.cross(b, c)).sum() / 6)
 
 
-def _gather(surfaces: list[Surface]) -> tuple[list[Surface], float]:
-    """Join small neighbours until there are at most ``_MOST_SURFACES``, and how wide [m] they are.
+def _gather(surfaces: list[Surface]) -> tuple[list[list[Surface]], float]:
+    """Group small neighbours until there are at most ``_MOST_SURFACES``, and how wide [m] they are.
 
     The leaves of a tree become clumps, in cells that grow until there are few enough of them.
     """
     if len(surfaces) <= _MOST_SURFACES:
-        return surfaces, 0.0
+        return [[surface] for surface in surfaces], 0.0
     low = np.array([surface.points.min(axis=0) for surface in surfaces])
     high = np.array([surface.points.max(axis=0) for surface in surfaces])
     extents = (high - low).max(axis=1)
@@ -156,5 +166,4 @@ def _gather(surfaces: list[Surface]) -> tuple[list[Surface], float]:
             key = (*cells[i],) if extents[i] < cell else (float(i),)
             groups.setdefault(key, []).append(surface)
         cell *= 1.5
-    joined = [replace(concatenate(group), is_hollow=False) for group in groups.values()]
-    return joined, cell / 1.5
+    return list(groups.values()), cell / 1.5

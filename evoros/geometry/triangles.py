@@ -40,16 +40,22 @@ def weld(triangles: Array) -> Surface:
 
     Faces without an area are left out, and so are faces that repeat another one.
     """
-    points, indices = unique_rows(np.round(triangles.reshape(-1, 3) * 1e6))
+    corners = triangles.reshape(-1, 3)
+    # Not in whole micrometres: halves of them, such as 1/16 inch has, would round up or down.
+    grid, indices = unique_rows(np.round(corners * 1.03e6))
+    first = np.full(len(grid), len(corners))
+    np.minimum.at(first, indices, np.arange(len(corners)))
+    points = corners[first]
     faces = indices.reshape(-1, 3)
     normals = np.cross(
         points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]]
     )
-    faces = faces[(normals != 0.0).any(axis=1)]
+    distinct_corners = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    faces = faces[distinct_corners & (np.abs(normals).max(axis=1, initial=0.0) > 1e-12)]
     distinct, group = unique_rows(np.sort(faces, axis=1))
     first = np.full(len(distinct), len(faces))
     np.minimum.at(first, group, np.arange(len(faces)))
-    return compact(points / 1e6, faces[np.sort(first)])
+    return compact(points, faces[np.sort(first)])
 
 
 def unique_rows(rows: NDArray[Any]) -> tuple[NDArray[Any], Indices]:

@@ -1,0 +1,184 @@
+"""The convex parts of a mesh fill what it encloses, and nothing else."""
+
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from evoros.base.arrays import Array
+from evoros.geometry.hull import MOST_CORNERS
+from evoros.geometry.mesh_parts import Parts, divide_mesh
+
+SIDES = [(axis, step) for axis in range(3) for step in (-1, 1)]
+
+
+def grid_mesh(filled: NDArray[np.bool_], lines: list[list[float]]) -> Array:
+    """The surface of the filled cells between the lines of a grid, facing outwards."""
+    triangles = []
+    for cell in np.argwhere(filled):
+        for axis, step in SIDES:
+            other = cell.copy()
+            other[axis] += step
+            if 0 <= other[axis] < filled.shape[axis] and filled[tuple(other)]:
+                continue
+            u, v = (axis + 1) % 3, (axis + 2) % 3
+            square = []
+            for du, dv in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                index = cell.copy()
+                index[axis] += step > 0
+                index[u] += du
+                index[v] += dv
+                square.append([lines[k][index[k]] for k in range(3)])
+            a, b, c, d = square[::step]
+            triangles += [[a, b, c], [a, c, d]]
+    return np.array(triangles, dtype=np.float64).reshape(-1, 3, 3)
+
+
+def turned(triangles: Array) -> Array:
+    rotation = trimesh.transformations.rotation_matrix(0.7, [0.3, -0.5, 1.0])[:3, :3]
+    result: Array = triangles @ rotation.T + [0.3, -2.0, 1.0]
+    return result
+
+
+def volume(parts: Parts) -> float:
+    return sum(hull.volume for hull in parts.hulls)
+
+
+def inside(parts: Parts, *points: tuple[float, float, float]) -> bool:
+    return any((hull.depth(np.array(points)) > 0).any() for hull in parts.hulls)
+
+
+ROOM = np.ones((3, 3, 2), dtype=bool)
+ROOM[1, 1, 1] = False
+WALLS = np.ones((3, 3, 1), dtype=bool)
+WALLS[1, 1, 0] = False
+CLOSED = np.ones((3, 3, 3), dtype=bool)
+CLOSED[1, 1, 1] = False
+DOOR = np.ones((3, 1, 2), dtype=bool)
+DOOR[1, 0, 0] = False
+EL = np.ones((2, 2, 1), dtype=bool)
+EL[1, 1, 0] = False
+TABLE = np.zeros((5, 5, 2), dtype=bool)
+TABLE[:, :, 1] = True
+TABLE[1::2, 1::2, 0] = True
+
+
+@pytest.mark.parametrize("turn", [False, True])
+@pytest.mark.parametrize(
+    ("filled", "lines", "count", "solid"),
+    [
+        (EL, [[0, 1, 3], [0, 1, 2], [0, 1]], 2, 4.0),
+        (WALLS, [[0, 0.1, 3.9, 4], [0, 0.1, 5.9, 6], [0, 2.5]], 4, 4.9),
+        (WALLS, [[0, 0.01, 3.99, 4], [0, 0.01, 5.99, 6], [0, 2.5]], 4, 0.499),
+        (ROOM, [[0, 0.1, 3.9, 4], [0, 0.1, 5.9, 6], [0, 0.1, 2.6]], 5, 7.3),
+        (CLOSED, [[0, 0.1, 3.9, 4], [0, 0.1, 3.9, 4], [0, 0.1, 2.4, 2.5]], 6, 6.788),
+        (DOOR, [[0, 20, 21, 40], [0, 0.1], [0, 2, 3]], 3, 11.8),
+        (TABLE, [[0, 0.1, 0.2, 0.8, 0.9, 1], [0, 0.1, 0.2, 0.8, 0.9, 1], [0, 0.7, 0.75]], 5, 0.078),
+    ],
+    ids=["L", "walls", "thin walls", "room", "closed room", "door", "table"],
+)
+def test_things_with_flat_faces_are_divided_exactly(
+    filled: NDArray[np.bool_], lines: list[list[float]], count: int, solid: float, turn: bool
+) -> None:
+    triangles = grid_mesh(filled, lines)
+    parts = divide_mesh(turned(triangles) if turn else triangles)
+    assert volume(parts) == pytest.approx(solid, rel=1e-4)
+    assert len(parts.hulls) <= count + 2
+    assert parts.deviation < 1e-3
+    if not turn:
+        centres = [[(a + b) / 2 for a, b in pairwise(x)] for x in lines]
+        for cell in product(*(range(n) for n in filled.shape)):
+            x, y, z = (centres[k][cell[k]] for k in range(3))
+            assert inside(parts, (x, y, z)) == filled[cell]
+
+
+@given(st.integers(0, 2**27 - 1), st.integers(0, 2**31))
+@settings(max_examples=25, deadline=None)
+def test_what_a_mesh_encloses_is_what_its_parts_fill(pattern: int, seed: int) -> None:
+    filled = np.array([pattern >> i & 1 for i in range(27)], dtype=bool).reshape(3, 3, 3)
+    rng = np.random.default_rng(seed)
+    lines = [np.cumsum(rng.integers(3, 10, 4) / 10).tolist() for _ in range(3)]
+    if not filled.any():
+        return
+    parts = divide_mesh(grid_mesh(filled, lines))
+    sizes = np.stack(np.meshgrid(*[np.diff(x) for x in lines], indexing="ij"))
+    assert volume(parts) == pytest.approx(float(sizes.prod(axis=0)[filled].sum()), rel=1e-6)
+    centres = [np.array(x[:-1]) + np.diff(x) / 2 for x in lines]
+    for cell in product(range(3), repeat=3):
+        x, y, z = (float(centres[k][cell[k]]) for k in range(3))
+        assert inside(parts, (x, y, z)) == filled[cell]
+
+
+def test_walls_without_thickness_become_plates() -> None:
+    box = trimesh.creation.box((4.0, 6.0, 2.5))
+    walls = np.array(box.triangles)[np.abs(box.face_normals[:, 2]) < 0.5]
+    parts = divide_mesh(walls)
+    assert len(parts.hulls) == 4
+    assert volume(parts) == pytest.approx(2 * (4 + 6) * 2.5 * 0.002)
+    assert not inside(parts, (0, 0, 0))
+    assert inside(parts, (2.0, 0, 0))
+
+
+def test_a_box_without_its_bottom_is_a_box() -> None:
+    box = trimesh.creation.box((4.0, 6.0, 2.5))
+    parts = divide_mesh(np.array(box.triangles)[box.face_normals[:, 2] > -0.5])
+    assert [hull.volume for hull in parts.hulls] == [pytest.approx(60.0)]
+
+
+def test_a_flat_polygon_is_divided_into_convex_plates() -> None:
+    parts = divide_mesh(grid_mesh(EL, [[0, 1, 3], [0, 1, 2], [0, 1]])[[0, 1]])
+    assert len(parts.hulls) == 1
+    el = np.array(
+        [[[0, 0, 0], [3, 0, 0], [3, 1, 0]], [[0, 0, 0], [3, 1, 0], [1, 1, 0]]], dtype=float
+    )
+    rest = np.array(
+        [[[0, 0, 0], [1, 1, 0], [1, 2, 0]], [[0, 0, 0], [1, 2, 0], [0, 2, 0]]], dtype=float
+    )
+    parts = divide_mesh(np.concatenate([el, rest]))
+    assert 2 <= len(parts.hulls) <= 3
+    assert volume(parts) == pytest.approx(4.0 * 0.002)
+    assert not inside(parts, (2.0, 1.5, 0.0))
+
+
+@pytest.mark.parametrize("subdivisions", [3, 6])
+def test_a_fine_sphere_keeps_few_corners(subdivisions: int) -> None:
+    parts = divide_mesh(np.array(trimesh.creation.icosphere(subdivisions, 0.5).triangles))
+    [hull] = parts.hulls
+    assert len(hull.corners) <= MOST_CORNERS
+    assert parts.deviation < 0.03
+    assert np.linalg.norm(hull.corners, axis=1) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_curved_solid_is_approximated_with_its_hollow() -> None:
+    parts = divide_mesh(np.array(trimesh.creation.torus(0.5, 0.1).triangles))
+    assert 6 <= len(parts.hulls) <= 64
+    assert not inside(parts, (0.0, 0.0, 0.0), (0.3, 0.0, 0.0))
+    assert inside(parts, (0.5, 0.0, 0.0))
+    assert volume(parts) == pytest.approx(2 * np.pi**2 * 0.5 * 0.01, rel=0.15)
+
+
+def test_the_leaves_of_a_tree_become_clumps() -> None:
+    rng = np.random.default_rng(1)
+    leaves = rng.uniform(-1, 1, (2000, 1, 3)) + rng.uniform(-0.02, 0.02, (2000, 3, 3))
+    parts = divide_mesh(leaves)
+    assert len(parts.hulls) <= 256
+    assert parts.deviation < 0.5
+
+
+def test_specks_are_left_out() -> None:
+    box = np.array(trimesh.creation.box((1.0, 1.0, 1.0)).triangles)
+    parts = divide_mesh(np.concatenate([box, box * 1e-4 + 3.0]))
+    assert (len(parts.hulls), parts.dropped) == (1, 1)
+
+
+def test_the_parts_are_the_same_each_time_and_mirrored_if_the_mesh_is() -> None:
+    mesh = turned(grid_mesh(WALLS, [[0, 0.1, 3.9, 4], [0, 0.1, 5.9, 6], [0, 2.5]]))
+    first, second = divide_mesh(mesh), divide_mesh(mesh)
+    assert [h.corners.tolist() for h in first.hulls] == [h.corners.tolist() for h in second.hulls]
+    mirrored = divide_mesh(mesh[:, ::-1] * [-1.0, 1.0, 1.0])
+    assert volume(mirrored) == pytest.approx(volume(first), rel=1e-6)
+    assert len(mirrored.hulls) == len(first.hulls)
