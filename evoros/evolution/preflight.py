@@ -1,4 +1,4 @@
-"""Finds bad input before a run starts, by all that a mission needs short of its engine."""
+"""Finds bad input before a run starts, by all that a mission needs and a short drive."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,7 +13,10 @@ from evoros.base.rng import generator
 from evoros.controller.protocol import StartedLayer
 from evoros.design.design import Design
 from evoros.design.genes import check_genes
+from evoros.evolution.drive_check import check_drive
 from evoros.evolution.experiment import Experiment
+from evoros.evolution.route_check import check_routes
+from evoros.evolution.sight_check import check_sight
 from evoros.mission.compiled_loop import explain_interpreted, prepare
 from evoros.mission.loop import FilterStage, LoopInputs
 from evoros.mission.loop_inputs import collect_inputs
@@ -33,8 +36,9 @@ def preflight(experiment: Experiment) -> None:
     """Start every part of an experiment once, so that bad input does not stop its run later.
 
     This tries the ends of all evolved ranges, starts the search, equips the robot, draws faults,
-    opens the controller and compiles the rules, which the workers then find on disk. Rules that
-    cannot be compiled are reported in the log.
+    opens the controller and compiles the rules, which the workers then find on disk. It logs the
+    rules that cannot be compiled, and a warning for each doubt about the robot, its sensors and
+    the courses.
 
     Raises:
         InputError: a part refuses what it is given.
@@ -44,11 +48,26 @@ def preflight(experiment: Experiment) -> None:
     draws: Draws = partial(generator, "try out")
     experiment.optimizer.start(experiment.space, draws("optimizer"))
     stages = _start_stages(_try_design(experiment), draws)
+    _report_mount(experiment)
+    for check in (check_routes, check_sight, check_drive):
+        for warning in check(experiment):
+            LOGGER.warning("%s", warning)
     simulators = (experiment.simulator, experiment.confirming.simulator)
     motions = [each.rules for each in simulators if isinstance(each, RuleSimulator)]
     for motion in dict.fromkeys(motions):
         simulation = RuleSimulation(motion, np.zeros(0), np.zeros(0))
         _compile(collect_inputs(simulation, *stages))
+
+
+def _report_mount(experiment: Experiment) -> None:
+    """Log the parts of the default mount that were chosen for the robot."""
+    robot = experiment.robot
+    if not robot.chosen_mount:
+        return
+    pitch = robot.default_pitch(experiment.design.sensors.values())
+    values = {"link": robot.mount_link, "z_m": f"{robot.mount_z_m:.4g}", "pitch_deg": f"{pitch:g}"}
+    chosen = ", ".join(f"robot.mount.{name}={values[name]}" for name in robot.chosen_mount)
+    LOGGER.info("%s: chosen for the robot and its sensors: %s", robot.name, chosen)
 
 
 def _try_design(experiment: Experiment) -> Scenario:

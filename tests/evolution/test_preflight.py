@@ -58,7 +58,7 @@ def test_building_an_experiment_starts_none_of_its_parts(calls: Counter[str]) ->
     experiment = compose(["simulator=planar", "failure=random", "executor=serial"]).build()
     assert not calls
     preflight(experiment)
-    once = {"open", "draw", "start", "with_sensors"}
+    once = {"open", "draw", "start"}
     assert {name: calls[name] for name in once} == dict.fromkeys(once, 1)
     assert calls["try_compile"]
 

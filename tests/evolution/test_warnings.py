@@ -1,0 +1,298 @@
+"""Warnings before a run: sensors that see the ground, unfit courses, steps that are too coarse."""
+
+import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evoros.base.arrays import COMMAND_SIZE, STATE_SIZE, STEERING, YAW, Array, X, Y
+from evoros.base.errors import InputError, SimulationError
+from evoros.config.compose import compose
+from evoros.evolution.drive_check import check_drive
+from evoros.evolution.experiment import Experiment
+from evoros.evolution.preflight import preflight
+from evoros.evolution.route_check import check_routes
+from evoros.evolution.sight_check import check_sight
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.robot.model import Robot
+from evoros.simulator.pybullet import PyBullet
+from evoros.world.floors import GROUND
+from evoros.world.model import World
+
+
+def build(*overrides: str, simulator: str = "planar") -> Experiment:
+    return compose([f"simulator={simulator}", "executor=serial", *overrides]).build()
+
+
+BUNDLED = [
+    *(["experiment=" + name] for name in ("as_run", "case_study", "dense", "quickstart")),
+    ["world=generated"],
+    ["robot=two_wheeler"],
+    ["design=around"],
+    ["robot=two_wheeler", "design=around", "robot.mount=null"],
+]
+
+
+@pytest.mark.parametrize("overrides", BUNDLED, ids=" ".join)
+def test_what_is_bundled_gives_no_warning(overrides: list[str]) -> None:
+    experiment = build(*overrides)
+    assert [*check_sight(experiment), *check_routes(experiment)] == []
+    assert [*check_drive(replace(experiment, simulator=PyBullet()))] == []
+
+
+def test_a_mount_that_is_chosen_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO", "evoros")
+    preflight(
+        build("robot=two_wheeler", "design=around", "robot.mount.link=null", "robot.mount.z_m=null")
+    )
+    assert "two_wheeler: chosen for the robot and its sensors: robot.mount.link=base_link" in (
+        caplog.text
+    )
+    assert "robot.mount.z_m=" in caplog.text
+    assert "robot.mount.pitch_deg=" not in caplog.text
+
+
+# Sensors ------------------------------------------------------------------------------------
+
+
+def cart(*overrides: str) -> Experiment:
+    return build("robot=two_wheeler", "design=around", *overrides)
+
+
+def test_ground_within_the_range_of_the_avoidance_is_told_with_the_pitch_that_helps() -> None:
+    (line,) = check_sight(cart("robot.mount.pitch_deg=0"))
+    # The lowest rays, 15 deg below the horizon, leave from a height of 0.166 m.
+    assert "in 8 of 8 designs" in line
+    assert f"sees the ground {0.166 / math.sin(math.radians(15)):.3g} m away" in line
+    assert "within controller.avoidance.range_m (2 m)" in line
+    found = re.search(r"raise the pitch to (\d+) deg", line)
+    assert found is not None
+    pitch = int(found[1])
+    assert list(check_sight(cart(f"robot.mount.pitch_deg={pitch}"))) == []
+    assert len(list(check_sight(cart(f"robot.mount.pitch_deg={pitch - 2}")))) == 1
+    near = "controller.avoidance.range_m=0.6"
+    assert list(check_sight(cart("robot.mount.pitch_deg=0", near))) == []
+
+
+def test_the_range_that_evolves_counts() -> None:
+    gene = (
+        "+design.genes.avoid={_target_: evoros.design.genes.Gene, "
+        "key: controller.avoidance.range_m, low: %s, high: %s}"
+    )
+    level = "robot.mount.pitch_deg=0"
+    assert list(check_sight(cart(level, gene % (0.2, 0.6)))) == []
+    (line,) = check_sight(cart(level, gene % (0.2, 4)))
+    assert "in 8 of 8" not in line
+
+
+def test_a_controller_without_avoidance_sees_no_ground() -> None:
+    blind = "controller/avoidance=blind"
+    assert list(check_sight(cart("robot.mount.pitch_deg=-30", blind))) == []
+
+
+def test_a_sensor_that_would_see_the_robot_is_told() -> None:
+    region = "{_target_: evoros.design.region.Region, x_m: -0.19, y_m: 0, yaw_deg: 0}"
+    (line,) = check_sight(build(f"+design.regions.tail={region}", "design.number=9"))
+    assert "would see the robot itself 0.0" in line
+    assert "on base_link with yaw 0 deg" in line
+
+
+# Courses ------------------------------------------------------------------------------------
+
+
+def wall(name: str, x: float, y: float, length: float, width: float = 0.1) -> Body:
+    return Body(name, Pose((x, y, 0.5)), (Shape("box", (length, width, 1.0)),))
+
+
+def corridor(width: float, *more: Body, **course: Any) -> Experiment:
+    """Build an experiment in a corridor of 20 m along x, from home to a waypoint at 8 m."""
+    experiment = build("world=boxes", "course.home_yaw_rad=0", "course.waypoints=[[8,0]]")
+    world = experiment.world["boxes"]
+    sides = (width + 0.1) / 2
+    bodies = (GROUND, wall("left", 0, sides, 20), wall("right", 0, -sides, 20), *more)
+    route = replace(world.course, **{"acceptance_m": 0.3, **course})
+    return replace(experiment, world={"hall": replace(world, bodies=bodies, course=route)})
+
+
+def test_a_range_far_beyond_the_free_space_is_told() -> None:
+    (line,) = check_routes(corridor(1.0))
+    assert line == (
+        "world.hall: half of the course lies within 0.5 m of an obstacle, but "
+        "controller.avoidance.range_m is 2 m, so that the robot avoids most of the time; lower it "
+        "to about 1 m"
+    )
+    assert list(check_routes(corridor(1.5))) == []
+
+
+def test_a_passage_narrower_than_the_robot_is_told() -> None:
+    """The rover is 0.325 m wide."""
+
+    def door(width: float) -> Experiment:
+        length = (2.0 - width) / 2
+        posts = [
+            Body(f"post{side}", Pose((4, side * (1 - length / 2), 0.5)), (box(0.1, length),))
+            for side in (-1, 1)
+        ]
+        return corridor(2.0, *posts)
+
+    def box(length: float, width: float) -> Shape:
+        return Shape("box", (length, width, 1.0))
+
+    ends = [wall(f"end{x}", x, 0, 0.1, 2.2) for x in (-10, 10)]
+    closed = door(0.15)
+    hall = closed.world["hall"]
+    closed = replace(closed, world={"hall": replace(hall, bodies=(*hall.bodies, *ends))})
+    (line,) = check_routes(closed)
+    assert "no way between the obstacles is as wide as erle_rover (0.325 m)" in line
+    assert "to the waypoint (8, 0)" in line
+    opened = door(0.4).world["hall"]
+    opened = replace(opened, bodies=(*opened.bodies, *ends))
+    assert list(check_routes(replace(closed, world={"hall": opened}))) == []
+
+
+def test_waypoints_within_the_acceptance_of_each_other_are_told_once() -> None:
+    lines = list(check_routes(build("course.waypoints=[[5,5],[5,5.5]]")))
+    assert len(lines) == 1
+    assert lines[0].startswith("world.boxes, world.maze, world.blocks: leg 2 of the course, 0.5 m")
+    (line,) = check_routes(corridor(1.5, acceptance_m=8.5))
+    assert "leg 1 of the course" in line
+
+
+def test_a_waypoint_that_the_robot_cannot_reach_is_told() -> None:
+    post = wall("post", 8.2, 0, 0.1)
+    (line,) = check_routes(corridor(2.0, post, acceptance_m=0.005))
+    assert "touches an obstacle before it is within acceptance_m (0.005 m)" in line
+    assert list(check_routes(corridor(2.0, post, acceptance_m=0.1))) == []
+
+
+def test_a_home_at_which_the_robot_touches_an_obstacle_is_refused() -> None:
+    """The front of the rover is 0.25 m ahead of its origin."""
+    with pytest.raises(InputError, match=r"erle_rover touches an obstacle at home \(0, 0\); move"):
+        list(check_routes(corridor(2.0, wall("post", 0.29, 0.8, 0.1, 1.59))))
+    post = wall("post", 0.29, 0, 0.1, 0.1)
+    with pytest.raises(InputError, match="touches an obstacle at home"):
+        list(check_routes(corridor(2.0, post)))
+    assert len(list(check_routes(corridor(2.0, post, end_on_collision=False)))) == 1
+    assert list(check_routes(corridor(2.0, wall("post", 0.31, 0, 0.1, 0.1)))) == []
+
+
+# Engines ------------------------------------------------------------------------------------
+
+
+def two_wheeler(**simulator: Any) -> Experiment:
+    experiment = build("robot=two_wheeler")
+    return replace(experiment, simulator=PyBullet(**simulator))
+
+
+def test_a_step_that_is_too_coarse_is_told_with_one_that_does() -> None:
+    (line,) = check_drive(two_wheeler(solver_iterations=2))
+    assert line.startswith("simulator: at time_step=0.025, two_wheeler drives 11 % faster")
+    found = re.search(r"set simulator\.time_step=(\S+) simulator\.solver_iterations=(\d+),", line)
+    assert found is not None
+    step, iterations = float(found[1]), int(found[2])
+    assert round(0.1 / step) * step == pytest.approx(0.1)  # it divides the periods
+    assert list(check_drive(two_wheeler(time_step=step, solver_iterations=iterations))) == []
+
+
+def test_a_motion_that_no_step_corrects_is_told() -> None:
+    (line,) = check_drive(two_wheeler(wheel_friction=0.005))
+    assert "a finer step does not change that; compare" in line
+    fast = build(
+        "robot=two_wheeler", "robot.drive.max_speed_mps=3", "controller.avoidance.speed_mps=3"
+    )
+    (line,) = check_drive(replace(fast, simulator=PyBullet()))
+    assert "because the tightest turn at 3 m/s needs more friction" in line
+
+
+def test_the_confirming_simulator_is_tried_too() -> None:
+    experiment = build("robot=two_wheeler", "confirmation=pybullet")
+    assert experiment.confirmation is not None
+    coarse = replace(experiment.confirmation, simulator=PyBullet(solver_iterations=2))
+    (line,) = check_drive(replace(experiment, confirmation=coarse))
+    assert "set confirmation.simulator.time_step=" in line
+
+
+def test_missions_have_the_same_bits_after_a_short_drive() -> None:
+    experiment = build("world=boxes")
+    world = experiment.world["boxes"]
+
+    def drive() -> Array:
+        states = np.zeros((60, STATE_SIZE))
+        command = np.array([0.3, 0.4])
+        with PyBullet().open(experiment.robot, world) as simulation:
+            for state in states:
+                simulation.advance(command, 0.1)
+                simulation.observe(state)
+        return states
+
+    before = drive()
+    assert list(check_drive(replace(experiment, simulator=PyBullet()))) == []
+    np.testing.assert_array_equal(drive(), before)
+
+
+@dataclass(frozen=True)
+class Stub:
+    """An engine whose robot does something else than commanded."""
+
+    fault: str = ""
+    time_step: float = 0.05
+    packages = ()
+
+    @contextmanager
+    def open(self, robot: Robot, world: World) -> Iterator[Any]:
+        if self.fault == "refuse":
+            raise SimulationError("no such robot")
+        yield StubSimulation(self.fault, robot)
+
+
+class StubSimulation:
+    def __init__(self, fault: str, robot: Robot) -> None:
+        self.fault, self.robot = fault, robot
+        self.pose = np.zeros(3)
+
+    def observe(self, state: Array) -> None:
+        state[:] = 0.0
+        state[[X, Y, YAW]] = self.pose
+        if self.fault == "lost":
+            state[X] = math.nan
+
+    def sense(self, readings: Array) -> None:
+        heights = self.robot.sensor_poses()[:, 2]
+        readings[:] = heights - (0.03 if self.fault == "sink" else 0.0)
+        if self.fault == "tip":
+            readings += 0.02 * np.arange(len(readings))
+
+    def advance(self, command: Array, duration: float) -> None:
+        assert command.shape == (COMMAND_SIZE,)
+        speed, lock = (0.0, 0.0) if self.fault == "stand" else command
+        rate = speed * math.tan(lock) / self.robot.drive.wheelbase_m
+        self.pose[2] += rate * duration * (0.8 if self.fault == "slip" else 1.0)
+        self.pose[:2] += speed * duration * np.array([np.cos(self.pose[2]), np.sin(self.pose[2])])
+        self.pose[0] += 0.05 * duration if self.fault == "drift" else 0.0
+        assert command[STEERING] >= 0
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("stand", "two_wheeler hardly drives at all and hardly turns at all; "),
+        ("slip", "two_wheeler turns 20 % slower than commanded; "),
+        ("drift", "two_wheeler drifts 50 mm/s at rest"),
+        ("sink", "two_wheeler sinks 30 mm into the ground; "),
+        ("tip", "two_wheeler stands at a tilt of 24 deg; "),
+        ("lost", "two_wheeler has a pose that is no number; "),
+        ("refuse", "simulator: every mission would fail, because of this: no such robot"),
+    ],
+)
+def test_each_fault_of_a_motion_has_its_words(fault: str, said: str) -> None:
+    (line,) = check_drive(replace(build("robot=two_wheeler"), simulator=Stub(fault)))
+    assert said in line
+
+
+def test_a_simulator_without_fault_gives_no_warning() -> None:
+    assert list(check_drive(replace(build("robot=two_wheeler"), simulator=Stub()))) == []
