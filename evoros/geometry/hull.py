@@ -82,6 +82,8 @@ def simplify(hull: Hull) -> tuple[Hull, float]:
 
     Corners are added, the most distant one first, until the rest lies within ``COARSENESS``.
     """
+    if len(hull.corners) <= 500:
+        hull = _without_flat_corners(hull)
     corners = hull.corners
     if len(corners) <= 24:
         return hull, 0.0
@@ -98,6 +100,19 @@ def simplify(hull: Hull) -> tuple[Hull, float]:
     if simple is None:
         return hull, 0.0
     return simple, max(-float(simple.depth(corners).min()), 0.0)
+
+
+def _without_flat_corners(hull: Hull) -> Hull:
+    """Return the hull without corners in the middle of a face or an edge, which cuts leave."""
+    _, first = np.unique(np.round(hull.planes[:, :3], 5), axis=0, return_index=True)
+    planes = hull.planes[first]
+    touched = np.abs(hull.corners @ planes[:, :3].T + planes[:, 3]) < 1e-6
+    corners = hull.corners[touched.sum(axis=1) >= 3]
+    if len(corners) in (len(hull.corners), 0):
+        return hull
+    smaller = make_hull(corners)
+    same = smaller is not None and abs(smaller.volume - hull.volume) < 1e-6 * hull.volume
+    return smaller if smaller is not None and same else hull
 
 
 def _extremes(points: Array, directions: Array) -> NDArray[np.integer]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from evoros.base.arrays import Array
 from evoros.geometry.hull import MOST_CORNERS
 from evoros.geometry.mesh_parts import Parts, divide_mesh
+from evoros.geometry.shapes import Pose
 
 SIDES = [(axis, step) for axis in range(3) for step in (-1, 1)]
 
@@ -39,8 +40,8 @@ def grid_mesh(filled: NDArray[np.bool_], lines: list[list[float]]) -> Array:
 
 
 def turned(triangles: Array) -> Array:
-    rotation = trimesh.transformations.rotation_matrix(0.7, [0.3, -0.5, 1.0])[:3, :3]
-    result: Array = triangles @ rotation.T + [0.3, -2.0, 1.0]
+    pose = Pose.from_rpy((0.3, -2.0, 1.0), 0.2, -0.3, 0.6)
+    result: Array = triangles @ pose.rotation.T + pose.position
     return result
 
 
