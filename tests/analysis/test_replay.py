@@ -284,6 +284,38 @@ def test_what_stands_high_is_cut_and_its_foot_stays(shape: Shape, pose: Pose) ->
     assert placed.position[:2] == pytest.approx(pose.position[:2])
 
 
+def test_a_high_part_of_a_mesh_is_cut_and_its_foot_stays() -> None:
+    """A cone of three sides, 2 m high: at 0.6 m it is 0.7 as wide as at its foot."""
+    corners = ((1.0, 0.0, 0.0), (-0.5, 0.8, 0.0), (-0.5, -0.8, 0.0), (0.0, 0.0, 2.0))
+    pose = Pose.from_rpy((1.0, 1.0, 0.0), 0.0, 0.0, 0.4)
+    body = Body("cone", pose, (Shape("convex", (), corners=corners),))
+    elsewhere = changed(COURSE, home_x_m=-5.0, waypoints=((-4.0, 0.0),))
+    ((shown, _),) = cut_obstacles(World("high", (GROUND, body), elsewhere, "a.sdf", "2"))
+    expected = [*corners[:3], *((0.7 * x, 0.7 * y, CUT_M) for x, y, _ in corners[:3])]
+    gaps = np.linalg.norm(np.array(shown.shapes[0].corners)[:, None] - expected, axis=2)
+    assert gaps.shape == (6, 6)
+    assert max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) < 1e-9
+
+
+def test_polyhedra_and_height_fields_are_seen() -> None:
+    """From straight above: a wedge at 2, 0 in its own colour, and hills at -2, 0."""
+    corners = tuple((x, y, z) for y in (-0.5, 0.5) for x, z in ((-0.5, 0), (0.5, 0), (0.5, 0.4)))
+    wedge = Body("wedge", Pose((2.0, 0.0, 0.0)), (Shape("convex", (), corners=corners),))
+    field = Shape("heightfield", (1.0, 1.0), heights=((0.1, 0.2), (0.3, 0.1)))
+    hills = Body("hills", Pose((-2.0, 0.0, 0.0)), (field,))
+    crate = Body("crate", Pose((0.0, 2.0, 0.2)), (Shape("box", (1.0, 1.0, 0.4)), *wedge.shapes))
+    camera = overhead_camera((-4.0, -3.0), (4.0, 3.0), SIZE)
+    solids = [(wedge, (0.9, 0.1, 0.1)), (hills, (0.1, 0.9, 0.1)), (crate, (0.1, 0.1, 0.9))]
+    with open_scene(BOX, solids) as scene:
+        picture = scene.render(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
+    for x, y, channel in ((2.2, 0.1, 0), (-2.3, 0.3, 1), (-1.6, -0.4, 1), (0.1, 2.3, 2)):
+        colour_ = picture.colours[pixel(camera, x, y, 0.1)][:3]
+        assert int(np.argmax(colour_)) == channel
+        assert colour_.max() > colour_.min() + 50
+    for x, y in ((1.3, 0.0), (2.7, 0.0), (-1.3, 0.0), (-2.7, 0.0), (2.0, 0.8)):
+        assert picture.bodies[pixel(camera, x, y, 0.1)] == -1
+
+
 def test_low_obstacles_are_whole_and_those_overhead_are_not_shown() -> None:
     low = Body("low", Pose((2.0, 1.0, 0.2)), (Shape("box", (0.4, 0.4, 0.4)),), mass=5.0)
     roof = Body("roof", Pose((2.0, 1.0, 2.0)), (Shape("box", (9.0, 9.0, 0.1)),))

@@ -42,3 +42,18 @@ def test_a_picture_has_what_leans_and_what_is_raised() -> None:
     np.testing.assert_allclose(boxes[0], (5.7, -0.3, 0.6, 0.6), atol=1e-5)
     np.testing.assert_allclose(boxes[1], (-0.5, 5.5, 1.0, 1.0), atol=1e-9)
     np.testing.assert_allclose(np.asarray(solids.get_array()), (1.0, 1.1), atol=1e-5)
+
+
+def test_a_picture_has_parts_of_meshes_and_leaves_out_floors() -> None:
+    """What a robot drives on is no obstacle; a crate in the air is drawn where it lands."""
+    world = field().draw_world(FIXED)
+    ground = [body for body in world.bodies if body.is_ground]
+    corners = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 2.0))
+    part = Body("part", Pose((2.0, 5.0, 0.0)), (Shape("convex", (), corners=corners),))
+    slab = Body("slab", Pose((0.0, 0.0, -0.5)), (Shape("box", (30.0, 30.0, 1.0)),), floor=True)
+    crate = Body("crate", Pose((-2.0, 5.0, 3.0)), (Shape("box", (1.0, 1.0, 1.0)),), mass=2.0)
+    drawn = draw_worlds({"mesh": replace(world, bodies=(*ground, slab, part, crate))})
+    (solids,) = drawn.axes[0].collections
+    boxes = [path.get_extents().bounds for path in solids.get_paths()]
+    np.testing.assert_allclose(boxes, [(2.0, 5.0, 1.0, 1.0), (-2.5, 4.5, 1.0, 1.0)], atol=1e-9)
+    np.testing.assert_allclose(np.asarray(solids.get_array()), (2.0, 1.0), atol=1e-9)
