@@ -14,6 +14,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.drive.automatic import AutomaticDescription
+from evoros.drive.candidates import CASTER
 from evoros.drive.differential import DifferentialDescription
 from evoros.drive.protocol import DriveDescription
 from evoros.drive.rolling import Wheel, shape_points
@@ -23,15 +24,12 @@ from evoros.formats.urdf.solids import SolidsReader
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.body_adaptation import (
-    Casters,
-    add_supports,
-    centre_of_mass,
     complete_body,
-    find_casters,
     hold_joints,
     place_on_ground,
     show_as_collisions,
 )
+from evoros.robot.caster_adaptation import Casters, add_supports, centre_of_mass, find_casters
 from evoros.robot.wheel_adaptation import (
     MOTOR_VELOCITY,
     Notes,
@@ -137,7 +135,8 @@ def _complete_masses(
         if not _has_mass(links, urdf, child):
             _give_share(links[child], wheels[0].radius)
             given.append(child)
-    body = urdf.rigid_group(urdf.root)
+    group = urdf.rigid_group(urdf.root)
+    body = {name: pose for name, pose in group.items() if not CASTER.search(name)}
     if not any(links[name].find("inertial") is not None for name in body):
         shapes = [(s, pose @ s.pose) for name, pose in body.items() for s in urdf.shapes[name]]
         if shapes:

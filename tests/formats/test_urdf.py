@@ -187,7 +187,7 @@ def test_packages_are_found_by_name(tmp_path: Path) -> None:
         name = write(tmp_path / "robot", body.format(where))
         for root in (tmp_path / "parts", tmp_path / "parts" / "wheels"):
             found = text(name, (str(root),))
-            assert f'filename="{mesh}"' in found
+            assert f'filename="file://{mesh}"' in found
             assert f'name="{mesh.parent}"' in found
         refused(name)
 

@@ -45,8 +45,8 @@ class ReadOptions:
 def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
     """Return the file and the root element of a URDF, or of the expansion of a xacro file.
 
-    In the result, the names of existing files are absolute paths. A mesh that is missing keeps its
-    name, and whoever needs it reports it.
+    In the result, the names of existing files are addresses (``file:///...``). A mesh that is
+    missing keeps its name, and whoever needs it reports it.
 
     Raises:
         InputError: the file is missing, not well-formed, cannot be expanded, has a DOCTYPE, or

@@ -14,7 +14,7 @@ _MESH_SCHEMES = ("package://", "model://", "file://")
 
 
 def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
-    """Replace the names of existing meshes and textures by absolute paths.
+    """Replace the names of existing meshes and textures by their addresses (``file:///...``).
 
     Elements that show or collide with a file of an ignored package are removed. A mesh that is
     missing keeps its name: whether it matters depends on its part.
@@ -74,7 +74,7 @@ def _resolve(name: str, element: Element, file: Path, packages: PackageIndex) ->
         roots = ", ".join(map(str, packages.roots))
         problem = f"names {name}, which must lie inside {roots}"
         raise element_error(element, problem, "add its folder to the robot's packages")
-    return str(real)
+    return f"file://{real}"
 
 
 def _keep_missing(name: str, element: Element, file: Path, packages: PackageIndex) -> str:

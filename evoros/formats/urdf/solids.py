@@ -77,7 +77,7 @@ class SolidsReader:
         return self.notes
 
     def _read_mesh(self, link: Element, solid: Element, pose: Pose) -> tuple[Shape, ...]:
-        name = str(solid.get("filename"))
+        name = str(solid.get("filename")).removeprefix("file://")
         if not Path(name).is_file():
             if self.missing_meshes == "box":
                 self._boxes.append(name)

@@ -1,0 +1,174 @@
+"""Finds what a robot slides on, and gives it what it lacks."""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from lxml.etree import _Element as Element
+
+from evoros.base.arrays import Array
+from evoros.drive.rolling import shape_points
+from evoros.drive.wheels import CASTER_GAP_M, TOLERANCE_M
+from evoros.formats.urdf.elements import add_fixed_link, build_collision, set_inertial, set_origin
+from evoros.formats.urdf.inertias import box_tensor
+from evoros.formats.urdf.parts import read_origin, read_shape
+from evoros.formats.urdf.tree import Urdf
+from evoros.geometry.footprint import bottom_height
+from evoros.geometry.shapes import Pose, Shape
+
+CASTER_MASS_KG = 0.01  # of a caster that is split off, and of an assumed one
+CLEARANCE_M = 0.02  # of a shape that is cut off above the ground
+_MAX_DEPTH_M = 0.02  # below the wheels, of a shape that is raised
+_ASSUMED_RADIUS_M = 0.01
+
+
+class Casters(NamedTuple):
+    """Links that slide on the ground."""
+
+    links: tuple[str, ...]
+    exposed: Mapping[str, str]  # those that are parts of the body, and the links they are from
+    notes: tuple[str, ...]
+
+
+def find_casters(
+    elements: Element, urdf: Urdf, rolling: Collection[str], given: Sequence[str]
+) -> Casters:
+    """Find the parts other than wheels that reach the ground, and make them links of their own."""
+    links = {str(link.get("name")): link for link in elements.findall("link")}
+    found, raised, split = list(given), [], {}
+    gaps: dict[str, float] = {}
+    cut = [n for n, p in urdf.poses.items() if n not in rolling and _cut_off(links[n], p)]
+    for name, pose in urdf.poses.items():
+        low = [c for c in links[name].findall("collision") if _gap(c, pose) < CASTER_GAP_M]
+        if name in rolling or not low:
+            continue
+        raised += [name for collision in low if _raise(collision, pose)]
+        gaps[name] = min(_gap(collision, pose) for collision in low)
+        alone = len(low) == len(links[name].findall("collision")) and name != urdf.root
+        if name in given:
+            continue
+        if alone and not urdf.children_of(name):
+            found.append(name)
+        else:
+            split[_split_off(elements, links[name], name, low)] = name
+    notes = []
+    if len(found) > len(given):
+        names = ", ".join(_with_gap(name, gaps[name]) for name in found[len(given) :])
+        notes.append(f"casters found, which slide without friction: {names}")
+    if split:
+        names = ", ".join(_with_gap(name, gaps[name]) for name in split.values())
+        notes.append(f"low parts of the body slide without friction: {names}")
+    if raised:
+        notes.append(f"parts below the ground are raised onto it: {', '.join(raised)}")
+    if cut:
+        notes.append(f"parts far below the ground are cut off above it: {', '.join(cut)}")
+    _complete(links, [name for name in found if name in links])
+    return Casters((*found, *split), split, tuple(notes))
+
+
+def _with_gap(name: str, gap: float) -> str:
+    return f"{name} ({1e3 * gap:.1f} mm above the ground)" if gap > TOLERANCE_M else name
+
+
+def _gap(collision: Element, link: Pose) -> float:
+    """Return the height [m] of a shape above the ground; ``link`` is the pose of its link."""
+    shape = read_shape(collision)
+    return bottom_height(shape, link @ shape.pose)
+
+
+def _raise(collision: Element, link: Pose) -> bool:
+    """Raise a shape that is a little below the ground; return whether it was."""
+    depth = -_gap(collision, link)
+    if depth <= TOLERANCE_M / 2:
+        return False
+    up = link.rotation.T @ np.array([0.0, 0.0, depth])
+    origin = read_origin(collision)
+    x, y, z = (np.array(origin.position) + up).tolist()
+    set_origin(collision, Pose((x, y, z), origin.quaternion))
+    return True
+
+
+def _cut_off(link: Element, pose: Pose) -> bool:
+    """Cut the shapes of a link that reach far below the ground; return whether any did."""
+    deep = [c for c in link.findall("collision") if _gap(c, pose) < -_MAX_DEPTH_M]
+    for collision in deep:
+        shape = read_shape(collision)
+        points = shape_points(shape, pose @ shape.pose)
+        link.remove(collision)
+        if float(points[:, 2].max()) > 2.0 * CLEARANCE_M:
+            points[:, 2] = np.maximum(points[:, 2], CLEARANCE_M)
+            x, y, z = points.T.tolist()
+            corners = tuple(zip(x, y, z, strict=True))
+            link.append(build_collision(Shape("convex", (), pose.inverse(), corners=corners)))
+    return bool(deep)
+
+
+def _split_off(elements: Element, link: Element, name: str, low: Sequence[Element]) -> str:
+    """Move shapes of a link into a new link, which is fixed to it."""
+    new = add_fixed_link(elements, f"{name}_caster", name, Pose())
+    for collision in low:
+        new.append(collision)
+    _complete({f"{name}_caster": new}, [f"{name}_caster"])
+    return f"{name}_caster"
+
+
+def _complete(links: dict[str, Element], names: Sequence[str]) -> None:
+    """Give casters without a mass a small one."""
+    for name in names:
+        if links[name].find("inertial") is None:
+            shapes = [read_shape(c) for c in links[name].findall("collision")]
+            centre = np.mean([shape.pose.position for shape in shapes], axis=0)
+            set_inertial(links[name], CASTER_MASS_KG, centre, box_tensor(CASTER_MASS_KG, _SIZE))
+
+
+_SIZE: Array = np.full(3, 2.0 * _ASSUMED_RADIUS_M)
+
+
+def add_supports(
+    elements: Element, urdf: Urdf, axle_x_m: float, casters: Sequence[str], corners: Array
+) -> Casters:
+    """Hold up a robot on two wheels on each side of the axle on which no caster does.
+
+    ``corners`` (n, 3) [m] are those of its body. Only the side that its weight is on needs one.
+    """
+    mass, centre = centre_of_mass(elements, urdf)
+    places = [
+        float(urdf.poses[name].transform(shape.pose.position)[0]) - axle_x_m
+        for name in casters
+        for shape in urdf.shapes[name]
+    ]
+    lean = float(centre[0]) - axle_x_m if mass > 0.0 else 0.0
+    sides = [
+        side
+        for side in (1.0, -1.0)
+        if not any(place * side > 0.0 for place in places) and (not places or lean * side > 0.0)
+    ]
+    names = []
+    for side in sides:
+        reach = max(float((side * (corners[:, 0] - axle_x_m)).max()), 5.0 * _ASSUMED_RADIUS_M)
+        name = f"evoros_support_{'front' if side > 0 else 'rear'}"
+        x = axle_x_m + 0.9 * side * reach
+        root = urdf.poses[urdf.root].inverse() @ Pose((x, 0.0, _ASSUMED_RADIUS_M))
+        link = add_fixed_link(elements, name, urdf.root, root)
+        link.append(build_collision(Shape("sphere", (_ASSUMED_RADIUS_M,))))
+        _complete({name: link}, [name])
+        names.append(name)
+    if not names:
+        return Casters((), {}, ())
+    why = "no caster holds it up" if not places else "its weight is not between axle and casters"
+    where = " and ".join(name.rpartition("_")[2] for name in names)
+    return Casters(tuple(names), {}, (f"{why}, so it slides on an assumed ball at the {where}",))
+
+
+def centre_of_mass(elements: Element, urdf: Urdf) -> tuple[float, Array]:
+    """Return the mass [kg] and the centre of mass (3,) [m] in the robot's frame."""
+    total, moment = 0.0, np.zeros(3)
+    for link in elements.findall("link"):
+        inertial = link.find("inertial")
+        mass = None if inertial is None else inertial.find("mass")
+        if inertial is not None and mass is not None:
+            value = float(mass.get("value", "0"))
+            place = urdf.poses[str(link.get("name"))].transform(read_origin(inertial).position)
+            total, moment = total + value, moment + value * np.array(place)
+    return total, moment / total if total > 0.0 and math.isfinite(total) else moment

@@ -1,0 +1,478 @@
+"""Descriptions as people write them are completed for engines, and each assumption is told."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from lxml import etree
+
+from evoros.base.errors import InputError
+from evoros.drive.automatic import AutomaticDescription
+from evoros.drive.differential import Differential, DifferentialDescription
+from evoros.drive.protocol import DriveDescription
+from evoros.robot.adaptation import GRAVITY_MPS2
+from evoros.robot.loading import load_robot
+from evoros.robot.model import Robot
+
+INERTIAL = (
+    '<inertial><mass value="{0}"/>'
+    '<inertia ixx="{1}" iyy="{1}" izz="{1}" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+BOX = (
+    '<collision><origin xyz="0 0 0.08"/><geometry><box size="0.3 0.2 0.1"/></geometry></collision>'
+)
+DISC = '<origin rpy="1.5707963 0 0"/><geometry><cylinder radius="0.05" length="0.03"/></geometry>'
+BALL = '<collision><geometry><sphere radius="0.02"/></geometry></collision>'
+LIMIT = '<limit effort="1" velocity="8"/>'
+
+
+def link(name: str, *parts: str) -> str:
+    return f'<link name="{name}">{"".join(parts)}</link>'
+
+
+def joint(
+    name: str,
+    child: str,
+    xyz: str = "0 0 0",
+    kind: str = "fixed",
+    more: str = "",
+    rpy: str = "0 0 0",
+) -> str:
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="base_link"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/>{more}</joint>'
+    )
+
+
+def wheel(
+    side: str,
+    shape: str = f"<collision>{DISC}</collision>",
+    more: str = f'<axis xyz="0 1 0"/>{LIMIT}',
+    mass: str = INERTIAL.format(0.2, 0.0003),
+    z: float = 0.05,
+    rpy: str = "0 0 0",
+    y: float = 0.0,
+    x: float = 0.0,
+    kind: str = "continuous",
+) -> str:
+    place = y + (0.12 if side == "left" else -0.12)
+    name = f"{side}_wheel"
+    return link(name, shape, mass) + joint(
+        f"{name}_joint", name, f"{x} {place} {z}", kind, more, rpy
+    )
+
+
+CASTER = link("caster_link", BALL, INERTIAL.format(0.05, 0.0001)) + joint(
+    "caster_joint", "caster_link", "-0.12 0 0.02"
+)
+BASE = link("base_link", BOX, INERTIAL.format(2.0, 0.02))
+WHEELS = wheel("left") + wheel("right")
+
+
+def load(folder: Path, *parts: str, drive: DriveDescription | None = None, **keys: Any) -> Robot:
+    (folder / "bot.urdf").write_text(f'<robot name="bot">\n{"".join(parts)}\n</robot>')
+    name = str(folder / "bot.urdf")
+    return load_robot(name, drive or AutomaticDescription(), **keys)
+
+
+def told(caplog: pytest.LogCaptureFixture, text: str) -> str:
+    """The only message with a text; it names the file and has one line."""
+    (line,) = (message for message in caplog.messages if text in message)
+    assert "bot.urdf: " in line
+    assert "\n" not in line
+    return line
+
+
+def two_wheeled(robot: Robot) -> Differential:
+    assert isinstance(robot.drive, Differential)
+    return robot.drive
+
+
+def element(robot: Robot, path: str) -> etree._Element:
+    found = robot.urdf_elements().find(path)
+    assert found is not None
+    return found
+
+
+def shapes(robot: Robot, name: str) -> list[str]:
+    return [str(s.tag) for s in robot.urdf_elements().findall(f"link[@name='{name}']/*/geometry/*")]
+
+
+def test_a_sound_description_is_not_changed(tmp_path: Path) -> None:
+    robot = load(tmp_path, BASE, WHEELS, CASTER)
+    assert robot.engine_urdf is None
+    assert two_wheeled(robot).caster_links == ("caster_link",)
+
+
+def test_links_without_inertial_are_frames(tmp_path: Path) -> None:
+    frames = link("base_footprint") + link("scan") + joint("scan_joint", "scan", "0.1 0 0.15")
+    foot = joint("foot", "base_link").replace('parent link="base_link"', 'parent link="foot"')
+    foot = foot.replace('parent link="foot"', 'parent link="base_footprint"')
+    robot = load(tmp_path, frames, foot, BASE, WHEELS, CASTER)
+    assert robot.engine_urdf is None
+    assert "scan" in robot.sensor_links
+
+
+def test_the_description_of_the_file_is_kept(tmp_path: Path) -> None:
+    plugin = '<gazebo><plugin filename="libx.so" name="x"><a>1</a></plugin></gazebo>'
+    lifted = wheel("left", z=0.02) + wheel("right", z=0.02)
+    robot = load(tmp_path, BASE, lifted, CASTER.replace(" 0.02", " -0.01"), plugin)
+    assert robot.engine_urdf is not None
+    assert "libx.so" in robot.urdf
+    assert "evoros_ground" not in robot.urdf
+
+
+@pytest.mark.parametrize("z", [0.02, 0.07])
+def test_the_root_may_be_above_or_below_the_ground(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, z: float
+) -> None:
+    caster = CASTER.replace("-0.12 0 0.02", f"-0.12 0 {z - 0.03}")
+    robot = load(tmp_path, BASE, wheel("left", z=z), wheel("right", z=z), caster)
+    assert two_wheeled(robot).wheel_radius_m == pytest.approx(0.05)
+    assert robot.height_m == pytest.approx(0.13 + 0.05 - z)
+    assert robot.sensor_links["base_link"] == pytest.approx((0.0, 0.0, 0.05 - z, 0.0))
+    assert set(robot.sensor_links) == {"base_link", "caster_link"}
+    assert f"{abs(0.05 - z):.4g} m" in told(caplog, "wheels stand")
+
+
+def test_wheels_beside_the_middle_are_found(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = load(tmp_path, BASE, wheel("left", y=0.03), wheel("right", y=0.03), CASTER)
+    assert robot.sensor_links["base_link"][1] == pytest.approx(-0.03)
+    assert "0.03 m to the left" in told(caplog, "wheels stand")
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [({"x": 0.004}, "not opposite by 4.0 mm"), ({"z": 0.053}, "above the ground by 3.0 mm")],
+)
+def test_wheels_may_be_off_by_millimetres(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, changes: dict[str, float], says: str
+) -> None:
+    load(tmp_path, BASE, wheel("left"), wheel("right", **changes), CASTER)  # type: ignore[arg-type]
+    assert told(caplog, says)
+
+
+@pytest.mark.parametrize("changes", [{"x": 0.02}, {"z": 0.058}])
+def test_wheels_farther_off_are_refused(tmp_path: Path, changes: dict[str, float]) -> None:
+    explicit = DifferentialDescription(
+        ["left_wheel_joint", "right_wheel_joint"], ["caster_link"], 0.24, 0.9, 0.5
+    )
+    moved = wheel("right", **changes)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="correct"):
+        load(tmp_path, BASE, wheel("left"), moved, CASTER, drive=explicit)
+
+
+def test_radii_may_differ_a_little(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    larger = f"<collision>{DISC.replace('0.05', '0.052')}</collision>"
+    robot = load(tmp_path, BASE, wheel("left"), wheel("right", larger, z=0.052), CASTER)
+    assert two_wheeled(robot).wheel_radius_m == pytest.approx(0.051)
+    assert told(caplog, "radii of the wheels differ by 2.0 mm")
+
+
+@pytest.mark.parametrize("limit", ["", '<limit effort="0" velocity="0"/>', '<limit velocity="5"/>'])
+def test_a_joint_without_effort_gets_the_weight_at_the_radius(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, limit: str
+) -> None:
+    more = f'<axis xyz="0 1 0"/>{limit}'
+    robot = load(tmp_path, BASE, wheel("left", more=more), wheel("right", more=more), CASTER)
+    found = element(robot, "joint[@name='left_wheel_joint']/limit")
+    weight = (2.0 + 0.2 + 0.2 + 0.05) * GRAVITY_MPS2
+    assert float(str(found.get("effort"))) == pytest.approx(weight * 0.05)
+    assert "left_wheel_joint, right_wheel_joint" in told(caplog, "without effort")
+
+
+@pytest.mark.parametrize(
+    ("rpy", "axis", "forwards"),
+    [
+        ("0 0 0", "0 1 0", "0 1 0"),
+        ("0 0 0", "0 -1 0", "0 1 0"),
+        ("-1.5707963 0 0", "0 0 1", "0 0 1"),
+        ("-1.57 0 0", "0 0 1", "0 0 1"),
+        ("1.5707963 0 0", "0 0 1", "0 0 -1"),
+        ("0 0 3.1415927", "0 1 0", "0 -1 0"),
+    ],
+)
+def test_every_wheel_turns_forwards(tmp_path: Path, rpy: str, axis: str, forwards: str) -> None:
+    """The frames of wheels are turned in public files, and so are their axes."""
+    shape = "<collision>" + DISC.replace(
+        "1.5707963 0 0", "0 0 0" if "1.57" in rpy else "1.5708 0 0"
+    )
+    more = f'<axis xyz="{axis}"/>{LIMIT}'
+    sides = [
+        wheel(side, f"{shape}</collision>", more, rpy=rpy, kind=kind)
+        for side, kind in (("left", "continuous"), ("right", "revolute"))
+    ]
+    robot = load(tmp_path, BASE, *sides, CASTER)
+    for side in ("left", "right"):
+        found = element(robot, f"joint[@name='{side}_wheel_joint']")
+        assert found.get("type") == "continuous"
+        numbers = [float(word) for word in str(found.find("axis").get("xyz")).split()]  # type: ignore[union-attr]
+        assert numbers == pytest.approx([float(word) for word in forwards.split()], abs=2e-3)
+
+
+TETRAHEDRA = {
+    "mesh": '<geometry><mesh filename="wheel.stl" scale="0.001 0.001 0.001"/></geometry>',
+    "box": '<geometry><box size="0.0707106781 0.03 0.0707106781"/></geometry>',
+    "capsule": '<origin rpy="1.5707963 0 0"/><geometry><capsule radius="0.05" length="0.001"/>'
+    "</geometry>",
+    "ellipsoid": '<geometry><ellipsoid radii="0.05 0.02 0.05"/></geometry>',
+}
+
+
+def write_wheel(path: Path, radius: float = 50.0, half: float = 15.0) -> None:
+    """Write a round part about y, in millimetres."""
+    rim = [2 * math.pi * i / 48 for i in range(48)]
+    left = [(radius * math.cos(a), half, radius * math.sin(a)) for a in rim]
+    right = [(x, -y, z) for x, y, z in left]
+    triangles: list[Sequence[tuple[float, float, float]]] = []
+    for i in range(48):
+        j = (i + 1) % 48
+        triangles += [(left[i], left[j], right[i]), (left[j], right[j], right[i])]
+        triangles += [(left[0], left[i], left[j]), (right[0], right[j], right[i])]
+    facets = [
+        "facet normal 0 0 0\nouter loop\n"
+        + "".join(f"vertex {x} {y} {z}\n" for x, y, z in corners)
+        + "endloop\nendfacet\n"
+        for corners in triangles
+        if len(set(corners)) == 3
+    ]
+    path.write_text("solid wheel\n" + "".join(facets) + "endsolid wheel\n")
+
+
+@pytest.mark.parametrize("kind", TETRAHEDRA)
+@pytest.mark.parametrize("part", ["collision", "visual"])
+def test_a_wheel_of_any_shape_becomes_a_cylinder(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, kind: str, part: str
+) -> None:
+    """A cylinder about its axis, as large as the shape."""
+    write_wheel(tmp_path / "wheel.stl")
+    shape = f"<{part}>{TETRAHEDRA[kind]}</{part}>"
+    if kind == "box":  # not round: it must be named
+        drive: DriveDescription | None = DifferentialDescription(
+            ["left_wheel_joint", "right_wheel_joint"], ["caster_link"], 0.24, 0.9, 0.5
+        )
+    else:
+        drive = None
+    robot = load(tmp_path, BASE, wheel("left", shape), wheel("right", shape), CASTER, drive=drive)
+    assert two_wheeled(robot).wheel_radius_m == pytest.approx(0.05, rel=0.02)
+    tags = [s.tag for s in robot.urdf_elements().findall("link[@name='left_wheel']/collision//*")]
+    assert tags.count("cylinder") == 1
+    assert not {"convex", "sphere", "box"} & set(tags)
+    assert "left_wheel" in told(caplog, "one cylinder")
+
+
+def test_several_shapes_of_a_wheel_become_one(tmp_path: Path) -> None:
+    tyre = link("tyre", f"<collision>{DISC}</collision>", INERTIAL.format(0.1, 1e-4))
+    fixed = joint("tyre_joint", "tyre").replace("base_link", "left_wheel")
+    hub = f"<collision>{DISC.replace('0.05', '0.03')}</collision>"
+    robot = load(tmp_path, BASE, wheel("left", hub), tyre, fixed, wheel("right"), CASTER)
+    assert two_wheeled(robot).wheel_radius_m == pytest.approx(0.05)
+    assert shapes(robot, "tyre") == []
+
+
+def test_masses_are_completed(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A description that was made to be looked at has none at all."""
+    wheels = wheel("left", mass="") + wheel("right", mass="")
+    robot = load(tmp_path, link("base_link", BOX), wheels, CASTER)
+    mass = {
+        str(link.get("name")): float(str(link.find("inertial/mass").get("value")))  # type: ignore[union-attr]
+        for link in robot.urdf_elements().findall("link")
+    }
+    assert mass["left_wheel"] == pytest.approx(500 * 0.1 * 0.1 * 0.03)
+    assert "left_wheel, right_wheel" in told(caplog, "masses are assumed")
+
+
+@pytest.mark.parametrize(
+    "inertial",
+    [
+        INERTIAL.format(2.0, 0.0),  # zero
+        INERTIAL.format(2.0, 1e-12),  # tiny
+        INERTIAL.format(2.0, -1.0),
+        INERTIAL.format(2.0, 50.0),  # as of a robot of ten metres
+        '<inertial><mass value="2"/></inertial>',
+        '<inertial><mass value="2"/><inertia ixx="1" iyy="0.01" izz="0.01"/></inertial>',
+    ],
+)
+def test_impossible_inertias_become_those_of_the_shape(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, inertial: str
+) -> None:
+    robot = load(tmp_path, link("base_link", BOX, inertial), WHEELS, CASTER)
+    inertia = element(robot, "link[@name='base_link']/inertial/inertia")
+    moments = sorted(float(str(inertia.get(name))) for name in ("ixx", "iyy", "izz"))
+    expected = sorted(2 / 12 * (a * a + b * b) for a, b in ((0.2, 0.1), (0.3, 0.1), (0.3, 0.2)))
+    assert moments == pytest.approx(expected)
+    assert "base_link" in told(caplog, "impossible inertias")
+
+
+def test_a_mass_of_zero_makes_a_frame(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    scan = link("scan", INERTIAL.format(0, 0)) + joint("scan_joint", "scan", "0.1 0 0.2")
+    robot = load(tmp_path, BASE, WHEELS, CASTER, scan)
+    assert element(robot, "link[@name='scan']").find("inertial") is None
+    assert "scan" in told(caplog, "mass of 0")
+
+
+HELD = {
+    "revolute": '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>',
+    "continuous": '<axis xyz="0 0 1"/>',
+    "prismatic": '<axis xyz="0 0 1"/><limit lower="0" upper="0.1" effort="1" velocity="1"/>',
+    "floating": "",
+    "planar": '<axis xyz="0 0 1"/>',
+}
+
+
+@pytest.mark.parametrize("kind", HELD)
+def test_joints_beside_the_drive_are_held(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, kind: str
+) -> None:
+    """An arm, a pan-tilt unit, a spring: none of them may brake or swing unheard of."""
+    arm = link("arm", BALL, INERTIAL.format(0.2, 1e-4))
+    mimic = '<mimic joint="other"/>' if kind == "revolute" else ""
+    arm += joint("arm_joint", "arm", "0 0 0.2", kind, HELD[kind] + mimic)
+    robot = load(tmp_path, BASE, WHEELS, CASTER, arm)
+    assert element(robot, "joint[@name='arm_joint']").get("type") == "fixed"
+    assert told(caplog, "1 joints beside the drive are held at zero: arm_joint")
+    assert "arm" in robot.sensor_links
+
+
+def test_a_shape_of_the_body_near_the_ground_slides(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    foot = '<collision><origin xyz="-0.12 0 0.021"/><geometry><sphere radius="0.02"/></geometry>'
+    base = link("base_link", BOX, f"{foot}</collision>", INERTIAL.format(2.0, 0.02))
+    robot = load(tmp_path, base, WHEELS)
+    assert robot.drive.caster_links == ("base_link_caster",)
+    assert "base_link_caster" in robot.exposed_links
+    assert shapes(robot, "base_link_caster") == ["sphere"]
+    assert "base_link" in told(caplog, "low parts of the body slide")
+
+
+def test_a_swivel_caster_is_held_and_slides(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    swivel = link("swivel", INERTIAL.format(0.1, 1e-4))
+    swivel += joint("swivel_joint", "swivel", "-0.12 0 0.05", "continuous", '<axis xyz="0 0 1"/>')
+    roll = link("caster_wheel", f"<collision>{DISC.replace('0.05', '0.03')}</collision>")
+    roll += joint(
+        "roll", "caster_wheel", "-0.01 0 -0.02", "continuous", '<axis xyz="0 1 0"/>'
+    ).replace("base_link", "swivel")
+    robot = load(tmp_path, BASE, WHEELS, swivel, roll)
+    assert robot.drive.caster_links == ("caster_wheel",)
+    assert told(caplog, "held at zero: swivel_joint, roll")
+    assert told(caplog, "casters found, which slide without friction: caster_wheel")
+
+
+def test_a_caster_below_the_ground_is_raised(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = load(tmp_path, BASE, WHEELS, CASTER.replace("-0.12 0 0.02", "-0.12 0 0.015"))
+    origin = element(robot, "link[@name='caster_link']/collision/origin")
+    assert float(str(origin.get("xyz")).split()[2]) == pytest.approx(0.005)
+    assert told(caplog, "raised onto it: caster_link")
+
+
+def test_a_body_far_below_the_ground_is_cut_off(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    base = BASE.replace('xyz="0 0 0.08"', 'xyz="0 0 0.02"')
+    robot = load(tmp_path, base, WHEELS, CASTER)
+    assert shapes(robot, "base_link") == ["convex"]
+    (solid,) = (solid for solid in robot.solids if solid.link == "base_link")
+    assert solid.height_range == pytest.approx((0.02, 0.07))
+    assert told(caplog, "cut off above it: base_link")
+
+
+@pytest.mark.parametrize("x", [0.05, -0.05])
+def test_a_robot_without_casters_slides_on_assumed_balls(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, x: float
+) -> None:
+    robot = load(tmp_path, BASE, WHEELS)
+    assert set(robot.drive.caster_links) == {"evoros_support_front", "evoros_support_rear"}
+    assert told(caplog, "assumed ball at the front and rear")
+    caplog.clear()
+    heavy = BASE.replace("<inertial>", f'<inertial><origin xyz="{x} 0 0.1"/>')
+    robot = load(tmp_path, heavy, WHEELS, CASTER)
+    assert len(robot.drive.caster_links) == (2 if x > 0 else 1)
+
+
+def test_a_body_without_collision_shapes_has_the_hull_of_its_visuals(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    shown = BOX.replace("collision", "visual")
+    robot = load(tmp_path, link("base_link", shown, INERTIAL.format(2.0, 0.02)), WHEELS, CASTER)
+    assert np.ptp(robot.outline, axis=0) == pytest.approx([0.3, 0.27])  # with the wheels
+    assert robot.height_m == pytest.approx(0.13)
+    assert told(caplog, "no collision shapes, so the hull of its visuals collides")
+    tiny = BOX.replace("0.3 0.2 0.1", "0.01 0.01 0.01")
+    load(tmp_path, link("base_link", shown, tiny, INERTIAL.format(2.0, 0.02)), WHEELS, CASTER)
+    assert told(caplog, "only tiny collision shapes")
+
+
+MESH = '<collision><geometry><mesh filename="{}"/></geometry></collision>'
+
+
+def test_a_mesh_of_the_body_becomes_convex_parts(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write_wheel(tmp_path / "body.stl", 0.1, 0.08)
+    mesh = MESH.format("body.stl").replace("<geometry>", '<origin xyz="0 0 0.13"/><geometry>')
+    robot = load(tmp_path, link("base_link", mesh, INERTIAL.format(2.0, 0.02)), WHEELS, CASTER)
+    assert shapes(robot, "base_link") == ["convex"]
+    assert robot.height_m == pytest.approx(0.23, abs=1e-3)
+    assert f"file://{tmp_path / 'body.stl'}" in robot.urdf
+    assert told(caplog, "1 collision meshes are taken as convex parts")
+
+
+def test_a_missing_mesh_is_an_error_or_a_box(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    mesh = MESH.format("package://bot/meshes/body.dae")
+    base = link("base_link", mesh, BOX, INERTIAL.format(2.0, 0.02))
+    with pytest.raises(InputError, match=r"bot\.urdf:2: <mesh>.*body\.dae.*missing_meshes=box"):
+        load(tmp_path, base, WHEELS, CASTER)
+    robot = load(tmp_path, base, WHEELS, CASTER, missing_meshes="box")
+    assert set(shapes(robot, "base_link")) == {"box", "convex"}  # its lower part is cut off
+    assert "package://bot/meshes/body.dae" in told(caplog, "missing meshes are replaced by boxes")
+    with pytest.raises(InputError, match=r"robot\.missing_meshes"):
+        load(tmp_path, base, WHEELS, CASTER, missing_meshes="ignore")
+
+
+def test_shapes_without_a_size_are_left_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    none = '<collision><geometry><box size="0 0 0"/></geometry></collision><collision/>'
+    robot = load(tmp_path, link("base_link", BOX, none, INERTIAL.format(2, 0.02)), WHEELS, CASTER)
+    assert shapes(robot, "base_link") == ["box"]
+    assert "base_link" in told(caplog, "without a size")
+
+
+def test_names_with_slashes_and_spaces_are_names(tmp_path: Path) -> None:
+    parts = "".join((BASE, WHEELS, CASTER)).replace("base_link", "bot 1/base_link")
+    parts = parts.replace("left_wheel", "/tf/left_wheel")
+    robot = load(tmp_path, parts)
+    assert two_wheeled(robot).wheel_joints == ("/tf/left_wheel_joint", "right_wheel_joint")
+    assert robot.mount_link == "bot 1/base_link"
+
+
+@pytest.mark.parametrize("touch", [True, False])
+def test_wheels_that_stick_out_belong_to_the_outline(tmp_path: Path, touch: bool) -> None:
+    robot = load(tmp_path, BASE, WHEELS, CASTER, wheels_touch=touch)
+    assert robot.exposed_links == ({"left_wheel", "right_wheel"} if touch else set())
+    assert np.ptp(robot.outline, axis=0)[1] == pytest.approx(0.27 if touch else 0.2)
+
+
+def test_a_ball_with_a_narrow_wheel_shown_counts_as_that_wheel(tmp_path: Path) -> None:
+    shape = '<collision><geometry><sphere radius="0.05"/></geometry></collision>'
+    shape += f"<visual>{DISC}</visual>"
+    robot = load(tmp_path, BASE, wheel("left", shape), wheel("right", shape), CASTER)
+    assert np.ptp(robot.outline, axis=0)[1] == pytest.approx(0.27)
+
+
+@pytest.mark.parametrize("key", ["ignored_packages", "environment", "packages", "mount"])
+def test_a_key_of_another_type_is_named(tmp_path: Path, key: str) -> None:
+    with pytest.raises(InputError, match=rf"robot\.{key}"):
+        load(tmp_path, BASE, WHEELS, CASTER, **{key: "x"})
