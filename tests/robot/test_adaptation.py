@@ -474,5 +474,6 @@ def test_a_ball_with_a_narrow_wheel_shown_counts_as_that_wheel(tmp_path: Path) -
 
 @pytest.mark.parametrize("key", ["ignored_packages", "environment", "packages", "mount"])
 def test_a_key_of_another_type_is_named(tmp_path: Path, key: str) -> None:
+    wrong: dict[str, Any] = {key: "x"}
     with pytest.raises(InputError, match=rf"robot\.{key}"):
-        load(tmp_path, BASE, WHEELS, CASTER, **{key: "x"})
+        load(tmp_path, BASE, WHEELS, CASTER, **wrong)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def _close_engines() -> Iterator[None]:
     close_engines()
 
 
-def load(folder: Path, **drive: float) -> Robot:
+def load(folder: Path, **drive: Any) -> Robot:
     places = (("fl", 0.15, 0.2), ("fr", 0.15, -0.2), ("rl", -0.15, 0.2), ("rr", -0.15, -0.2))
     wheels = "".join(WHEEL.format(*place) for place in places)
     body = '<collision><geometry><box size="0.3 0.3 0.1"/></geometry></collision>'
