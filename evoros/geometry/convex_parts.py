@@ -63,9 +63,9 @@ def _widest_gap(surface: Surface, hull: Hull, extent: float) -> tuple[float, Ind
 
     A hollow with thin walls, such as a room, is nowhere deep inside its hull, but wide.
     """
-    step = max(extent / 20, 0.01)
-    if extent > 5.0:
-        step = max(0.25, np.sqrt((hull.area + surface.area) / 1e5))
+    # Fine enough for a door in a wall of any length, unless that takes too many points.
+    step = min(max(extent / 20, 0.01), 0.25 if extent < 10.0 else 0.4)
+    step = max(step, float(np.sqrt((hull.area + surface.area) / 1e5)))
     points, owners = sample(surface.triangles, step / 2)
     tree = cKDTree(points)
     bridges, _ = sample(hull.corners[hull.faces], step)
