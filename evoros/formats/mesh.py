@@ -1,6 +1,7 @@
 """Read a mesh file as convex shapes."""
 
 import hashlib
+import re
 from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
@@ -68,16 +69,22 @@ def _read(path: Path, key: str, scale: Vector, submesh: str, center: bool) -> tu
             problem = "must have a part of at least 1 mm"
             raise InputError(f"{path}: {problem}; correct the scale, or export the mesh again")
         store(key, found)
-    if found.dropped or found.deviation_m > TOLD_M:
-        LOGGER.warning(
-            "%s: %d convex parts stand for the mesh, up to %.0f mm off its surface; %d parts below "
-            "1 mm are left out",
-            path,
-            len(found.parts),
-            1e3 * found.deviation_m,
-            found.dropped,
-        )
+    _tell(path, found)
     return tuple(map(_shape, found.parts))
+
+
+def _tell(path: Path, found: Found) -> None:
+    """Tell what is approximated, left out or not applied."""
+    if found.deviation_m > TOLD_M:
+        text = "%s: %d convex parts stand for the mesh, up to %.0f mm off its surface"
+        LOGGER.warning(text, path, len(found.parts), 1e3 * found.deviation_m)
+    if found.dropped:
+        LOGGER.warning("%s: parts below 1 mm are left out, %d in number", path, found.dropped)
+    with path.open("rb") as file:
+        axis = re.search(rb"<up_axis>\s*([XY]_UP)", file.read(100_000))
+    if axis and path.suffix.lower() == ".dae":
+        text = "%s: its up axis %s is not applied, as Gazebo and RViz do not apply it; z is up"
+        LOGGER.info(text, path, axis[1].decode())
 
 
 def _convert(triangles: Array) -> Found:

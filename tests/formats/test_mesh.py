@@ -141,9 +141,16 @@ def test_a_dae_has_a_unit_and_poses(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("up", ["X_UP", "Y_UP", "Z_UP"])
-def test_the_coordinates_of_a_dae_have_z_up_whatever_it_says(tmp_path: Path, up: str) -> None:
+def test_the_coordinates_of_a_dae_have_z_up_whatever_it_says(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, up: str
+) -> None:
+    caplog.set_level("INFO")
     path = write(tmp_path / "wedges.dae", DAE.format(up=up))
     assert bounds(*read_mesh(path, submesh="left")) == [[5, 0, 0], [6, 2, 3]]
+
+    assert [f"up axis {up} is not applied" in text for text in caplog.messages] == [True] * (
+        up != "Z_UP"
+    )
 
 
 def test_a_dae_with_a_slip_in_a_name_is_read(tmp_path: Path) -> None:
@@ -208,8 +215,17 @@ def test_what_is_left_out_is_told_once(tmp_path: Path, caplog: pytest.LogCapture
     assert len(read_mesh(path)) == 2
     read_mesh(path)
     [message] = caplog.messages
-    assert message.startswith(f"{path}: 2 convex parts")
-    assert "1 parts below 1 mm" in message
+    assert message == f"{path}: parts below 1 mm are left out, 1 in number"
+
+
+def test_how_far_the_parts_are_off_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "ball.stl"
+    trimesh.creation.icosphere(4, 1.0).export(path)
+    read_mesh(path)
+    [message] = caplog.messages
+    assert message.startswith(f"{path}: 1 convex parts stand for the mesh, up to ")
 
 
 def test_a_negative_scale_mirrors(tmp_path: Path) -> None:
