@@ -34,7 +34,7 @@ from ..tables.study import Study
 HELP = "where on the robot sensors may be, and where they may face (Fig. 5)"
 FAN = 0.25  # radius of the headings, as a share of the robot's length
 TWINS = "twins are mirrored across the dash-dotted line"
-MAX_FANS = 5  # that are drawn along the line of one region
+MAX_FANS = 3  # that are drawn along the line of one region
 PANEL_IN, SINGLE_IN = 2.5, 4.5  # minimum width of a panel, maximum width of a single one
 
 
@@ -127,7 +127,7 @@ def draw_regions(contexts: Mapping[str, FigureContext], width: float = COLUMN_IN
 def _fit_window(contexts: Mapping[str, FigureContext], reach: float) -> Window:
     """Return the window of the robots and fans, with room for names beside and before them."""
     corners = [
-        (x, y, 0.0, 360.0, 1.8 * reach)
+        (x, y, 0.0, 360.0, (2.8 if area.facing_deg else 1.8) * reach)
         for context in contexts.values()
         for area in context.regions.values()
         for x, y in area.corners
@@ -191,7 +191,10 @@ def _write_name(axes: Axes, name: str, area: Area, reach: float) -> None:
     tip = trace_sector(x, y, heading, 0.0, 1.15 * reach)[1]
     aside = math.sin(math.radians(heading))
     ha = "center" if abs(aside) < 0.3 else "right" if aside > 0 else "left"
-    va = "top" if abs(aside) > 0.8 else "bottom"
-    headings = f"{low:g}°" if low == high else f"{low:g} to {high:g}°"
+    behind = bool(area.facing_deg) and math.cos(math.radians(heading)) < -0.3
+    va = "top" if abs(aside) > 0.8 or behind else "bottom"
+    number = ".0f" if area.facing_deg else "g"  # normals of curved outlines have many digits
+    ends = list(dict.fromkeys((f"{low:{number}}", f"{high:{number}}")))
+    headings = f"{' to '.join(ends)}°"
     text = f"{name}\n{headings}".replace("-", "\N{MINUS SIGN}")
     axes.text(tip[1], tip[0], text, fontsize=6.5, ha=ha, va=va, zorder=5)

@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -428,6 +429,23 @@ def test_regions_are_drawn_with_fans_of_their_headings_and_names() -> None:
     (fan,) = fans
     angles = np.degrees(np.arctan2(fan[1:, 0] - 0.075, fan[1:, 1] - 0.1))
     assert (angles.min(), angles.max()) == pytest.approx((40.0, 90.0))
+
+
+def test_a_side_of_the_outline_is_a_line_with_fans_along_it() -> None:
+    corners = ((0.2, -0.1), (0.2, 0.1), (-0.2, 0.1))
+    facing = ((-10.0, 10.0), (80.0, 100.0))
+    side = Area("base_link", corners, (-10.0, 100.0), (0.1, 0.1), (0.0, 0.0), facing)
+    context = replace(SETTING, regions={"side": side}, mirrored=True)
+    (axes,) = regions.draw_regions({"all runs": context}).axes
+    lines = [np.column_stack(line.get_data()) for line in axes.lines]
+    assert any(np.array_equal(line, np.array(corners)[:, ::-1]) for line in lines)
+    fans = [patch.get_path().vertices[0] for patch in axes.patches]
+    for middle in ((0.0, 0.2), (0.1, 0.0), (-0.1, 0.0)):  # y, x; of the second its twin too
+        assert any(np.allclose(fan, middle) for fan in fans)
+    table = regions.list_regions({"all runs": context})
+    assert table.twin.tolist() == [False, True]
+    assert table.yaw_low_deg.tolist() == [-10.0, -100.0]
+    assert table.y2_m.tolist() == [0.1, -0.1]
 
 
 def test_where_only_twins_are_is_dashed() -> None:
