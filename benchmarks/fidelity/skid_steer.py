@@ -1,15 +1,15 @@
 """Compares how a skid-steer robot turns with the resistance that the planar simulator assumes.
 
-Robots with four wheels, of several lengths between the axles, drive circles in PyBullet. Each row is
-the track that the robot seems to have, divided by the real one. Prints the tables and draws
-docs/img/skid_steer.png:
+Robots with four wheels, of several lengths between the axles, drive circles in PyBullet. The
+turning resistance is the track that the robot seems to have, divided by the real one. Prints the
+tables and draws docs/img/skid_steer.png:
 
     python benchmarks/fidelity/skid_steer.py
 """
 
 import math
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,9 +27,12 @@ from evoros.world.floors import GROUND
 from evoros.world.model import World
 
 TRACK_M, RADIUS_M, SPEED_MPS = 0.4, 0.08, 0.3
-RATIOS = (0.4, 0.6, 0.8, 1.0, 1.2, 1.5)  # distance of the axles, divided by the track
-SPEEDS = (0.05, 0.15, 0.3, 0.6)  # [m/s], of the wheels' middle
-TURNS = (0.5, 1.0, 2.0, 4.0)  # curvature that the wheels would drive without slip, times the track
+RATIOS = (0.4, 0.6, 0.8, 0.9, 1.0, 1.1, 1.3)  # distance of the axles, divided by the track
+SPEEDS = (0.1, 0.2, 0.4, 0.8)  # [m/s], of the wheels' middle
+TURNS = (0.5, 1.0, 2.0)  # curvature that the wheels would drive without slip, times the track
+STEPS = ((0.025, 20), (0.0125, 50), (0.00625, 50), (0.0025, 50))  # [s], iterations
+SAMPLE = 0.6  # the ratio at which speeds and steps are compared
+COLOURS = ("#0072b2", "#e69f00", "#009e73")
 SETTLE_S, PIECE_S, LIMIT_S = 2.0, 0.1, 60.0
 FIGURE = Path(__file__).parents[2] / "docs" / "img" / "skid_steer.png"
 
@@ -104,30 +107,58 @@ def drive_circle(simulator: Simulator, robot: Robot, speed: float, turn: float) 
     return Circle(slip_free * times[-1] / float(turned[-1]), turned, rates)
 
 
-def expected(ratio: float) -> float:
+def expected(robot: Robot) -> float:
     """Return the resistance that the planar simulator assumes."""
-    drive = make_robot(ratio).drive
-    assert isinstance(drive, SkidSteer)
-    return drive.turning_resistance
+    assert isinstance(robot.drive, SkidSteer)
+    return robot.drive.turning_resistance
+
+
+def draw(rows: Mapping[float, Sequence[Circle]]) -> None:
+    """Draw the resistance against the distance of the axles, and the rate against the heading."""
+    canvas = Figure(figsize=(7.2, 3.0), layout="constrained")
+    left, right = canvas.subplots(1, 2)
+    ratios = np.linspace(min(RATIOS), max(RATIOS), 50)
+    left.plot(ratios, 1 + ratios**2, color="0.4", lw=1, label="1 + (L / W)²: the plane")
+    for number, (turn, colour) in enumerate(zip(TURNS, COLOURS, strict=True)):
+        found = [rows[ratio][number].resistance for ratio in RATIOS]
+        left.plot(RATIOS, found, "o", ms=4, color=colour, label=f"PyBullet, turn of {turn:g}")
+    left.set(xlabel="distance of the axles L / track W", ylabel="turning resistance", ylim=(1, 5))
+    left.legend(frameon=False, fontsize=7)
+    for ratio, colour in zip((0.6, 0.9, 1.1), COLOURS, strict=True):
+        circle = rows[ratio][1]
+        slip_free = SPEED_MPS * TURNS[1] / TRACK_M
+        heading, share = np.degrees(circle.headings), circle.rates * (1 + ratio**2) / slip_free
+        right.plot(heading, share, lw=1, color=colour, label=f"L / W = {ratio:g}")
+    right.axhline(1.0, color="0.4", lw=1)
+    right.set(
+        xlabel="heading [deg]", ylabel="yaw rate / that of the plane", xlim=(0, 360), ylim=(0, 2)
+    )
+    right.set_xticks(range(0, 361, 90))
+    right.legend(frameon=False, fontsize=7, ncols=3, loc="upper center")
+    for axes in (left, right):
+        axes.spines[["top", "right"]].set_visible(False)
+    canvas.savefig(FIGURE, dpi=110)
 
 
 def main() -> None:
     fine = PyBullet(time_step=0.0025, solver_iterations=50)
-    print("L / W   1 + (L/W)^2   plane   PyBullet at 2.5 ms, at turns of", *TURNS)
+    print("L / W   plane   PyBullet at 2.5 ms, at turns of", *TURNS)
     rows: dict[float, list[Circle]] = {}
     for ratio in RATIOS:
         robot = make_robot(ratio)
         rows[ratio] = [drive_circle(fine, robot, SPEED_MPS, turn) for turn in TURNS]
-        found = "  ".join(f"{circle.resistance:.3f}" for circle in rows[ratio])
-        print(f"{ratio:<8g}{1 + ratio**2:<14.3f}{expected(ratio):<8.3f}{found}")
-    square = make_robot(1.0)
-    print("\nL / W = 1 at a turn of 2, by speed")
+        found = "  ".join(f"{circle.resistance:.2f}" for circle in rows[ratio])
+        print(f"{ratio:<8g}{expected(robot):<8.2f}{found}", flush=True)
+    sample = make_robot(SAMPLE)
     for speed in SPEEDS:
-        print(f"{speed:g} m/s: {drive_circle(fine, square, speed, 2.0).resistance:.3f}")
-    print("\nL / W = 1 at a turn of 2, by step and iterations")
-    for step, iterations in ((0.025, 20), (0.0125, 50), (0.01, 50), (0.005, 50), (0.0025, 50), (0.001, 50)):
+        circle = drive_circle(fine, sample, speed, 1.0)
+        print(f"L / W = {SAMPLE:g}, {speed:g} m/s: {circle.resistance:.2f}", flush=True)
+    for step, iterations in STEPS:
         simulator = PyBullet(time_step=step, solver_iterations=iterations)
-        print(f"{1e3 * step:g} ms, {iterations}: {drive_circle(simulator, square, SPEED_MPS, 2.0).resistance:.3f}")
+        circle = drive_circle(simulator, sample, SPEED_MPS, 1.0)
+        text = f"{1e3 * step:g} ms, {iterations} iterations: {circle.resistance:.2f}"
+        print(f"L / W = {SAMPLE:g}, {text}", flush=True)
+    draw(rows)
 
 
 if __name__ == "__main__":
