@@ -72,6 +72,7 @@ def test_ros_packages_paths_and_files_are_found(tmp_path: Path) -> None:
     write(own / "package.xml", "<package><name>robot_world</name></package>")
     addresses = [
         "package://shop_world/models/crate",
+        "file://$(find shop_world)/models/crate",
         "model://shop/models/crate",
         "model://crate",
         "../../shop/models/crate",

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from sdf_cases import COLLISION, LINK, load
 
+from evoros.base.errors import InputError
+
 DIFF = "<plugin name='drive' filename='libgazebo_ros_diff_drive.so'/>"
 
 
@@ -73,3 +75,21 @@ def test_joints_of_a_static_model_move_nothing(
         bodies = load(tmp_path, f"<model name='m'><static>1</static>{CARS[0]}</model>").bodies
     assert len(bodies) == 3
     assert not caplog.records
+
+
+def test_a_joint_of_the_world_fixes_its_models(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    def joint(parent: str, child: str) -> str:
+        ends = f"<parent>{parent}</parent><child>{child}</child>"
+        return f"<joint name='j' type='revolute'>{ends}</joint>"
+
+    models = "".join(f"<model name='{name}'>{LINK}</model>" for name in "abc")
+    with caplog.at_level(logging.WARNING):
+        bodies = load(tmp_path, models + joint("world", "a::l")).bodies
+        assert [body.mass for body in bodies] == [None, 1.0, 1.0]
+    assert sum("is held still" in message for message in caplog.messages) == 1
+    bodies = load(tmp_path, models + joint("c", "a::l")).bodies
+    assert [body.mass for body in bodies] == [None, 1.0, None]
+    with pytest.raises(InputError, match="'d::l'"):
+        load(tmp_path, models + joint("world", "d::l"))

@@ -1,6 +1,7 @@
 """Finds the files that an SDF file names by model://, package://, file://, Fuel or path."""
 
 import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +17,7 @@ _VARIABLES = (
     "GAZEBO_RESOURCE_PATH",
     "SDF_PATH",
 )
+_FIND = re.compile(r"^(?:file://)?\$\(find(?:-pkg-share)? +([^)\s]+)\)")
 _LEVELS_UP = 4  # folders above the file that are looked into
 _SCHEMES = ("model://", "package://", "file://")
 
@@ -34,6 +36,7 @@ class Addresses:
 
         It is the first that ``accepts`` accepts.
         """
+        uri = _normalize(uri)
         address = parse_address(uri)
         if address is not None:
             return find_in_cache(address, self._declared)
@@ -42,6 +45,7 @@ class Addresses:
 
     def explain(self, uri: str, beside: Path) -> tuple[str, str]:
         """Return what is wrong with an address that leads nowhere, and what to do."""
+        uri = _normalize(uri)
         address = parse_address(uri)
         if address is not None:
             return where_to_get(address, uri)
@@ -98,6 +102,11 @@ def _around(start: Path, path: str, first: str, rest: str) -> Iterator[Path]:
         yield folder / "models" / path
         if folder.name == first:
             yield folder / rest
+
+
+def _normalize(uri: str) -> str:
+    """Return an address with ``$(find NAME)/`` of ROS written as ``package://NAME/``."""
+    return _FIND.sub(r"package://\1", uri.strip())
 
 
 def _strip_scheme(uri: str) -> str:

@@ -8,12 +8,20 @@ from lxml import etree
 from lxml.etree import _Element as Element
 
 from evoros.formats.sdf.reading import Reading
-from evoros.formats.strict_xml import SOURCE, element_error, quote, read_flag, source_of
+from evoros.formats.strict_xml import (
+    SOURCE,
+    element_error,
+    quote,
+    read_flag,
+    read_text,
+    require_child,
+    source_of,
+)
 
 _DRIVES = re.compile(
     r"diff_?-?drive|skid|steer|mecanum|omni|ackermann|planar_?move|velocity[-_]?control|"
     r"multicopter|rotor|motor|thruster|hydrodynamics|lift[-_]?drag|track|trajectory[-_]?follow|"
-    r"kobuki|turtlebot|rover|vehicle|drive|model_?push|actor|quadrotor|waypoint",
+    r"kobuki|turtlebot|rover|vehicle|drive|model_?push|(?<![a-z])actor|quadrotor|waypoint",
     re.IGNORECASE,
 )
 _KINDS = ("revolute", "continuous", "prismatic", "screw", "universal", "ball", "gearbox",
@@ -28,6 +36,8 @@ def settle_vehicles(container: Element, reading: Reading) -> set[str]:
         The names of the models that are left out.
     """
     left_out: set[str] = set()
+    if container.tag == "world":
+        _fix_to_world(container, reading)
     for model in container.findall("model"):
         if _is_static(model):
             continue
@@ -45,6 +55,22 @@ def settle_vehicles(container: Element, reading: Reading) -> set[str]:
             for joint in joints:
                 joint.set("type", "fixed")
     return left_out
+
+
+def _fix_to_world(world: Element, reading: Reading) -> None:
+    """Fix the models that joints of the world itself connect: none of them moves any more."""
+    models = {model.get("name", "").strip(): model for model in world.findall("model")}
+    for joint in world.findall("joint"):
+        names = [read_text(require_child(joint, tag)) for tag in ("parent", "child")]
+        found = [models.get(name.split("::")[0]) for name in names]
+        for name, model in zip(names, found, strict=True):
+            if model is None and name != "world":
+                problem = f"refers to {quote(name)}, which is not in the world"
+                raise element_error(joint, problem, "name a link of a model")
+        reading.notes.add(joint, "is held still: the models that it connects are fixed")
+        for model in found:
+            if model is not None:
+                etree.SubElement(model, "static", {SOURCE: source_of(model)}).text = "true"
 
 
 def _settle_vehicle(model: Element, reason: str, reading: Reading) -> None:
