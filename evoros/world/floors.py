@@ -24,7 +24,10 @@ MAT_M = 0.015
 """A level top of at most this height above the floor is a part of the floor, such as a mat."""
 
 STAGE_M = 1.0
-"""A level top of at most this height above the ground is the floor if the whole course is on it."""
+"""A level top of at most this height above the ground is the floor if the course is on it."""
+
+STEP_M = 0.1
+"""The distance of the points between waypoints that are looked at, to tell a floor from posts."""
 
 _LEVEL = 1e-6
 
@@ -148,8 +151,13 @@ def _find_level(
     ground = ground_height(bodies, points[0])
     at_home = sorted(top.height for top in tops if contains(top.area, points[0]))
 
+    between = list(_points_between(points))
+
     def carries_all(height: float) -> bool:
-        return all(_carries(height, bodies, tops, point) for point in points[1:])
+        """Whether all waypoints and most of the way between them are on this height."""
+        return all(_carries(height, bodies, tops, point) for point in points[1:]) and (
+            sum(_carries(height, bodies, tops, point) for point in between) * 2 >= len(between)
+        )
 
     base = ground if ground is not None else min(filter(carries_all, at_home), default=None)
     if base is None:  # nothing carries the whole course: a low top at home does, or nothing
@@ -157,6 +165,15 @@ def _find_level(
     raised = [h for h in at_home if base + MAT_M < h <= base + STAGE_M and carries_all(h)]
     highest = max(raised, default=base)
     return min((h for h in raised if h >= highest - MAT_M), default=base)
+
+
+def _points_between(points: Sequence[Sequence[float]]) -> Iterator[tuple[float, float]]:
+    """Yield the points [m] on straight lines from home along the waypoints and home again."""
+    for (ax, ay), (bx, by) in zip(points, [*points[1:], points[0]], strict=True):
+        count = min(int(math.dist((ax, ay), (bx, by)) / STEP_M), 1000)
+        for i in range(1, count):
+            share = i / count
+            yield ax + share * (bx - ax), ay + share * (by - ay)
 
 
 def _carries(

@@ -206,6 +206,25 @@ def test_includes_in_models_and_merged_ones(tmp_path: Path) -> None:
         assert sorted(b.pose.position for b in bodies) == [(0.0, 0.0, 0.0), (5.0, 0.0, 1.0)]
 
 
+def test_addresses_in_an_included_file_are_relative_to_it(tmp_path: Path) -> None:
+    write(tmp_path / "far" / "parts" / "crate.sdf", CRATE)
+    inner = include("../parts/crate.sdf", "<pose>1 0 0 0 0 0</pose>")
+    model = f"<model name='set'>{STATIC}{inner}</model>"
+    write(tmp_path / "far" / "set" / "model.sdf", f"<sdf version='1.7'>{model}</sdf>")
+    (body,) = load(tmp_path / "here", include("../../far/set")).bodies
+    assert body.pose.position == (1.0, 0.0, 0.0)
+
+
+def test_a_repair_of_an_included_file_is_told_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write(tmp_path / "models" / "crate" / "model.sdf", CRATE.replace("<link", "<gz:x/><link"))
+    with caplog.at_level(logging.WARNING):
+        names = (f"<name>c{i}</name>" for i in range(3))
+        load(tmp_path, "".join(include("model://crate", name) for name in names))
+    assert sum("not well-formed" in message for message in caplog.messages) == 1
+
+
 def test_models_of_one_name_are_numbered_and_told(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -224,6 +243,9 @@ def test_models_of_one_name_are_numbered_and_told(
 def test_an_error_in_an_included_file_names_that_file_and_line(tmp_path: Path) -> None:
     bad = CRATE.replace("<link", "\n\n<link").replace("1 2 3", "1 2")
     file = write(tmp_path / "models" / "crate" / "model.sdf", bad)
+    write(tmp_path / "models" / "bad" / "model.sdf", "<sdf version='1.7'>\n<state/></sdf>")
+    with pytest.raises(InputError, match=r"bad/model\.sdf:1: <sdf> must hold a <model>"):
+        load(tmp_path, include("model://bad"))
     with pytest.raises(InputError, match="must hold 3 numbers") as caught:
         load(tmp_path, include("model://crate", "<name>c</name>"))
     assert str(caught.value).startswith(f"{file}:3: <size>")

@@ -37,6 +37,17 @@ def test_a_raised_floor_moves_the_world_down(caplog: pytest.LogCaptureFixture) -
     assert "0.3 m" in message
 
 
+def test_posts_of_one_height_at_home_and_waypoints_are_no_floor() -> None:
+    places = [(0.0, 0.0), (5.0, 5.0), (5.0, -5.0), (-5.0, -5.0), (-5.0, 5.0)]
+    posts = [
+        Body(f"post {i}", Pose((x, y, 0.25)), (Shape("cylinder", (0.2, 0.5)),))
+        for i, (x, y) in enumerate(places)
+    ]
+    world = place(GROUND, *posts)
+    assert not any(body.floor for body in world.values())
+    assert world["ground"] == GROUND
+
+
 def test_rooms_of_several_slabs_make_one_floor() -> None:
     corners = [(5, 5), (5, -5), (-5, -5), (-5, 5)]
     slabs = [slab(f"room {i}", 0.1 + i * 1e-3, 10.0, x, y) for i, (x, y) in enumerate(corners)]

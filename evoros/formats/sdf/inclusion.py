@@ -6,7 +6,6 @@ from pathlib import Path
 from lxml import etree
 from lxml.etree import _Element as Element
 
-from evoros.formats.lenient_xml import parse_leniently
 from evoros.formats.sdf.reading import Reading
 from evoros.formats.strict_xml import (
     SOURCE,
@@ -58,8 +57,8 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
     element = require_child(include, "uri")
     uri = read_text(element)
     beside = reading.folder_of(include)
-    place = reading.addresses.find(uri, beside, lambda place: _find_sdf(place) is not None)
-    file = None if place is None else _find_sdf(place)
+    place = reading.addresses.find(uri, beside, lambda place: _find_sdf(place, reading) is not None)
+    file = None if place is None else _find_sdf(place, reading)
     if file is None:
         basic = re.split(r"[/\\]", uri.rstrip("/"))[-1].lower().replace("%20", "_")
         basic = basic.replace(" ", "_")
@@ -73,7 +72,7 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
     if file in chain:
         circle = " -> ".join(str(f) for f in (*chain[chain.index(file) :], file))
         raise element_error(include, f"includes itself: {circle}", "delete one of these includes")
-    root = parse_leniently(reading.read(file), str(file))
+    root = reading.parse(file)
     if root.tag == "robot":
         problem = f"is left out: {file} is a robot's description (URDF), not a part of a world"
         reading.notes.add(include, problem)
@@ -102,13 +101,13 @@ def _choose_model(root: Element, include: Element, reading: Reading, file: Path)
     return models[0]
 
 
-def _find_sdf(place: Path) -> Path | None:
+def _find_sdf(place: Path, reading: Reading) -> Path | None:
     """Return the SDF file of a model's folder: the newest that its model.config lists."""
     if place.is_file():
         return place.resolve()
     config = place / "model.config"
     if config.is_file():
-        root = parse_leniently(config.read_bytes(), str(config))
+        root = reading.parse(config)
         listed = [
             (_minor_version(element.get("version", "")), (element.text or "").strip())
             for element in root.findall("sdf")

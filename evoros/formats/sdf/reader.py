@@ -66,8 +66,8 @@ def read_sdf(
     container = _choose_container(root, reading)
     _insert_and_delete(container)
     expand_includes(container, reading)
-    check_elements(root, reading.notes)
     left_out = settle_vehicles(container, reading)
+    check_elements(root, reading.notes)
     frames = Frames(container)
     for state in container.findall("state"):
         _apply_state(state, container, (), frames, reading, left_out)

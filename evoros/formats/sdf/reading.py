@@ -1,5 +1,6 @@
 """How an SDF file is read: the choices of the user, and what is gathered on the way."""
 
+from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -8,6 +9,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.checks import Rule, checked, one_of
 from evoros.base.errors import InputError
+from evoros.formats.lenient_xml import parse_leniently
 from evoros.formats.sdf.addresses import Addresses
 from evoros.formats.sdf.notes import Notes
 from evoros.formats.strict_xml import SOURCE
@@ -56,6 +58,7 @@ class Reading:
     contents: dict[Path, bytes] = field(default_factory=dict)  # of all files but the world's own
 
     def __post_init__(self) -> None:
+        self._roots: dict[Path, Element] = {}
         self.addresses = Addresses(self.file, self.options.folders())
 
     def read(self, path: Path) -> bytes:
@@ -73,6 +76,18 @@ class Reading:
                     f"{path}: must be readable, but: {error.strerror}; change it"
                 ) from error
         return self.contents[real]
+
+    def parse(self, path: Path) -> Element:
+        """Return the root of an XML file, which the caller may change.
+
+        Raises:
+            InputError: the file cannot be read or is not well-formed.
+        """
+        if path not in self._roots:
+            root = parse_leniently(self.read(path), str(path))
+            root.set(SOURCE, str(path))  # a copy would lose the name of its file
+            self._roots[path] = root
+        return deepcopy(self._roots[path])
 
     def folder_of(self, element: Element) -> Path:
         """Return the folder of the file that an element was read from."""
