@@ -60,15 +60,7 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
     place = reading.addresses.find(uri, beside, lambda place: _find_sdf(place, reading) is not None)
     file = None if place is None else _find_sdf(place, reading)
     if file is None:
-        basic = re.split(r"[/\\]", uri.rstrip("/"))[-1].lower().replace("%20", "_")
-        basic = basic.replace(" ", "_")
-        if basic in _BASICS:
-            return etree.fromstring(f"<sdf>{_BASICS[basic]}</sdf>").find("model")
-        problem, fix = reading.addresses.explain(uri, beside)
-        if reading.options.missing_models == "leave_out":
-            reading.notes.add(include, f"is left out: it {problem}", f"missing {uri}")
-            return None
-        raise element_error(include, problem, f"{fix}; or set missing_models=leave_out")
+        return _stand_in(include, uri, reading)
     if file in chain:
         circle = " -> ".join(str(f) for f in (*chain[chain.index(file) :], file))
         raise element_error(include, f"includes itself: {circle}", "delete one of these includes")
@@ -82,6 +74,18 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
         expand_includes(model, reading, (*chain, file))
         model.set(SOURCE, str(file))
     return model
+
+
+def _stand_in(include: Element, uri: str, reading: Reading) -> Element | None:
+    """Return the model for an address without a file: a basic one, or None if it is left out."""
+    name = uri.rstrip("/").split("/")[-1].lower().replace("%20", "_").replace(" ", "_")
+    if name in _BASICS:
+        return etree.fromstring(f"<sdf>{_BASICS[name]}</sdf>").find("model")
+    problem, fix = reading.addresses.explain(uri, reading.folder_of(include))
+    if reading.options.missing_models == "error":
+        raise element_error(include, problem, f"{fix}; or set missing_models=leave_out")
+    reading.notes.add(include, f"is left out: it {problem}", f"missing {uri}")
+    return None
 
 
 def _choose_model(root: Element, include: Element, reading: Reading, file: Path) -> Element | None:
