@@ -17,6 +17,7 @@ from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.tree import read_tree
 from evoros.simulator.engines.pybullet_viewer import open_scene
 from evoros.storage.figure_context import FigureContext
+from evoros.storage.mission_log import ROBOT_AS_LOADED
 from evoros.world.model import World
 
 from ..product import Product
@@ -119,7 +120,9 @@ def _read_mission(record: Record, world: str | None) -> _Mission:
     name = world or next(iter(context.courses))
     if name not in context.courses:
         raise InputError(f"{record.path}: must have the world {name!r}, but has not; give another")
-    path = record.path / "champion" / "robot.urdf"
+    path = record.path / "champion" / ROBOT_AS_LOADED
+    if not path.exists():
+        path = path.with_name("robot.urdf")
     trajectory = record.run.trajectory(name)
     check_poses(trajectory, str(path.with_name(f"trajectory_{name}.csv")))
     near_m = record.values.get("controller.avoidance.range_m")

@@ -81,6 +81,11 @@ class Robot:
         """The text of what engines load, without sensors."""
         return (self.engine_urdf or self.base_urdf).text
 
+    @property
+    def loaded_urdf(self) -> str:
+        """The text of ``urdf_elements``."""
+        return etree.tostring(self.urdf_elements(), encoding="unicode") + "\n"
+
     def urdf_elements(self) -> Element:
         """Create the elements that engines load, with a link and a joint a mount."""
         root = (self.engine_urdf or self.base_urdf).copy_elements()

@@ -105,7 +105,7 @@ def import_pybullet() -> Any:
         InputError: PyBullet is not installed.
     """
     try:
-        with _quiet():
+        with quiet():
             import pybullet
     except ImportError as error:
         raise _not_installed() from error
@@ -121,7 +121,7 @@ def _not_installed() -> InputError:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """Keep all output from the terminal, including that of C code."""
     libc = ctypes.CDLL(None)
     libc.fflush(None)

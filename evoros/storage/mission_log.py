@@ -20,6 +20,8 @@ from evoros.storage.tables import to_csv
 
 FORMAT_VERSION = 1
 CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
+ROBOT_AS_LOADED = "robot_as_loaded.urdf"
+"""A champion as engines load it, if that is not its ``robot.urdf``."""
 LOG = "evoros.log"
 Row = TypeVar("Row")
 

@@ -16,6 +16,7 @@ from evoros.storage.mission_log import (
     CONFIG,
     MANIFEST,
     MISSIONS,
+    ROBOT_AS_LOADED,
     MissionLog,
     create_folder,
     require_unused,
@@ -137,6 +138,8 @@ def _champion_files(champion: Champion) -> dict[str, bytes]:
     files = {"genes.csv": genes.encode()}
     if champion.robot is not None:
         files["robot.urdf"] = champion.robot.urdf.encode()
+        if champion.robot.engine_urdf is not None:
+            files[ROBOT_AS_LOADED] = champion.robot.loaded_urdf.encode()
     for name, world in champion.worlds.items():
         files |= world.files(f"world_{name}")
     return {**files, "design.csv": design_table({champion.id: champion.design}).encode()}

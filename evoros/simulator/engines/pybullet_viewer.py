@@ -14,7 +14,7 @@ from evoros.formats.strict_xml import parse
 from evoros.geometry.shapes import Body
 from evoros.geometry.surface import triangulate
 from evoros.simulator.engines.pybullet_shapes import create_shape, load_urdf
-from evoros.simulator.pybullet import import_pybullet
+from evoros.simulator.pybullet import import_pybullet, quiet
 
 Colour = tuple[float, float, float]  # red, green, blue, from 0 to 1
 
@@ -42,7 +42,8 @@ class Scene:
             _add_visible(bullet, client, body, colour)
         origin = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
-        self.robot = load_urdf(bullet, client, without_meshes(urdf), origin, flags)
+        with quiet():  # it reports links without mass, which are frames
+            self.robot = load_urdf(bullet, client, without_meshes(urdf), origin, flags)
         joints = [
             bullet.getJointInfo(self.robot, joint, physicsClientId=client)
             for joint in range(bullet.getNumJoints(self.robot, physicsClientId=client))
