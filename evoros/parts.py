@@ -47,6 +47,7 @@ from evoros.base.compilation import compilable
 from evoros.base.errors import InputError, SimulationError, WorkerLost
 from evoros.base.intervals import INTERVAL, Interval, bounds
 from evoros.controller.protocol import Controller, Layer, StartedLayer
+from evoros.design.protocol import Area, BoundRegion, RegionDescription, SensorPose
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.executor.protocol import Executor, Pool
 from evoros.failure.protocol import Failure, Fault
@@ -73,6 +74,7 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "CONTACT", "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "compilable",
     # Protocols, and the values that parts exchange.
     "Generator", "Robot", "World", "Course", "Sensor", "Mount", "Drive", "DriveDescription", "Urdf",
+    "RegionDescription", "BoundRegion", "Area", "SensorPose",
     "Filter", "Channels", "Silence", "Failure", "Fault", "Controller", "Layer", "StartedLayer",
     "Simulator", "Simulation", "Optimizer", "Search", "Space", "Individual", "Candidate",
     "Executor", "Pool", "Fitness", "Outcome",

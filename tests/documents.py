@@ -30,7 +30,9 @@ def table(content: str, first: str) -> list[list[str]]:
 
 def files(name: str) -> dict[str, str]:
     """The files that a document spells out: a line with a path, then a block of code."""
-    blocks = re.findall(r"^`(mine/[\w./]+)`:\n\n```\w+\n(.*?)^```$", text(name), re.M | re.S)
+    blocks = re.findall(
+        r"^`((?:mine|theirs)/[\w./]+)`:\n\n```\w+\n(.*?)^```$", text(name), re.M | re.S
+    )
     return dict(blocks)
 
 

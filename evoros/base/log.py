@@ -3,7 +3,7 @@
 import logging
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from pathlib import Path, PurePath
 from threading import Lock
@@ -107,6 +107,15 @@ def collect_messages() -> Iterator[list[logging.LogRecord]]:
     memory = _Memory()
     with attach(memory, own_job=True):
         yield memory.records
+
+
+@contextmanager
+def withhold_messages() -> Iterator[list[logging.LogRecord]]:
+    """Collect all messages and show none of them."""
+    with ExitStack() as stack:
+        for handler in LOGGER.handlers:
+            stack.enter_context(detach(handler))
+        yield stack.enter_context(collect_messages())
 
 
 @contextmanager

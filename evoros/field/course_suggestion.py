@@ -17,7 +17,9 @@ MARGIN_M = 0.2  # free space beside the robot
 OPEN_SIDE_M = 3.0  # half the side of the square that is suggested among no obstacles
 SHORTEST_LEG_M, LONGEST_LEG_M = 1.5, 8.0
 MAX_HALF_EXTENT_M = 20.0  # how far from the middle of a large world a course may reach
-HOMES, CORNERS, TRIES = 40, 60, 4000
+HOMES, CORNERS, TRIES = 12, 60, 4000
+LARGE_ENOUGH_M = 24.0  # size of a loop, below which other homes are tried
+DETOUR = 3.0  # how much larger a loop must be for each metre that its home is off the origin
 CRUISE_MPS = 0.15  # average speed, with avoidance, for which the time limit allows
 
 
@@ -113,31 +115,52 @@ def _find_route(space: FreeSpace, rng: Generator) -> Array | None:
     homes = by_distance[[0, *np.sort(rng.integers(len(centres), size=HOMES))]]
     if space.is_open(np.zeros(2), np.zeros(2)):
         homes[0] = 0.0
+    best: tuple[float, Array] | None = None
     for home in homes:
         near = centres[np.linalg.norm(centres - home, axis=1) < 2.0 * LONGEST_LEG_M]
         chosen = near[rng.integers(len(near), size=CORNERS)]
-        route = _find_loop(space, np.vstack((home, chosen)), rng)
-        if route is not None:
-            return route
-    return None
+        found = _find_loop(space, np.vstack((home, chosen)), rng)
+        if found is None:
+            continue
+        value = found[0] - DETOUR * float(np.linalg.norm(home))
+        if best is None or value > best[0]:
+            best = value, found[1]
+        if best is not None and best[0] >= LARGE_ENOUGH_M:
+            break
+    return None if best is None else best[1]
 
 
-def _find_loop(space: FreeSpace, points: Array, rng: Generator) -> Array | None:
-    """Find a wide loop over the first of ``points`` (n, 2) [m] and 4, else 3, 2 or 1 others."""
+def _find_loop(space: FreeSpace, points: Array, rng: Generator) -> tuple[float, Array] | None:
+    """Find a wide loop over the first of ``points`` (n, 2) [m] and 4, else 3, 2 or 1 others.
+
+    Returns its size and its corners. The size is its length [m] plus its area [m2], so that loops
+    that go round something come before those that lead to and fro.
+    """
     lengths = np.linalg.norm(points[:, None] - points[None], axis=2)
     legs = (lengths >= SHORTEST_LEG_M) & (lengths <= LONGEST_LEG_M)
     for i, j in zip(*np.nonzero(np.triu(legs)), strict=True):
         legs[i, j] = legs[j, i] = space.is_open(points[i], points[j])
     for count in (4, 3, 2, 1):
         picks = rng.integers(1, len(points), size=(TRIES, count))
-        loops = np.hstack((np.zeros((TRIES, 1), dtype=int), picks, np.zeros((TRIES, 1), dtype=int)))
-        starts, ends = loops[:, :-1], loops[:, 1:]
+        loops = _order_around(points, np.hstack((np.zeros((TRIES, 1), dtype=np.int64), picks)))
+        starts, ends = loops, np.roll(loops, -1, axis=1)
         spread = _narrowest_gap(lengths, picks)
         valid = legs[starts, ends].all(axis=1) & (spread >= SHORTEST_LEG_M)
         if valid.any():
-            size = _enclosed_area(points[loops[:, :-1]]) + lengths[starts, ends].sum(axis=1)
-            return points[loops[int(np.where(valid, size, -1.0).argmax())][:-1]]
+            size = _enclosed_area(points[loops]) + lengths[starts, ends].sum(axis=1)
+            largest = int(np.where(valid, size, -1.0).argmax())
+            return float(size[largest]), points[loops[largest]]
     return None
+
+
+def _order_around(points: Array, loops: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Order each loop (n, k) by the bearing from its middle, from point 0 on: no legs cross."""
+    places = points[loops]
+    offsets = places - places.mean(axis=1, keepdims=True)
+    order = np.argsort(np.arctan2(offsets[:, :, 1], offsets[:, :, 0]), axis=1, kind="stable")
+    first = np.argmin(order, axis=1)
+    turns = (first[:, None] + np.arange(loops.shape[1])) % loops.shape[1]
+    return np.take_along_axis(loops, np.take_along_axis(order, turns, axis=1), axis=1)
 
 
 def _enclosed_area(loops: Array) -> Array:

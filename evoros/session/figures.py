@@ -1,22 +1,31 @@
-"""Draws the figures of a finished run. Workers draw, so that only they load what drawing needs."""
+"""Draws the figures of a finished run, and pictures of robots and worlds.
 
+Workers draw the figures of runs, so that only they load what drawing needs.
+"""
+
+import io
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, redirect_stdout
-from io import StringIO
 from logging import WARNING
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from evoros.analysis.subcommands import SUBCOMMANDS
+from evoros.base.arrays import Array
 from evoros.base.checks import Rule
 from evoros.base.errors import InputError, single_line
 from evoros.base.log import LOGGER, collect_messages, detach
 from evoros.executor.protocol import Pool
 
+if TYPE_CHECKING:
+    from evoros.robot.model import Robot
+    from evoros.world.model import World
+
 FIGURES = "figures"
 """The folder of the figures, in that of the run."""
+PICTURE_IN = 4.5  # width of the picture of a world
 
 
 def _is_drawable(value: Any) -> bool:
@@ -98,7 +107,31 @@ def draw(run: Path, name: str) -> list[str]:
 def _silence() -> ExitStack:
     """Keep a worker off the terminal; the main process reports its warnings."""
     stack = ExitStack()
-    stack.enter_context(redirect_stdout(StringIO()))
+    stack.enter_context(redirect_stdout(io.StringIO()))
     for handler in LOGGER.handlers:
         stack.enter_context(detach(handler))
     return stack
+
+
+def draw_robot_picture(robot: "Robot", places: "Mapping[str, Array]") -> bytes:
+    """Draw a robot from above and from the side, as PNG; see ``draw_inspected_robot``."""
+    from evoros.analysis.drawing.inspection import draw_inspected_robot
+    from evoros.analysis.drawing.style import save
+
+    picture = io.BytesIO()
+    save(draw_inspected_robot(robot, places), picture, "png")
+    return picture.getvalue()
+
+
+def draw_world_picture(worlds: "Mapping[str, World]") -> bytes:
+    """Draw worlds from above with their courses, as PNG."""
+    from evoros.analysis.drawing.style import save
+    from evoros.analysis.drawing.worlds import draw_worlds
+
+    figure = draw_worlds(worlds, width=PICTURE_IN * len(worlds))
+    axes = figure.axes[0]
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    figure.set_figheight(1.0 + (PICTURE_IN - 1.2) * (high - low) / (right - left))
+    picture = io.BytesIO()
+    save(figure, picture, "png")
+    return picture.getvalue()

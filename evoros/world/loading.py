@@ -5,7 +5,7 @@ from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.base.resources import find_file
-from evoros.formats.sdf.reader import read_sdf
+from evoros.formats.sdf.reader import SdfWorld, read_sdf
 from evoros.formats.sdf.reading import SdfOptions
 from evoros.formats.sdf.xacro import expand_world, is_xacro
 from evoros.world.course import Course
@@ -35,17 +35,27 @@ def load_world(
     Raises:
         InputError: a file is missing or cannot be used, or a waypoint lies in an obstacle.
     """
-    path = find_file(sdf, "worlds")
     options = SdfOptions(tuple(model_paths), world_name, missing_models, missing_meshes, vehicles)
-    content, source, name = path.read_bytes(), sdf, Path(sdf).stem
+    world = read_world(sdf, options, arguments or {})
+    name = Path(sdf).name.partition(".")[0]
+    bodies = settle(world.bodies, course, sdf)
+    return World(name, bodies, course, sdf, world.sha256, gravity_mps2=world.gravity_mps2)
+
+
+def read_world(sdf: str, options: SdfOptions, arguments: Mapping[str, object]) -> SdfWorld:
+    """Read the bodies of an SDF file where the file puts them; see ``load_world``.
+
+    Raises:
+        InputError: a file is missing or cannot be used.
+    """
+    path = find_file(sdf, "worlds")
+    content, source = path.read_bytes(), sdf
     if is_xacro(path, content):
-        content = expand_world(path, arguments or {}, options.model_paths)
-        source, name = f"{sdf} (expanded)", Path(sdf).name.partition(".")[0]
+        content = expand_world(path, arguments, options.model_paths)
+        source = f"{sdf} (expanded)"
     elif arguments:
         raise InputError(
             f"{sdf}: a world without xacro takes no arguments, not {sorted(arguments)}; "
             f"remove them or name a .xacro file"
         )
-    world = read_sdf(content, source, options, path)
-    bodies = settle(world.bodies, course, sdf)
-    return World(name, bodies, course, sdf, world.sha256, gravity_mps2=world.gravity_mps2)
+    return read_sdf(content, source, options, path)

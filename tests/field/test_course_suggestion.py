@@ -46,7 +46,7 @@ def test_the_legs_stay_clear_of_every_obstacle(obstacles: list[Footprint]) -> No
 
 
 def test_a_world_that_leaves_the_origin_free_starts_there() -> None:
-    course = suggest_course([rectangle(3, 0, 1, 1), rectangle(-3, 0, 1, 1)], RADIUS_M)
+    course = suggest_course([rectangle(x, y, 1, 1) for x in (-4, 4) for y in (-4, 4)], RADIUS_M)
     assert course.home[:2] == (0.0, 0.0)
 
 

@@ -1,0 +1,188 @@
+"""The command ``evoros-inspect``: shows a robot or a world, and writes the YAML to start from."""
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evoros.base.console import DONE, INPUT, print_result
+from evoros.base.errors import EvorosError, InputError, single_line
+from evoros.base.log import LOGGER, log_to_terminal
+
+if TYPE_CHECKING:
+    from evoros.config.own_files import OwnFile
+    from evoros.session.inspection import Inspection
+
+NAME = "evoros-inspect"
+DEFAULT_FOLDER = "mine"
+USAGE = """evoros-inspect shows what evoros reads of a robot or a world that somebody else wrote,
+and writes the YAML files with which evoros uses them.
+
+evoros-inspect robot FILE [key=value ...]          a URDF or xacro file
+evoros-inspect world FILE [key=value ...]          an SDF, .world or xacro file
+evoros-inspect robot FILE world FILE [robot.key=value ...] [world.key=value ...]
+
+The keys are those of the group's YAML files, as docs/your_robot.md explains them:
+  evoros-inspect robot scout.urdf.xacro arguments.laser=true packages=[../sensors]
+  evoros-inspect world depot.world model_paths=[models] vehicles=hold_still
+
+Options
+  --config-dir FOLDER   folder for robot/NAME.yaml, world/NAME.yaml and pictures; default: mine
+  --name NAME           name of the part; default: that of its file (of one part only)
+
+Existing files are kept: delete them, or choose another folder or name."""
+
+
+ROBOT_KEYS: Mapping[str, Any] = {
+    "drive": {"max_speed_mps": None},
+    "mount": {"link": None, "z_m": None, "pitch_deg": None},
+}
+"""Keys to start from: those that most robots need first."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """A part to inspect: its group, its file and the values of further keys."""
+
+    group: str
+    file: Path
+    values: Mapping[str, Any]
+
+
+def main() -> None:
+    """Run the console script."""
+    sys.exit(evoros_inspect(sys.argv[1:]))
+
+
+def evoros_inspect(arguments: Sequence[str]) -> int:
+    """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
+    if not arguments or {"-h", "--help"} & set(arguments):
+        print(USAGE)
+        return DONE if arguments else INPUT
+    with log_to_terminal():
+        try:
+            _inspect(arguments)
+        except EvorosError as error:
+            LOGGER.error("%s: %s", NAME, single_line(error))
+            return INPUT
+    return DONE
+
+
+def _inspect(arguments: Sequence[str]) -> None:
+    words, options = _split_options(arguments)
+    requests = _parse(words)
+    folder = Path(options.get("--config-dir", DEFAULT_FOLDER)).expanduser()
+    if "--name" in options and len(requests) > 1:
+        raise InputError("--name: names one part, and there are two; inspect them one by one")
+    chosen: list[str] = []
+    shown: list[str] = []
+    for request in requests:
+        own = _describe(request, options.get("--name"), chosen, folder)
+        inspection = _write_yaml(own, folder, chosen)
+        picture = (folder / own.path).with_suffix(".png")
+        _write(picture, inspection.picture, replace=True)
+        print_result(_format(inspection, shown))
+        print_result(f"written {folder / own.path}\n        {picture}")
+        chosen.append(f"{own.group}={own.name}")
+        shown += inspection.messages
+    print_result(_suggest(folder, chosen))
+
+
+def _split_options(arguments: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    words, options, rest = [], {}, iter(arguments)
+    for word in rest:
+        if not word.startswith("-"):
+            words.append(word)
+            continue
+        name, equals, value = word.partition("=")
+        if name not in ("--config-dir", "--name"):
+            raise InputError(f"{name}: must be --config-dir or --name; see {NAME} --help")
+        options[name] = value if equals else next(rest, "")
+        if not options[name]:
+            raise InputError(f"{name}: must be followed by a value; add it")
+    return words, options
+
+
+def _parse(words: Sequence[str]) -> list[Request]:
+    """Parse ``robot FILE world FILE key=value ...``; the robot comes first in the result."""
+    from evoros.config.own_files import ROBOT, WORLD, parse_keys
+
+    files: dict[str, Path] = {}
+    keys = [word for word in words if "=" in word and not Path(word).is_file()]
+    names = iter([word for word in words if word not in keys])
+    for group in names:
+        if group not in (ROBOT, WORLD) or group in files:
+            raise InputError(f"{group}: must be robot FILE or world FILE, once each; correct it")
+        file = Path(next(names, "")).expanduser()
+        if not file.is_file():
+            raise InputError(f"{group} {file}: must be an existing file; correct the path")
+        files[group] = file.resolve()
+    if not files:
+        raise InputError("must be told robot FILE, world FILE or both; add one")
+    if len(files) == 1:
+        (group,) = files
+        keys = [key.removeprefix(f"{group}.") for key in keys]
+        return [Request(group, files[group], parse_keys(keys))]
+    values = parse_keys(keys)
+    unknown = sorted(set(values) - set(files))
+    if unknown:
+        raise InputError(f"{unknown[0]}: must start with robot. or world.; add which part it is of")
+    return [Request(group, files[group], values.get(group, {})) for group in (ROBOT, WORLD)]
+
+
+def _describe(request: Request, name: str | None, chosen: Sequence[str], folder: Path) -> "OwnFile":
+    """Describe the YAML file of a part; a world without a course gets one that fits the robot."""
+    from evoros.config.own_files import ROBOT, OwnFile, choose_name
+    from evoros.session.inspection import plan_course
+
+    own_name = name or choose_name(request.file)
+    title = f"{own_name}, read from {request.file.name} by evoros-inspect."
+    if request.group == ROBOT:
+        values = {"description": str(request.file), **ROBOT_KEYS, **request.values}
+    else:
+        values = {"sdf": str(request.file), **request.values}
+        if "course" not in values:
+            values["course"] = plan_course(values, folder, chosen)
+    return OwnFile(request.group, own_name, title, values)
+
+
+def _write_yaml(own: "OwnFile", folder: Path, chosen: Sequence[str]) -> "Inspection":
+    """Write the YAML file and build the part from it; a failure leaves no file."""
+    from evoros.session.inspection import inspect_part
+
+    path = folder / own.path
+    _write(path, own.text.encode())
+    try:
+        return inspect_part(own.group, own.name, folder, chosen)
+    except BaseException:
+        path.unlink()
+        raise
+
+
+def _write(path: Path, content: bytes, replace: bool = False) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("wb" if replace else "xb") as file:
+            file.write(content)
+    except FileExistsError as error:
+        raise InputError(
+            f"{path}: must be a new file, and it exists; delete it, or give --name or --config-dir"
+        ) from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another") from error
+
+
+def _format(inspection: "Inspection", shown: Sequence[str]) -> str:
+    """Return the table, with the messages that have not been ``shown`` with another part."""
+    here = f"{Path.cwd()}/"  # paths below the current folder are shorter without it
+    messages = [text.replace(here, "") for text in inspection.messages if text not in shown]
+    rows = [*inspection.rows, *(("told", message) for message in messages)]
+    width = max(len(name) for name, _ in rows)
+    return "\n".join([inspection.title, *(f"  {name:<{width}}  {text}" for name, text in rows)])
+
+
+def _suggest(folder: Path, chosen: Sequence[str]) -> str:
+    design = " design=around" if any(word.startswith("robot=") for word in chosen) else ""
+    option = f" --config-dir {folder}"
+    return f"to use  evoros{option} {' '.join(chosen)}{design} simulator=planar"

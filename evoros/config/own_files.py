@@ -1,0 +1,118 @@
+"""The YAML file of a robot or world of the user's own."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from evoros.base.errors import InputError
+
+ROBOT, WORLD = "robot", "world"
+_WIDTH = 10_000  # of a line: a value stays on one
+
+_HEADS = {
+    ROBOT: """# {title} conf/robot/own.yaml has all keys.
+defaults:
+  - own
+  - _self_
+
+""",
+    WORLD: """# {title}
+{name}:
+  _target_: evoros.world.loading.load_world
+""",
+}
+_COMMENTS = {
+    "description": "a .urdf or .xacro file",
+    "max_speed_mps": "null: from the robot's own limits [m/s]",
+    "link": "link that carries the sensors; null: chosen for the robot",
+    "z_m": "their height in the frame of the link; null: chosen [m]",
+    "pitch_deg": "nose up positive; null: the lowest rays are level [deg]",
+    "arguments": "arguments of the xacro file, by name",
+    "packages": "further folders in which packages are looked for",
+    "sdf": "a .sdf, .world or .xacro file",
+    "model_paths": "further folders in which included models are looked for",
+    "home_x_m": "where the robot starts and ends each phase [m]",
+    "home_z_m": "height of the robot's frame above the ground when it is set down [m]",
+    "home_yaw_rad": "left positive [rad]",
+    "waypoints": "corners [x, y] [m]; home is appended",
+    "acceptance_m": "a waypoint counts as visited within this distance [m]",
+    "time_limit_s": "maximum simulated time of the mission [s]",
+    "direction": "of the first phase: random, forward, backward or parity",
+    "end_on_collision": "whether touching an obstacle ends the mission",
+}
+
+
+@dataclass(frozen=True)
+class OwnFile:
+    """The YAML file of a part: ``GROUP/NAME.yaml`` in the user's configuration folder."""
+
+    group: str  # robot or world
+    name: str
+    title: str  # the first line, a comment
+    values: Mapping[str, Any]
+
+    @property
+    def path(self) -> str:
+        """The file, relative to the configuration folder."""
+        return f"{self.group}/{self.name}.yaml"
+
+    @property
+    def text(self) -> str:
+        """The content, each key with a comment."""
+        head = _HEADS[self.group].format(title=self.title, name=self.name)
+        return head + _format(self.values, "  " if self.group == WORLD else "")
+
+
+def _format(values: Mapping[str, Any], indent: str) -> str:
+    lines = []
+    for key, value in values.items():
+        comment = f"  # {_COMMENTS[key]}" if key in _COMMENTS else ""
+        if isinstance(value, Mapping) and value:
+            lines.append(f"{indent}{_dump(key)}:{comment}\n{_format(value, indent + '  ')}")
+        else:
+            lines.append(f"{indent}{_dump(key)}: {_dump(value)}{comment}\n")
+    return "".join(lines)
+
+
+def _dump(value: object) -> str:
+    """Return a value in YAML on one line."""
+    text: str = yaml.safe_dump(value, default_flow_style=True, width=_WIDTH)
+    return text.removesuffix("...\n").strip()
+
+
+def choose_name(file: Path) -> str:
+    """Return a name for the part that a file describes, from its name without suffixes."""
+    stem = file.name.split(".")[0]
+    if stem in ("model", "robot", "world"):  # the folder tells more
+        stem = file.resolve().parent.name
+    name = re.sub(r"[^A-Za-z0-9]+", "_", stem).strip("_").lower()
+    return name if name[:1].isalpha() else f"my_{name}"
+
+
+def parse_keys(words: Sequence[str]) -> dict[str, Any]:
+    """Parse ``key=value`` and ``key.inner=value`` into nested values, in YAML's notation.
+
+    Raises:
+        InputError: a word has no ``=``, or its value is no YAML.
+    """
+    values: dict[str, Any] = {}
+    for word in words:
+        path, equals, text = word.partition("=")
+        if not equals or not path:
+            raise InputError(f"{word}: must be key=value; correct it")
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise InputError(f"{word}: must have a value in YAML; correct or quote it") from error
+        *outer, last = path.split(".")
+        place = values
+        for key in outer:
+            place = place.setdefault(key, {})
+            if not isinstance(place, dict):
+                raise InputError(f"{word}: {key} already has a value; remove one of the two")
+        place[last] = value
+    return values

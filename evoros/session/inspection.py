@@ -1,0 +1,195 @@
+"""Describes robots and worlds of the user's own: what was read, what was assumed or left out."""
+
+import logging
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.base.log import withhold_messages
+from evoros.base.rng import generator
+from evoros.config.compose import compose
+from evoros.config.own_files import ROBOT
+from evoros.evolution.experiment import Experiment
+from evoros.field.course_suggestion import suggest_course
+from evoros.formats.sdf.reading import SdfOptions
+from evoros.formats.urdf.tree import read_tree
+from evoros.geometry.footprint import bottom_height, project_bodies, project_shape, top_height
+from evoros.robot.model import Robot
+from evoros.session.figures import draw_robot_picture, draw_world_picture
+from evoros.world.course import Course
+from evoros.world.floors import settle
+from evoros.world.loading import read_world
+from evoros.world.model import LOW_M, World
+
+SAMPLES = 60
+"""Random designs whose sensors the picture of a robot shows."""
+
+START = Course(0.0, 0.0, 0.0, 0.0, [[0.5, 0.0]], 0.3, 60.0, "forward", True)
+"""Finds the floor of a world that has no course yet: the floor around its origin."""
+
+Rows = Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """A robot or world in a table, with the messages of its reader and a picture."""
+
+    title: str
+    rows: Rows
+    messages: Sequence[str]  # what the readers assumed, changed or left out
+    picture: bytes  # PNG
+
+
+def inspect_part(group: str, name: str, folder: Path, overrides: Sequence[str]) -> Inspection:
+    """Describe the robot or the world that ``GROUP=NAME`` chooses with ``--config-dir`` FOLDER.
+
+    Raises:
+        InputError: the configuration cannot be composed, or the part cannot be used.
+    """
+    design = ["design=around"] if group == ROBOT else []
+    experiment, messages = _build([f"{group}={name}", *design, *overrides], folder)
+    title = f"{group} {name}"
+    if group == ROBOT:
+        places = _sample_places(experiment)
+        picture = draw_robot_picture(experiment.robot, places)
+        return Inspection(title, describe_robot(experiment.robot, places), messages, picture)
+    rows = [row for world in experiment.world.values() for row in describe_world(world)]
+    return Inspection(title, rows, messages, draw_world_picture(experiment.world))
+
+
+def plan_course(
+    values: Mapping[str, Any], folder: Path, overrides: Sequence[str]
+) -> dict[str, Any]:
+    """Suggest a course for the world that ``load_world`` reads with ``values``.
+
+    It suits the robot that ``overrides`` choose, else one as large as the bundled rover.
+
+    Raises:
+        InputError: the world cannot be read.
+    """
+    robot = _build(overrides, folder if overrides else None)[0].robot
+    radius = float(np.linalg.norm(robot.outline, axis=1).max())
+    sdf = str(values["sdf"])
+    keys = {entry.name: values[entry.name] for entry in fields(SdfOptions) if entry.name in values}
+    with withhold_messages():  # building the world will repeat them
+        world = read_world(sdf, SdfOptions(**keys), values.get("arguments", {}))
+        bodies = settle(world.bodies, START, sdf)
+    obstacles = [body for body in bodies if not body.is_ground]
+    course = suggest_course(project_bodies(obstacles, max(robot.height_m, LOW_M)), radius)
+    values = {"_target_": f"{Course.__module__}.{Course.__name__}", **vars(course)}
+    return values | {"waypoints": [list(point) for point in course.waypoints]}
+
+
+def _build(overrides: Sequence[str], folder: Path | None) -> tuple[Experiment, list[str]]:
+    """Build the experiment; return it with the warnings of all readers, in their order."""
+    with withhold_messages() as records:
+        experiment = compose(["simulator=planar", *overrides], folder).build()
+    told = [record.getMessage() for record in records if record.levelno >= logging.INFO]
+    return experiment, list(dict.fromkeys(told))
+
+
+def _sample_places(experiment: Experiment) -> dict[str, Array]:
+    """Return poses (n, 5) of sensors of random designs, by their region."""
+    space, rng = experiment.space, generator("inspection", "designs")
+    places: dict[str, list[Array]] = {}
+    for _ in range(SAMPLES):
+        genome = rng.random(space.size)
+        row, mounts = space.to_row(genome), space.decode(genome).mounts
+        regions = [str(row[key]) for key in row if key.endswith("_region") and row[key]]
+        poses = experiment.robot.with_sensors(mounts, experiment.design.sensors).sensor_poses()
+        twins = max(1, len(poses) // max(1, len(regions)))
+        for number, pose in enumerate(poses):
+            region = regions[number // twins] if regions else next(iter(space.regions))
+            places.setdefault(region, []).append(pose)
+    return {region: np.array(poses) for region, poses in sorted(places.items())}
+
+
+def describe_robot(robot: Robot, places: Mapping[str, Array]) -> Rows:
+    """Return the table of a robot, whose sensors may sit at ``places`` (n, 5) by region."""
+    tree = read_tree(robot.urdf_elements(), robot.name)
+    links = f"{len(robot.sensor_links)} of {len(tree.poses)} can carry sensors"
+    length, width = np.ptp(robot.outline, axis=0)
+    mass = sum(_read_masses(robot))
+    return [
+        ("links", f"{len(tree.poses)}; {links}"),
+        ("joints", _count(joint.type for joint in tree.joints.values())),
+        ("drive", _describe_drive(robot)),
+        ("outline", f"{length:.3f} m long, {width:.3f} m wide, {robot.height_m:.3f} m high"),
+        ("mass", f"{mass:.3g} kg"),
+        ("sensors", f"on {robot.mount_link}, {robot.mount_z_m:.3f} m above its origin"),
+        ("regions", _describe_places(places)),
+    ]
+
+
+def _read_masses(robot: Robot) -> Iterable[float]:
+    for mass in robot.urdf_elements().iterfind("link/inertial/mass"):
+        yield float(mass.get("value", "0"))
+
+
+def _describe_drive(robot: Robot) -> str:
+    drive = robot.drive
+    parts = [
+        type(drive).__name__,
+        f"wheels {', '.join(drive.wheel_joints)}",
+        *([f"steering {', '.join(drive.steering_joints)}"] if drive.steering_joints else []),
+        *([f"casters {', '.join(drive.caster_links)}"] if drive.caster_links else []),
+        f"at most {drive.max_speed_mps:.3g} m/s",
+    ]
+    return "; ".join(parts)
+
+
+def _describe_places(places: Mapping[str, Array]) -> str:
+    ranges = []
+    for region, poses in places.items():
+        (x0, y0, z0), (x1, y1, z1) = poses[:, :3].min(axis=0), poses[:, :3].max(axis=0)
+        ranges.append(
+            f"{region} (x {x0:.2f}..{x1:.2f}, y {y0:.2f}..{y1:.2f}, z {z0:.2f}..{z1:.2f} m)"
+        )
+    return "; ".join(ranges) or "none"
+
+
+def describe_world(world: World) -> Rows:
+    """Return the table of a world."""
+    fixed = [body for body in world.obstacles if body.mass is None]
+    movable = [body for body in world.obstacles if body.mass is not None]
+    floors = [body for body in world.bodies if body.is_ground]
+    course = world.course
+    home_x, home_y, _, yaw = course.home
+    corners = ", ".join(f"({x:g}, {y:g})" for x, y in course.waypoints)
+    length = float(np.linalg.norm(np.diff(course.route(True), axis=0), axis=1).sum())
+    return [
+        ("obstacles", f"{len(fixed)} fixed, {len(movable)} movable"),
+        ("shapes", _count(shape.kind for body in world.obstacles for shape in body.shapes)),
+        ("ground", ", ".join(body.name for body in floors)),
+        ("extent", _describe_extent(world)),
+        ("gravity", f"{world.gravity_mps2:g} m/s2"),
+        ("home", f"({home_x:g}, {home_y:g}) m, yaw {yaw:g} rad"),
+        ("waypoints", f"{corners} m; {length:.0f} m in both phases"),
+        ("time limit", f"{course.time_limit_s:g} s"),
+    ]
+
+
+def _describe_extent(world: World) -> str:
+    placed = [
+        (shape, body.pose @ shape.pose)
+        for body in world.obstacles
+        for shape in body.shapes
+        if shape.kind not in ("plane", "heightfield")
+    ]
+    if not placed:
+        return "no obstacles"
+    corners = np.concatenate([project_shape(*solid).vertices for solid in placed])
+    (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+    lowest = min(bottom_height(*solid) for solid in placed)
+    highest = max(top_height(*solid) for solid in placed)
+    return f"x {x0:.1f}..{x1:.1f}, y {y0:.1f}..{y1:.1f}, z {lowest:.2f}..{highest:.2f} m"
+
+
+def _count(kinds: Iterable[str]) -> str:
+    counts = Counter(kinds)
+    return ", ".join(f"{number} {kind}" for kind, number in counts.most_common()) or "none"

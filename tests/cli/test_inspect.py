@@ -1,0 +1,94 @@
+"""evoros-inspect: from somebody else's robot and world to files that evoros runs."""
+
+from pathlib import Path
+
+import pytest
+from documents import files, write
+
+from evoros.base.console import DONE, INPUT
+from evoros.cli.inspect import evoros_inspect
+from evoros.config.compose import compose
+
+FILES = files("your_robot")
+SCOUT, DEPOT = "theirs/scout.urdf.xacro", "theirs/depot.world"
+PNG = b"\x89PNG"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A current folder with the files of docs/your_robot.md."""
+    write(FILES, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_robot_and_a_world_become_files_that_compose_and_build(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["robot", SCOUT, "world", DEPOT, "robot.arguments.laser=false"]
+    assert evoros_inspect(words) == DONE
+    output = capsys.readouterr().out
+    for path in ("mine/robot/scout.yaml", "mine/world/depot.yaml"):
+        assert path in output
+        assert (folder / path).with_suffix(".png").read_bytes().startswith(PNG)
+    config = compose(["robot=scout", "world=depot", "design=around", "simulator=planar"], "mine")
+    experiment = config.build()
+    assert experiment.robot.name == "scout"
+    assert "laser_link" not in experiment.robot.sensor_links
+    (world,) = experiment.world.values()
+    assert {body.name for body in world.obstacles} >= {"rack_1", "rack_2", "barrel"}
+
+
+def test_the_table_tells_what_was_found_and_assumed(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert evoros_inspect(["robot", SCOUT]) == DONE
+    rows = dict(
+        line.strip().partition("  ")[::2]
+        for line in capsys.readouterr().out.splitlines()
+        if line.startswith("  ")
+    )
+    assert "left_wheel_joint" in rows["drive"]
+    assert "caster_wheel" in rows["drive"]
+    assert rows["mass"].strip() == "4.7 kg"
+    assert rows["joints"].split()[:2] == ["3", "fixed,"] or "2 continuous" in rows["joints"]
+
+
+def test_a_file_is_kept_and_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert evoros_inspect(["world", DEPOT]) == DONE
+    before = (folder / "mine" / "world" / "depot.yaml").read_bytes()
+    assert evoros_inspect(["world", DEPOT]) == INPUT
+    assert "depot.yaml" in capsys.readouterr().err
+    assert (folder / "mine" / "world" / "depot.yaml").read_bytes() == before
+
+
+def test_a_part_that_cannot_be_used_leaves_no_file(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "broken.urdf").write_text("<robot name='broken'><link name='a'/></robot>")
+    assert evoros_inspect(["robot", "broken.urdf"]) == INPUT
+    error = capsys.readouterr().err
+    assert "broken.urdf" in error
+    assert error.count("\n") == 1
+    assert not (folder / "mine" / "robot" / "broken.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["robot", "nothing.urdf"], "nothing.urdf"),
+        (["robot"], "robot"),
+        ([SCOUT], SCOUT),
+        (["robot", SCOUT, "world", DEPOT, "laser=1"], "laser"),
+        (["robot", SCOUT, "--to", "here"], "--to"),
+        (["arguments.laser=true"], "robot FILE"),
+    ],
+)
+def test_wrong_words_are_named_in_one_line(
+    folder: Path, words: list[str], named: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert evoros_inspect(words) == INPUT
+    error = capsys.readouterr().err
+    assert named in error
+    assert error.count("\n") == 1
+    assert not (folder / "mine").exists()
