@@ -33,18 +33,38 @@ def read_mesh(
     Raises:
         InputError: the file cannot be read, is empty, or has no such submesh.
     """
-    if path.suffix.lower() not in FORMATS:
-        known = ", ".join(FORMATS)
-        raise InputError(f"{path}: must be a mesh of a known format ({known}); convert it to one")
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; correct the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: must be readable ({error}); correct it") from error
+    content = _read_content(path)
     parameters = repr((path.suffix.lower(), tuple(map(float, scale)), submesh, bool(center)))
     key = hashlib.sha256(parameters.encode() + content).hexdigest()
     return _read(path, key, scale, submesh, center)
+
+
+@lru_cache(maxsize=256)
+def read_hull(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> Shape:
+    """Read the convex hull of all that is in an STL, OBJ or DAE file, which takes little time.
+
+    Raises:
+        InputError: the file cannot be read, is empty, or too small for a hull.
+    """
+    _read_content(path)
+    points = _triangles(path, scale, "", False).reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    if float((high - low).max()) < 1e-3:
+        problem = "must have a part of at least 1 mm"
+        raise InputError(f"{path}: {problem}; correct the scale, or export the mesh again")
+    return _shape(_corners(_find_extremes(points)))
+
+
+def _find_extremes(points: Array) -> Array:
+    """Return the corners of a hull, simplified, or those of a box around points that are flat."""
+    from evoros.geometry.hull import make_hull, simplify  # with scipy, which takes long to import
+
+    hull = make_hull(points)
+    if hull is not None:
+        return simplify(hull)[0].corners
+    low, high = points.min(axis=0), np.maximum(points.max(axis=0), points.min(axis=0) + 1e-3)
+    return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1])
+                     for z in (low[2], high[2])])  # fmt: skip
 
 
 def hull_of(shapes: Iterable[Shape]) -> Shape:
@@ -58,6 +78,19 @@ def hull_of(shapes: Iterable[Shape]) -> Shape:
     if hull is None:
         raise ValueError("the shapes are too small for a hull")
     return _shape(_corners(simplify(hull)[0].corners))
+
+
+def _read_content(path: Path) -> bytes:
+    """Return the content of a file of a known format."""
+    if path.suffix.lower() not in FORMATS:
+        known = ", ".join(FORMATS)
+        raise InputError(f"{path}: must be a mesh of a known format ({known}); convert it to one")
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; correct the path") from None
+    except OSError as error:
+        raise InputError(f"{path}: must be readable ({error}); correct it") from error
 
 
 @lru_cache(maxsize=1024)

@@ -76,8 +76,7 @@ def adapt(
     urdf = read_tree(elements, source)
     rolling = {urdf.joints[name].child for name in chosen.wheel_joints}
     rolling_groups = {link for name in rolling for link in urdf.rigid_group(name)}
-    span = max(np.ptp([wheel.centre for wheel in wheels], axis=0)[:2].tolist())
-    notes += complete_body(elements, urdf, rolling_groups, reader, span)
+    notes += complete_body(elements, urdf, rolling_groups, reader, wheels)
     notes += correct_inertias(elements, _extent(read_tree(elements, source), wheels))
     notes += _complete_masses(elements, read_tree(elements, source), chosen, wheels)
     casters, chosen = _adapt_casters(elements, source, chosen, wheels, rolling_groups)

@@ -9,9 +9,9 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.drive.candidates import CASTER
+from evoros.drive.candidates import ALIGNED, CASTER
 from evoros.drive.rolling import Wheel, shape_points
-from evoros.drive.wheels import TOLERANCE_M, TOLERATED_M
+from evoros.drive.wheels import LEFT, TOLERANCE_M, TOLERATED_M
 from evoros.formats.urdf.elements import add_fixed_joint, build_collision, fix_joint
 from evoros.formats.urdf.solids import SolidsReader, simplify
 from evoros.formats.urdf.tree import Urdf
@@ -21,7 +21,7 @@ GROUND_LINK = "evoros_ground"
 """The root link of a robot whose own root is not on the ground between its wheels."""
 
 _MIN_CLEARANCE_M = 0.02  # of a hull that stands in for collision shapes
-_MIN_EXTENT = 0.25  # of the body's shapes, as a share of the wheels' distance
+_MIN_SHARE = 0.4  # of the space between the wheels, that the body's shapes cover
 
 
 def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[str]:
@@ -55,15 +55,19 @@ def place_on_ground(elements: Element, urdf: Urdf, wheels: Sequence[Wheel]) -> l
 
 
 def complete_body(
-    elements: Element, urdf: Urdf, rolling: Collection[str], reader: SolidsReader, span: float
+    elements: Element,
+    urdf: Urdf,
+    rolling: Collection[str],
+    reader: SolidsReader,
+    wheels: Sequence[Wheel],
 ) -> list[str]:
     """Give a body without collision shapes the hull of what it shows.
 
-    The same holds for shapes that are much smaller than ``span`` [m], the distance of the wheels.
+    The same holds if its shapes cover a small part only of the space between the wheels.
     """
     body = [name for name in urdf.poses if name not in rolling and not CASTER.search(name)]
     solid = _points([(s, urdf.poses[n] @ s.pose) for n in body for s in urdf.shapes[n]])
-    if len(solid) and float(np.ptp(solid, axis=0)[:2].max()) > _MIN_EXTENT * span:
+    if len(solid) and not _is_small(solid, wheels):
         return []
     links = {str(link.get("name")): link for link in elements.findall("link")}
     shown = _points(
@@ -85,8 +89,17 @@ def complete_body(
     base = next(name for name in urdf.poses if name != GROUND_LINK)
     inverse = urdf.poses[base].inverse()
     links[base].append(build_collision(replace(hull, pose=inverse)))
-    lack = "only tiny collision shapes" if len(solid) else "no collision shapes"
+    lack = "only small collision shapes" if len(solid) else "no collision shapes"
     return [f"the body has {lack}, so the hull of its visuals collides"]
+
+
+def _is_small(solid: Array, wheels: Sequence[Wheel]) -> bool:
+    """Return whether points (n, 3) cover little of the space between the wheels."""
+    centres = np.array([wheel.centre[:2] for wheel in wheels])
+    length, width = np.ptp(centres, axis=0)
+    length += 2.0 * max(wheel.radius for wheel in wheels)
+    x, y = np.ptp(solid[:, :2], axis=0)
+    return float(x * y) < _MIN_SHARE * float(length * width)
 
 
 def _read_visual(reader: SolidsReader, link: Element, visual: Element) -> tuple[Shape, ...]:
@@ -124,7 +137,10 @@ def _fixes(kind: str, child: str, name: str) -> bool:
 
 
 def _looks_round(urdf: Urdf, name: str) -> bool:
-    """Return whether a link may be a wheel or a caster: it is called so, or turns without end."""
+    """Return whether a link may be a wheel or a caster: by its name, or turns about the left."""
     words = [name, *(j.name for j in urdf.joints.values() if j.child == name)]
-    turns = any(j.child == name and j.type == "continuous" for j in urdf.joints.values())
+    turns = any(
+        j.child == name and j.type == "continuous" and abs(float(urdf.axis_of(j)[LEFT])) > ALIGNED
+        for j in urdf.joints.values()
+    )
     return turns or any("wheel" in w.lower() or CASTER.search(w) for w in words)

@@ -131,6 +131,9 @@ def adapt_steering(
         problem = f"joint {name!r} must have its axis point up (z)"
         raise urdf.error(problem, "turn its <axis> or its <origin>")
     lower, upper = joint.lower, joint.upper
+    if lower > upper:
+        problem = f"joint {name!r} must have lower at most upper, not {lower:g} and {upper:g}"
+        raise urdf.error(problem, "swap them")
     if along < 0.0:
         lower, upper = -upper, -lower
         notes.turned_round.append(name)

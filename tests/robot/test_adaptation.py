@@ -409,7 +409,7 @@ def test_a_body_without_collision_shapes_has_the_hull_of_its_visuals(
     assert told(caplog, "no collision shapes, so the hull of its visuals collides")
     tiny = BOX.replace("0.3 0.2 0.1", "0.01 0.01 0.01")
     load(tmp_path, link("base_link", shown, tiny, INERTIAL.format(2.0, 0.02)), WHEELS, CASTER)
-    assert told(caplog, "only tiny collision shapes")
+    assert told(caplog, "only small collision shapes")
 
 
 MESH = '<collision><geometry><mesh filename="{}"/></geometry></collision>'
@@ -448,6 +448,19 @@ def test_shapes_without_a_size_are_left_out(
     robot = load(tmp_path, link("base_link", BOX, none, INERTIAL.format(2, 0.02)), WHEELS, CASTER)
     assert shapes(robot, "base_link") == ["box"]
     assert "base_link" in told(caplog, "without a size")
+
+
+def test_slips_that_other_readers_take_are_taken(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    inside = BOX.replace("</geometry>", '<origin xyz="0 0 1"/></geometry>')
+    robot = load(tmp_path, link("base_link", inside, INERTIAL.format(2, 0.02)), WHEELS, CASTER)
+    assert robot.height_m == pytest.approx(0.13)
+    assert "<origin> of base_link" in told(caplog, "left out")
+    text = (tmp_path / "bot.urdf").read_text()
+    (tmp_path / "late.urdf").write_text(f'<!-- by hand -->\n<?xml version="1.0"?>\n{text}')
+    load_robot(str(tmp_path / "late.urdf"), AutomaticDescription())
+    assert any("XML declaration" in message for message in caplog.messages)
 
 
 def test_names_with_slashes_and_spaces_are_names(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.errors import InputError
 from evoros.base.resources import find_file
+from evoros.formats.lenient_xml import parse_leniently
 from evoros.formats.strict_xml import parse
 from evoros.formats.urdf import xacro_child
 from evoros.formats.urdf.named_files import resolve_files
@@ -55,11 +56,13 @@ def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
     options = options or ReadOptions()
     file = find_file(name, "robots")
     content = _read_content(file)
-    root = parse(content, str(file))
+    root = parse_leniently(content, str(file))
     packages = index_packages(file, options.packages, options.ignored_packages)
     if file.suffix == ".xacro" or any(map(_XACRO.search, root.nsmap.values())):
         text = expand(file, options, packages)
-        root = parse(text.encode(), f"{file} (expanded)")  # the lines are not those of the file
+        root = parse_leniently(
+            text.encode(), f"{file} (expanded)"
+        )  # the lines are not those of the file
         if b":macro" in content:
             _check_robot(root, file)
     else:

@@ -149,11 +149,7 @@ def _read_limit(joint: Element, kind: str) -> tuple[float, float, float, float]:
     velocity = abs(read_value(limit, "velocity", "0"))
     if kind not in LIMITED_TYPES:
         return -math.inf, math.inf, effort, velocity
-    lower, upper = read_value(limit, "lower", "0"), read_value(limit, "upper", "0")
-    if lower > upper:
-        problem = f"must have lower at most upper, not {lower:g} and {upper:g}"
-        raise element_error(limit, problem, "swap them")
-    return lower, upper, effort, velocity
+    return read_value(limit, "lower", "0"), read_value(limit, "upper", "0"), effort, velocity
 
 
 def read_shapes(link: Element) -> tuple[Shape, ...]:

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 from lxml.etree import _Element as Element
 
-from evoros.base.errors import InputError
 from evoros.formats.strict_xml import element_error, require_child
 from evoros.formats.urdf.elements import build_collision
 from evoros.formats.urdf.parts import read_origin, read_shape, read_tensor, read_value, read_values
@@ -14,6 +13,7 @@ from evoros.geometry.shapes import Pose, Shape, Vector
 
 MISSING_MESHES = ("error", "box")
 _PRIMITIVES = ("box", "cylinder", "sphere", "convex")
+_SOLIDS = (*_PRIMITIVES, "mesh", "capsule", "ellipsoid")
 _MAX_PARTS = 64  # convex parts of a mesh; one with more is taken as its hull
 _MAX_CORNERS = 256  # of a convex part; one with more is taken by its extreme corners
 _ELLIPSOID_RINGS = 9
@@ -28,18 +28,40 @@ class SolidsReader:
         self._converted = 0
         self._empty: list[str] = []
         self._boxes: list[str] = []
+        self._strange: list[str] = []
 
     def rewrite_collisions(self, robot: Element) -> None:
-        """Replace every collision of another kind by collisions that engines know."""
+        """Replace every collision of another kind by collisions that engines know.
+
+        Of the meshes of links that turn without end, which may be wheels, the hull is enough.
+        """
+        turning = {
+            child.get("link")
+            for joint in robot.findall("joint")
+            if joint.get("type") == "continuous"
+            for child in joint.findall("child")
+        }
         for link in robot.findall("link"):
             for collision in link.findall("collision"):
+                self._keep_solid(link, collision)
                 if not _is_primitive(collision):
-                    shapes = self.read(link, collision)
+                    shapes = self.read(link, collision, link.get("name") in turning)
                     link.remove(collision)
                     link.extend([build_collision(shape) for shape in shapes])
 
-    def read(self, link: Element, part: Element) -> tuple[Shape, ...]:
+    def _keep_solid(self, link: Element, part: Element) -> None:
+        """Remove from a geometry what is no solid, if there is one: people write origins there."""
+        geometry = part.find("geometry")
+        if geometry is None or not any(child.tag in _SOLIDS for child in geometry):
+            return
+        for child in [child for child in geometry if child.tag not in _SOLIDS]:
+            geometry.remove(child)
+            self._strange.append(f"<{child.tag!s}> of {link.get('name')}")
+
+    def read(self, link: Element, part: Element, hull: bool = True) -> tuple[Shape, ...]:
         """Read the solids of a ``<collision>`` or ``<visual>``, posed in the frame of its link.
+
+        Of a mesh, it is the hull or convex parts.
 
         Raises:
             InputError: its geometry is of an unknown kind, or its mesh cannot be read.
@@ -50,7 +72,7 @@ class SolidsReader:
             return ()
         solid, pose = geometry[0], read_origin(part)
         if solid.tag == "mesh":
-            return self._read_mesh(link, solid, pose)
+            return self._read_mesh(link, solid, pose, hull)
         if solid.tag == "capsule":
             radius, length = read_value(solid, "radius"), read_value(solid, "length")
             ends = (Pose((0.0, 0.0, side * length / 2)) for side in (1, -1))
@@ -71,12 +93,17 @@ class SolidsReader:
         if self._empty:
             names = ", ".join(dict.fromkeys(self._empty))
             self.notes.append(f"shapes without a size are left out, of the links {names}")
+        if self._strange:
+            names = ", ".join(dict.fromkeys(self._strange))
+            self.notes.append(f"elements that a <geometry> cannot have are left out: {names}")
         if self._boxes:
             names = ", ".join(dict.fromkeys(self._boxes))
             self.notes.append(f"missing meshes are replaced by boxes: {names}")
         return self.notes
 
-    def _read_mesh(self, link: Element, solid: Element, pose: Pose) -> tuple[Shape, ...]:
+    def _read_mesh(
+        self, link: Element, solid: Element, pose: Pose, hull: bool
+    ) -> tuple[Shape, ...]:
         name = str(solid.get("filename")).removeprefix("file://")
         if not Path(name).is_file():
             if self.missing_meshes == "box":
@@ -86,18 +113,18 @@ class SolidsReader:
             fix = "add the folder of its package to robot.packages, or set robot.missing_meshes=box"
             raise element_error(solid, f"names the mesh {name}, which does not exist", fix)
         x, y, z = read_values(solid, "scale", 3, "1 1 1")
-        parts = read_parts(Path(name), (x, y, z))
-        self._converted += 1
+        parts = read_parts(Path(name), (x, y, z), hull)
+        self._converted += not hull
         return tuple(Shape("convex", (), pose @ part.pose, corners=part.corners) for part in parts)
 
 
-def read_parts(path: Path, scale: Vector) -> tuple[Shape, ...]:
-    """Read a mesh as convex parts, few enough and simple enough for an engine."""
-    from evoros.formats.mesh import hull_of, read_mesh  # its libraries load slowly
+def read_parts(path: Path, scale: Vector, hull: bool) -> tuple[Shape, ...]:
+    """Read a mesh as its hull or as convex parts, few enough for an engine."""
+    from evoros.formats.mesh import hull_of, read_hull, read_mesh  # its libraries load slowly
 
+    if hull:
+        return (simplify(read_hull(path, scale)),)
     parts = read_mesh(path, scale)
-    if not parts:
-        raise InputError(f"{path}: must contain a solid; export the mesh again")
     if len(parts) > _MAX_PARTS:
         parts = (hull_of(parts),)
     return tuple(map(simplify, parts))
