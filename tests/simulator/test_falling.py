@@ -81,6 +81,24 @@ def test_what_stands_stays_asleep(experiment: Experiment) -> None:
     assert heights[3] < 0.21  # it sinks in a little: the step is coarse
 
 
+def test_bodies_stand_on_parts_of_meshes_and_on_height_fields(experiment: Experiment) -> None:
+    """On a slab of corners, on a field, and 0.3 m above the field."""
+    corners = tuple((x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (0.0, 0.5))
+    slab = Body("slab", Pose((4.0, 0.0, 0.0)), (Shape("convex", (), corners=corners),))
+    field = Shape("heightfield", (20.0, 20.0), heights=((0.0,) * 5,) * 5)
+    bodies = (
+        Body("field", Pose(), (field,)),
+        slab,
+        crate("on the slab", 4.0, 0.7),
+        crate("on the field", -4.0, 0.2),
+        crate("above the field", -6.0, 0.5),
+    )
+    world = replace(level(experiment), bodies=bodies)
+    with PyBullet().open(experiment.robot, world) as simulation:
+        movable = list(simulation._model.movable)
+        assert [movable.index(number) for number in simulation._model.falling] == [2]
+
+
 def test_both_simulators_agree_where_a_body_ends(experiment: Experiment) -> None:
     """A sensor 0.15 m above the ground sees the crate only once it has fallen."""
     world = level(experiment, crate("crate", 2.2, 1.5))

@@ -14,6 +14,7 @@ from evoros.base.errors import InputError
 from evoros.cli.run import evoros
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.run_folder import RunFolder
+from evoros.world.loading import load_world
 
 BARE = FigureContext("robot", (), {}, {}, {}, False, (), (), {})
 
@@ -334,3 +335,40 @@ def test_of_two_runs_that_are_made_in_one_folder_one_is_refused(
         RunFolder.create(tmp_path, "second", {}, BARE)
     assert (tmp_path / "config.yaml").read_text() == "first"
     first.__exit__()
+
+
+PYRAMID = """o pyramid
+v -0.5 -0.5 0
+v 0.5 -0.5 0
+v 0.5 0.5 0
+v -0.5 0.5 0
+v 0 0 1
+f 1 3 2
+f 1 4 3
+f 1 2 5
+f 2 3 5
+f 3 4 5
+f 4 1 5
+"""
+TENT = """<sdf version="1.9"><world name="w"><gravity>0 0 -3.7</gravity>
+<model name="tent"><static>true</static><pose>30 30 0 0 0 0</pose><link name="l">
+<collision name="c"><geometry><mesh><uri>tent.obj</uri></mesh></geometry></collision>
+</link></model></world></sdf>"""
+
+
+def test_the_worlds_of_a_champion_keep_their_meshes(tmp_path: Path) -> None:
+    """They need no file of the world's author; a resumed run leaves them as they are."""
+    (tmp_path / "tent.obj").write_text(PYRAMID)
+    (tmp_path / "tent.sdf").write_text(TENT)
+    run = tmp_path / "run"
+    assert tiny(run, f"world.near.sdf={tmp_path / 'tent.sdf'}") == DONE
+    kept = content(run)
+    (tmp_path / "tent.obj").rename(tmp_path / "elsewhere.obj")
+    context = FigureContext.read(run)
+    world = load_world(str(run / "champion" / "world_near.sdf"), context.courses["near"])
+    (tent,) = world.obstacles
+    assert sorted(tent.shapes[0].corners)[-1] == (0.5, 0.5, 0.0)
+    assert world.gravity_mps2 == 3.7
+    (tmp_path / "elsewhere.obj").rename(tmp_path / "tent.obj")
+    assert resume(run) == DONE
+    assert content(run) == kept
