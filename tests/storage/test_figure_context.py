@@ -32,12 +32,18 @@ EVOLVING = compose(
     ]
 ).build()
 SETTING = describe_experiment(EVOLVING)
-VALUES = {
-    "robot.mount.link": "base_link",
-    "robot.mount.z_m": 0.166,
-    "robot.mount.pitch_deg": 12.5,
-    "design.regions.left.pitch_deg": 5.0,
-}
+AROUND = compose(
+    [
+        "simulator=planar",
+        "executor=serial",
+        "robot=two_wheeler",
+        "robot.mount=null",
+        "design=around",
+        "design.mirrored=true",
+        "+design.regions.front.height_m=0.12",
+        "+design.regions.rear.pitch_deg=5",
+    ]
+).build()
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +57,9 @@ def setting(experiment: Experiment) -> FigureContext:
 
 
 def test_what_is_written_is_read(setting: FigureContext, tmp_path: Path) -> None:
-    (tmp_path / "setting.json").write_text(setting.text)
-    assert FigureContext.read(tmp_path) == setting
+    for context in (setting, describe_experiment(AROUND)):
+        (tmp_path / "setting.json").write_text(context.text)
+        assert FigureContext.read(tmp_path) == context
 
 
 def test_it_says_what_the_paper_and_the_configuration_say(setting: FigureContext) -> None:
@@ -137,16 +144,19 @@ def test_sensors_are_where_the_robot_has_them(
     assert found.yaw_deg.between(-180, 180).all()
 
 
+@pytest.mark.parametrize("experiment", [EVOLVING, AROUND], ids=["boxes", "sides"])
 @settings(deadline=None)
 @given(st.data())
-def test_a_candidate_has_the_mounts_of_its_design(data: st.DataObject) -> None:
+def test_a_candidate_has_the_mounts_of_its_design(
+    experiment: Experiment, data: st.DataObject
+) -> None:
     """Whatever evolves: types, regions with heights of their own, the number of sensors."""
-    experiment = EVOLVING
+    context = describe_experiment(experiment)
     space = experiment.space
     genome = np.array([data.draw(st.floats(0, 1)) for _ in range(space.size)])
     design = space.decode(genome)
     row = pd.DataFrame([{"id": 7, **space.to_row(genome)}])
-    record = type("Record", (), {"context": SETTING, "values": VALUES})()
+    record = type("Record", (), {"context": context})()
     found = list_mounts(row, record)
     assert [_mount(each) for each in found.to_dict("records")] == list(design.mounts)
     assert list(found.sensor) == list(range(len(design.mounts)))
