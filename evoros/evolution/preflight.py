@@ -67,7 +67,7 @@ def _report_mount(experiment: Experiment) -> None:
     pitch = robot.default_pitch(experiment.design.sensors.values())
     values = {"link": robot.mount_link, "z_m": f"{robot.mount_z_m:.4g}", "pitch_deg": f"{pitch:g}"}
     chosen = ", ".join(f"robot.mount.{name}={values[name]}" for name in robot.chosen_mount)
-    LOGGER.info("%s: chosen for the robot and its sensors: %s", robot.name, chosen)
+    LOGGER.warning("%s: chosen for the robot and its sensors: %s", robot.name, chosen)
 
 
 def _try_design(experiment: Experiment) -> Scenario:
