@@ -72,7 +72,8 @@ def _surface_points(shape: Shape) -> Array:
         return np.array(shape.corners)
     if shape.kind == "box":
         signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-        return signs * np.array(shape.size) / 2
+        box: Array = signs * np.array(shape.size) / 2
+        return box
     cos, sin = np.cos(_CIRCLE), np.sin(_CIRCLE)
     if shape.kind == "cylinder":
         radius, length = shape.size

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon
 
 from evoros.base.arrays import Array
-from evoros.geometry.footprint import project_shape, top_height
+from evoros.geometry.footprint import Footprint, bottom_height, project_shape, top_height
 from evoros.world.course import Course
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
@@ -20,6 +20,8 @@ from ..measures.cones import dilate
 from .style import COLUMN_IN, STYLE, VERMILLION
 
 HEIGHTS_M = Normalize(0.0, 1.0)
+OVERHEAD_M = 1.0
+"""Parts whose underside is higher hide nothing that a robot can touch or see."""
 
 
 def draw_worlds(
@@ -51,23 +53,38 @@ def draw_worlds(
 def draw_obstacles(
     axes: Axes, world: World, cmap: str = "cividis_r", heights: Normalize = HEIGHTS_M
 ) -> PatchCollection:
-    """Draw the obstacles of a world, coloured by their height [m]."""
+    """Draw the obstacles of a world, coloured by their height [m].
+
+    Of what is overhead, such as lintels and roofs, only the edges are drawn.
+    """
     patches: list[Patch] = []
+    overhead: list[Patch] = []
     tops: list[float] = []
     for body in standing_obstacles(world):
         for shape in body.shapes:
             pose = body.pose @ shape.pose
             area = project_shape(shape, pose)
-            if len(area.vertices) == 1:
-                patches.append(Circle((area.vertices[0, 0], area.vertices[0, 1]), area.radius))
-            else:  # a cylinder that leans, even by rounding alone, has a segment and a radius
-                patches.append(Polygon(dilate(area.vertices, area.radius)))
+            patch = _to_patch(area)
+            if bottom_height(shape, pose) > OVERHEAD_M:
+                overhead.append(patch)
+                continue
+            patches.append(patch)
             tops.append(top_height(shape, pose))
     solids = PatchCollection(patches, cmap=cmap, norm=heights, ec="black", lw=0.3)
     solids.set_array(np.array(tops))
     axes.add_collection(solids)
+    if overhead:
+        edges = PatchCollection(overhead, fc="none", ec="0.6", lw=0.3, ls=":")
+        axes.add_collection(edges)
     axes.autoscale()
     return solids
+
+
+def _to_patch(area: Footprint) -> Patch:
+    if len(area.vertices) == 1:
+        return Circle((area.vertices[0, 0], area.vertices[0, 1]), area.radius)
+    # A cylinder that leans, even by rounding alone, has a segment and a radius.
+    return Polygon(dilate(area.vertices, area.radius))
 
 
 def draw_course(axes: Axes, course: Course) -> None:

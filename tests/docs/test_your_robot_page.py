@@ -1,0 +1,62 @@
+"""The commands of docs/your_robot.md lead from the files on the page to an evaluated champion."""
+
+import re
+import shlex
+import struct
+from pathlib import Path
+
+import pytest
+from documents import files, text, write
+from helpers import ROOT
+
+from evoros.base.console import DONE
+from evoros.cli.evaluate import evaluate
+from evoros.cli.inspect import evoros_inspect
+from evoros.cli.run import evoros
+
+PAGE = text("your_robot")
+COMMANDS = {"evoros": evoros, "evoros-evaluate": evaluate, "evoros-inspect": evoros_inspect}
+LIMIT = "world.depot.course.time_limit_s=20"
+SMALL = {
+    "evoros": [
+        LIMIT,
+        "executor=serial",
+        "figures=[]",
+        "optimizer.population_size=3",
+        "optimizer.generations=2",
+        "optimizer.validation_trials=1",
+    ],
+    "evoros-evaluate": [LIMIT, "executor=serial"],
+}
+
+
+def lines() -> list[list[str]]:
+    blocks = re.findall(r"^```bash\n(.*?)^```$", PAGE, re.M | re.S)
+    return [shlex.split(line) for block in blocks for line in block.splitlines()]
+
+
+def test_every_command_runs_in_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(files("your_robot"), tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert [words[0] for words in lines()] == ["evoros-inspect", "evoros", "evoros-evaluate"]
+    for name, *words in lines():
+        assert COMMANDS[name]([*words, *SMALL.get(name, [])]) == DONE, capsys.readouterr().err
+        if name == "evoros-inspect":  # the page shows what it prints, apart from long lines
+            shown = re.findall(r"^```text\n(robot scout.*?)^```$", PAGE, re.M | re.S)[0]
+            printed = capsys.readouterr().out
+            for line in shown.splitlines():
+                assert line.removesuffix("...").rstrip() in printed
+    champion = tmp_path / "outputs" / "scout" / "champion"
+    assert (champion / "robot.urdf").exists()
+    assert (champion / "world_depot.sdf").exists()
+
+
+def test_its_pictures_are_fit_to_print() -> None:
+    names = re.findall(r"!\[[^\]]+\]\((img/[\w.]+)\)", PAGE)
+    assert len(names) == 2
+    for name in names:
+        head = (ROOT / "docs" / name).read_bytes()[:24]
+        width, _ = struct.unpack(">II", head[16:])
+        assert width >= 1000  # pixels: of at least one column at 300 dots an inch
