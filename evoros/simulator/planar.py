@@ -59,7 +59,12 @@ class Planar:
 
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator[RuleSimulation]:
-        """Place the robot at the world's home, at rest."""
+        """Place the robot at the world's home, at rest.
+
+        Raises:
+            InputError: the ground is not level.
+        """
+        self.check_world(world)  # a sampler may have drawn it
         home_x, home_y, _, home_yaw = world.course.home
         memory = np.zeros(PLACED_OUTLINE + robot.outline.size)
         memory[[X, Y, YAW]] = home_x, home_y, home_yaw

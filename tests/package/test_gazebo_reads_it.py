@@ -5,6 +5,7 @@
 
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from evoros.base.resources import bundled_folder
 from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.world.model import World
 
 pytestmark = pytest.mark.skipif(
     shutil.which("ign") is None
@@ -70,6 +73,31 @@ def test_it_accepts_the_worlds(name: str, tmp_path: Path) -> None:
         assert ign("-k", file).strip() == "Valid."
         models = etree.fromstring(ign("-p", file).encode()).findall("world/model")
         assert len(models) == len(world.bodies)
+
+
+def test_it_accepts_parts_of_meshes_height_fields_slopes_and_gravity(tmp_path: Path) -> None:
+    corners = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 2.0))
+    part = Shape("convex", (), corners=corners)
+    other = Shape("convex", (), Pose((0.0, 0.0, 2.0)), corners)
+    hills = Shape("heightfield", (8.0, 8.0), heights=((-1.0, 0.5, 0.0),) * 3)
+    slope = Pose.from_rpy((0.0, 0.0, 0.0), 0.0, 0.1, 0.0)
+    bodies = (
+        Body("slope", slope, (Shape("plane", (0.0, 0.0, 1.0)),)),
+        Body("hills", Pose((20.0, 20.0, 0.0)), (hills,)),
+        Body("fixed", Pose((8.0, 8.0, 0.0)), (part,)),
+        Body("movable", Pose((-8.0, 8.0, 3.0)), (part, other), 2.0, 0.8, (0.1, 0.1, 0.1)),
+    )
+    course = build("world=boxes").world["boxes"].course
+    course = replace(course, home_x_m=0.0, home_y_m=0.0)
+    world = World("all", bodies, course, "all.sdf", "0", gravity_mps2=3.7)
+    for name, content in world.files("all").items():
+        (tmp_path / name).write_bytes(content)
+    assert ign("-k", tmp_path / "all.sdf").strip() == "Valid."
+    converted = etree.fromstring(ign("-p", tmp_path / "all.sdf").encode())
+    assert len(converted.findall("world/model")) == 4
+    assert len(converted.findall(".//collision/geometry/mesh/submesh")) == 3
+    assert len(converted.findall(".//collision/geometry/heightmap")) == 1
+    assert converted.findtext("world/gravity") == "0 0 -3.7"
 
 
 def test_a_faulty_file_is_refused(tmp_path: Path) -> None:
