@@ -67,8 +67,9 @@ def judge_gain(table: pd.DataFrame, line: str) -> Finding:
     supported: it is below. If the interval of the total gain contains 0, there is no verdict.
     """
     claim = GAIN[line]
-    long = table[table["last"] > EARLY] if len(table) else table
-    known = long.dropna(subset=[f"{line}_{name}" for name in ("first", "early", "last")])
+    names = [f"{line}_{name}" for name in ("first", "early", "last")]
+    # Without runs the table has no columns.
+    known = table[table["last"] > EARLY].dropna(subset=names) if len(table) else table
     if len(known) < 2:
         return claim.lack(f"two runs of more than {EARLY} generations, {line}")
     total = (known[f"{line}_last"] - known[f"{line}_first"]).to_numpy(float)

@@ -293,6 +293,8 @@ def test_a_gain_that_may_be_none_says_nothing() -> None:
     assert "no gain for sure" in found.why
     assert "needs" in claims_runs.judge_gain(table.assign(validated_last=math.nan), "validated").why
     assert "needs" in claims_runs.judge_gain(progress([3.5, 3.5], last=15), "recorded").why
+    without_runs = pd.DataFrame()  # as of a study in which no design is mirrored
+    assert "needs" in claims_runs.judge_gain(without_runs, "recorded").why
 
 
 @pytest.mark.parametrize(
