@@ -3,6 +3,7 @@
 import re
 import shlex
 import struct
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,11 @@ from evoros.cli.inspect import evoros_inspect
 from evoros.cli.run import evoros
 
 PAGE = text("your_robot")
-COMMANDS = {"evoros": evoros, "evoros-evaluate": evaluate, "evoros-inspect": evoros_inspect}
+COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
+    "evoros": evoros,
+    "evoros-evaluate": evaluate,
+    "evoros-inspect": evoros_inspect,
+}
 LIMIT = "world.depot.course.time_limit_s=20"
 SMALL = {
     "evoros": [

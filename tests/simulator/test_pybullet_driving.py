@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -128,3 +129,19 @@ def test_a_rover_pushes_a_light_box(experiment: Experiment) -> None:
         simulation.advance(np.array([0.3, 0.0]), 4.0)
         (x, _, _), _ = bullet.getBasePositionAndOrientation(body, client)
     assert x - start[0] > 0.5
+
+
+def test_ground_with_a_huge_friction_is_ground_with_that_of_the_wheels(
+    experiment: Experiment,
+) -> None:
+    ends = []
+    for friction in (1.0, 100.0, 0.2):
+        world = level(experiment)
+        bodies = tuple(replace(body, friction=friction) for body in world.bodies)
+        state = np.zeros(STATE_SIZE)
+        with PyBullet().open(experiment.robot, replace(world, bodies=bodies)) as simulation:
+            simulation.advance(np.array([0.3, 0.5]), 3.0)
+            simulation.observe(state)
+        ends.append(state)
+    np.testing.assert_array_equal(ends[0], ends[1])
+    assert not np.array_equal(ends[0], ends[2])

@@ -23,6 +23,11 @@ which rays that graze a floor would meet centimetres too early."""
 UPWARDS = 0.1  # a contact whose normal points up by less does not carry a body
 
 
+MAX_FRICTION = 1.0
+"""Gazebo takes the smaller of two coefficients and Bullet their product. So a coefficient of 100,
+which many worlds have, must not multiply that of the wheels."""
+
+
 def add_body(bullet: Any, client: int, body: Body) -> list[int]:
     """Add one body of the world; returns the numbers of the engine's bodies.
 
@@ -44,7 +49,8 @@ def add_body(bullet: Any, client: int, body: Body) -> list[int]:
             physicsClientId=client,
         )
         bullet.setCollisionFilterGroupMask(number, -1, group, meets, physicsClientId=client)
-        bullet.changeDynamics(number, -1, lateralFriction=body.friction, physicsClientId=client)
+        friction = min(body.friction, MAX_FRICTION)
+        bullet.changeDynamics(number, -1, lateralFriction=friction, physicsClientId=client)
         if body.mass is None and shapes[0].kind == "convex":
             bullet.changeDynamics(number, -1, collisionMargin=MARGIN_M, physicsClientId=client)
         numbers.append(number)
