@@ -188,3 +188,14 @@ def test_wheels_and_caster_are_within_the_outline_and_no_part_of_it() -> None:
     far = experiment("+robot.arguments.caster_x=0.4").robot
     assert far.exposed_links == {"caster"}
     assert far.outline.max(axis=0) == pytest.approx([0.43, 0.165], rel=2e-3)
+
+
+def test_wheels_that_are_cylinders_roll_as_far_as_their_radius_says() -> None:
+    driven = experiment("+robot.arguments.wheel_collision=cylinder").robot
+    with PyBullet(time_step=0.01).open(driven, plain()) as simulation:
+        simulation.advance(np.array([0.3, 0.0]), 1.0)
+        start = state_of(simulation)
+        simulation.advance(np.array([0.3, 0.0]), 2.0)
+        end = state_of(simulation)
+    assert end[X] - start[X] == pytest.approx(0.6, rel=0.005)
+    assert abs(end[YAW]) < math.radians(0.5)

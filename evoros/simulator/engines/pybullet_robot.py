@@ -4,6 +4,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from lxml.etree import _Element as Element
+
 from evoros.drive.protocol import Drive
 from evoros.formats.urdf.merging import merge_fixed_links
 from evoros.robot.model import Robot
@@ -49,7 +51,10 @@ def load_robot(
     drive = robot.drive
     # Not URDF_MERGE_FIXED_LINKS, which would lose the origin of the chassis' inertia.
     flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_IGNORE_VISUAL_SHAPES
-    urdf = merge_fixed_links(robot.urdf_elements(), drive.caster_links)
+    elements = robot.urdf_elements()
+    if _rolls_on_cylinders(elements, drive):
+        flags |= bullet.URDF_USE_IMPLICIT_CYLINDER
+    urdf = merge_fixed_links(elements, drive.caster_links)
     body = load_urdf(bullet, client, urdf, frame, flags)
     joints = _read_joints(bullet, client, body)
     steering, steering_forces = _motors(joints, drive.steering_joints)
@@ -66,6 +71,27 @@ def load_robot(
         wheel_forces=wheel_forces,
         start=bullet.multiplyTransforms(*frame, *center),
         to_base=bullet.invertTransform(*center),
+    )
+
+
+def _rolls_on_cylinders(elements: Element, drive: Drive) -> bool:
+    """Return whether wheels without slip are cylinders, which the engine should take exactly.
+
+    Otherwise it takes a prism with a margin of 1 mm around it, on which a robot drives up to 4 %
+    too fast and not straight. Wheels that slip sideways turn better on prisms.
+    """
+    if not drive.steering_joints and len(drive.wheel_joints) > 2:
+        return False
+    wheels = {
+        child.get("link")
+        for joint in elements.findall("joint")
+        if joint.get("name") in drive.wheel_joints
+        for child in joint.findall("child")
+    }
+    return any(
+        link.find("collision/geometry/cylinder") is not None
+        for link in elements.findall("link")
+        if link.get("name") in wheels
     )
 
 
