@@ -320,6 +320,12 @@ def test_an_ignored_package_is_left_out(tmp_path: Path, caplog: pytest.LogCaptur
     assert "package://arm_parts/a.stl" in caplog.text
 
 
+def test_all_missing_packages_are_named_at_once(tmp_path: Path) -> None:
+    include = '<xacro:include filename="$(find {})/a.xacro"/>'
+    name = write(tmp_path, include.format("arm_parts") + include.format("lidar_parts"))
+    assert "package arm_parts, lidar_parts is in none" in refused(name)
+
+
 def test_variables_are_those_of_the_key(tmp_path: Path) -> None:
     name = write(tmp_path, '<link name="$(env SIDE)_$(optenv SIZE small)"/>')
     assert "environment" in refused(name)
