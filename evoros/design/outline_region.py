@@ -12,7 +12,7 @@ from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, TEXT, checked, one_of
 from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, Interval, bounds
-from evoros.design.protocol import Area, Range, SensorPose
+from evoros.design.protocol import Area, Range, SensorPose, check_link
 from evoros.design.region import ELEVATION, HEADING, check_height
 from evoros.design.side import SIDES, SideLine, trace_side
 from evoros.geometry.footprint import Footprint, convex_hull, distances
@@ -68,24 +68,13 @@ class OutlineRegion:
         return BoundOutlineRegion(link, ranges, frame, lines)
 
     def _check_link(self, link: str, robot: Robot, mirrored: bool, key: str) -> None:
-        if link not in robot.sensor_links:
-            raise InputError(
-                f"{key}.link: must be a link of {robot.name} that can carry sensors, "
-                f"not {link!r}; choose one of {', '.join(robot.sensor_links)}"
-            )
+        check_link(link, robot, mirrored, key)
         if self.link is not None and not _solids(robot, link):
             known = dict.fromkeys(solid.link for solid in robot.solids)
             choices = [name for name in known if name in robot.sensor_links]
             raise InputError(
                 f"{key}.link: must have a collision shape, whose outline carries the sensors, not "
                 f"{link!r}; choose {' or '.join(choices) or 'null'}, or leave it null"
-            )
-        _, y, _, yaw = robot.sensor_links[link]
-        if mirrored and (y, yaw) != (0, 0):
-            raise InputError(
-                f"{key}.link: must lie on the robot's x axis and face along it if sensors are "
-                f"mirrored, not {link!r} at y {y:g} m, yaw {yaw:g} rad; "
-                f"choose another link or set mirrored to false"
             )
 
     def _default_height(self, robot: Robot, key: str) -> float:

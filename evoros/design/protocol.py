@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
+from evoros.base.errors import InputError
 from evoros.geometry.shapes import Vector
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Sensor
@@ -82,3 +83,23 @@ class RegionDescription(Protocol):
             InputError: the region, or its mirror image if ``mirrored``, is off the robot.
         """
         ...
+
+
+def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:
+    """Require that a link can carry the sensors of the region that ``key`` names.
+
+    Raises:
+        InputError: it cannot, or it cannot carry their twins if they are ``mirrored``.
+    """
+    if link not in robot.sensor_links:
+        raise InputError(
+            f"{key}.link: must be a link of {robot.name} that can carry sensors, "
+            f"not {link!r}; choose one of {', '.join(robot.sensor_links)}"
+        )
+    _, y, _, yaw = robot.sensor_links[link]
+    if mirrored and (y, yaw) != (0, 0):
+        raise InputError(
+            f"{key}.link: must lie on the robot's x axis and face along it if sensors are "
+            f"mirrored, not {link!r} at y {y:g} m, yaw {yaw:g} rad; "
+            f"choose another link or set mirrored to false"
+        )

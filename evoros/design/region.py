@@ -8,7 +8,7 @@ from typing import Annotated
 from evoros.base.checks import NOT_NEGATIVE, TEXT, Rule, checked
 from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, Interval, bounds
-from evoros.design.protocol import ANGLES, Area, Range, SensorPose
+from evoros.design.protocol import ANGLES, Area, Range, SensorPose, check_link
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Sensor
 
@@ -64,22 +64,11 @@ class Region:
         return BoundRegion(link, ranges, (x, y, yaw))
 
     def _check_link(self, link: str, robot: Robot, mirrored: bool, key: str) -> None:
-        if link not in robot.sensor_links:
-            raise InputError(
-                f"{key}.link: must be a link of {robot.name} that can carry sensors, "
-                f"not {link!r}; choose one of {', '.join(robot.sensor_links)}"
-            )
+        check_link(link, robot, mirrored, key)
         if self.z_m is None and link != robot.mount_link:
             raise InputError(
                 f"{key}.z_m: must be a number on the link {link}, not null; "
                 f"set it, because the robot's default height is for {robot.mount_link}"
-            )
-        _, y, _, yaw = robot.sensor_links[link]
-        if mirrored and (y, yaw) != (0, 0):
-            raise InputError(
-                f"{key}.link: must lie on the robot's x axis and face along it if sensors are "
-                f"mirrored, not {link!r} at y {y:g} m, yaw {yaw:g} rad; "
-                f"choose another link or set mirrored to false"
             )
 
     def _check_outline(self, link: str, robot: Robot, mirrored: bool, key: str) -> None:

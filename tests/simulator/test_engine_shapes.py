@@ -1,7 +1,6 @@
 """Polyhedra and height fields in both simulators, against each other and known heights."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
@@ -25,6 +24,8 @@ from evoros.world.floors import ground_height
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
+pytestmark = pytest.mark.usefixtures("closed_engines")
+
 MARGIN_M = 0.002  # PyBullet's own for movable polyhedra is 1 mm
 
 AROUND = [(0.2 * math.cos(t), 0.2 * math.sin(t), 0.2, math.degrees(t), 0.0) for t in range(6)]
@@ -33,12 +34,6 @@ AROUND = [(0.2 * math.cos(t), 0.2 * math.sin(t), 0.2, math.degrees(t), 0.0) for 
 @cache
 def experiment() -> Experiment:
     return short_experiment()
-
-
-@pytest.fixture(autouse=True)
-def _close_engines() -> Iterator[None]:
-    yield
-    close_engines()
 
 
 def readings(robot: Robot, world: World, simulator: Planar | PyBullet) -> Array:

@@ -1,6 +1,5 @@
 """A robot whose wheels stick out: they meet obstacles; what nothing drives turns freely."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
@@ -16,14 +15,10 @@ from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
 from evoros.robot.mounting import MountDefaults
 from evoros.simulator.planar import Planar
-from evoros.simulator.pybullet import PyBullet, close_engines
+from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
-
-@pytest.fixture(autouse=True)
-def _close_engines() -> Iterator[None]:
-    yield
-    close_engines()
+pytestmark = pytest.mark.usefixtures("closed_engines")
 
 
 def link(name: str, mass: float, shape: str, origin: str = "0 0 0", turn: str = "0 0 0") -> str:

@@ -1,28 +1,18 @@
 """Movable bodies in the air fall in both simulators; those that stand stay asleep."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from pybullet_cases import beam, box, level, mount_sensors, short_experiment
+from pybullet_cases import beam, box, level, mount_sensors
 
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.simulator.planar import Planar
-from evoros.simulator.pybullet import PyBullet, close_engines
+from evoros.simulator.pybullet import PyBullet
 
-
-@pytest.fixture(scope="module")
-def experiment() -> Experiment:
-    return short_experiment()
-
-
-@pytest.fixture(autouse=True)
-def _close_engines() -> Iterator[None]:
-    yield
-    close_engines()
+pytestmark = pytest.mark.usefixtures("closed_engines")
 
 
 def crate(name: str, x: float, z: float, mass: float | None = 2.0) -> Body:

@@ -3,7 +3,6 @@
 import math
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +17,6 @@ from pybullet_cases import (
     level,
     mission,
     mount_sensors,
-    short_experiment,
 )
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, Array, X, Y
@@ -34,16 +32,7 @@ from pybullet_cases import digest_of_missions, short_experiment
 print(digest_of_missions(short_experiment()))
 """
 
-
-@pytest.fixture(scope="module")
-def experiment() -> Experiment:
-    return short_experiment()
-
-
-@pytest.fixture(autouse=True)
-def _close_engines() -> Iterator[None]:
-    yield
-    close_engines()
+pytestmark = pytest.mark.usefixtures("closed_engines")
 
 
 def test_missions_repeat_in_a_process_and_in_a_fresh_one(experiment: Experiment) -> None:

@@ -1,7 +1,6 @@
 """PyBullet drives, touches and pushes as analytic answers say."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -11,24 +10,14 @@ from pybullet_cases import (
     STEPS,
     box,
     level,
-    short_experiment,
 )
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, X, Y
 from evoros.base.errors import InputError
 from evoros.evolution.experiment import Experiment
-from evoros.simulator.pybullet import PyBullet, close_engines
+from evoros.simulator.pybullet import PyBullet
 
-
-@pytest.fixture(scope="module")
-def experiment() -> Experiment:
-    return short_experiment()
-
-
-@pytest.fixture(autouse=True)
-def _close_engines() -> Iterator[None]:
-    yield
-    close_engines()
+pytestmark = pytest.mark.usefixtures("closed_engines")
 
 
 @pytest.mark.parametrize("step", STEPS)

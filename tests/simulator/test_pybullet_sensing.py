@@ -1,7 +1,6 @@
 """The sensors of PyBullet, against geometry."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -12,25 +11,14 @@ from pybullet_cases import (
     mission,
     mount_sensors,
     ranges,
-    short_experiment,
 )
 
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.mission.rollout import run_mission
 from evoros.sensor.sonar import Sonar
-from evoros.simulator.pybullet import close_engines
 
-
-@pytest.fixture(scope="module")
-def experiment() -> Experiment:
-    return short_experiment()
-
-
-@pytest.fixture(autouse=True)
-def _close_engines() -> Iterator[None]:
-    yield
-    close_engines()
+pytestmark = pytest.mark.usefixtures("closed_engines")
 
 
 @pytest.mark.parametrize("yaw", [-120, -30, 0, 45, 180])

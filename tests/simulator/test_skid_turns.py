@@ -1,7 +1,6 @@
 """A robot with skid-steer: the plane turns as stated, the rigid body nearly as computed."""
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +15,10 @@ from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import Simulator
-from evoros.simulator.pybullet import PyBullet, close_engines
+from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
+
+pytestmark = pytest.mark.usefixtures("closed_engines")
 
 INERTIAL = """<inertial><mass value="{0}"/><inertia ixx="{1}" iyy="{1}" izz="{1}" ixy="0" ixz="0"
  iyz="0"/></inertial>"""
@@ -25,12 +26,6 @@ WHEEL = f"""<link name="{{0}}">{INERTIAL.format(1.0, 0.005)}<collision><geometry
 <sphere radius="0.1"/></geometry></collision></link>
 <joint name="{{0}}_joint" type="continuous"><parent link="base"/><child link="{{0}}"/>
 <origin xyz="{{1}} {{2}} 0"/><axis xyz="0 1 0"/><limit effort="20" velocity="20"/></joint>"""
-
-
-@pytest.fixture(autouse=True)
-def _close_engines() -> Iterator[None]:
-    yield
-    close_engines()
 
 
 def load(folder: Path, **drive: Any) -> Robot:

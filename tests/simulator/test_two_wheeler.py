@@ -1,7 +1,6 @@
 """The robot with differential drive: in both simulators, against geometry."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -19,20 +18,16 @@ from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot
 from evoros.simulator.planar import Planar
-from evoros.simulator.pybullet import PyBullet, close_engines
+from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
+
+pytestmark = pytest.mark.usefixtures("closed_engines")
 
 SIMULATORS: dict[str, tuple[Any, float]] = {
     "pybullet": (PyBullet(), 0.01),
     "planar": (Planar(), 1e-9),
 }
 """Each at its default step, and how far it may be from the geometry."""
-
-
-@pytest.fixture(autouse=True)
-def _close_engines() -> Iterator[None]:
-    yield
-    close_engines()
 
 
 @cache

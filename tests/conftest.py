@@ -1,4 +1,4 @@
-"""What the documents' examples share: the folder ``mine`` and a finished run in it."""
+"""Fixtures of several files: the documents' folder ``mine``, and experiments in PyBullet."""
 
 import sys
 from collections.abc import Iterator
@@ -7,8 +7,11 @@ from pathlib import Path
 import pytest
 from documents import files, write
 from examples import short_run
+from pybullet_cases import short_experiment
 
 import evoros
+from evoros.evolution.experiment import Experiment
+from evoros.simulator.pybullet import close_engines
 
 
 @pytest.fixture(scope="module")
@@ -25,3 +28,15 @@ def mine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 @pytest.fixture(scope="module")
 def finished(mine: Path) -> evoros.Run:
     return short_run("outputs/mine", ["failure=frontal", "figures=[overlay,fitness,mission]"])
+
+
+@pytest.fixture(scope="module")
+def experiment() -> Experiment:
+    return short_experiment()
+
+
+@pytest.fixture
+def closed_engines() -> Iterator[None]:
+    """PyBullet's engines of this process, closed after the test."""
+    yield
+    close_engines()
