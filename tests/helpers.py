@@ -1,6 +1,7 @@
 """What the tests of runs share: a fast run by a user's own simulator, here or in a process."""
 
 import os
+import shlex
 import subprocess
 import sys
 import time
@@ -16,6 +17,8 @@ from evoros.cli.run import evoros
 
 ROOT = Path(__file__).resolve().parent.parent
 USER_PARTS = ROOT / "tests" / "user_parts"
+OPTION = f"--config-dir {shlex.quote(str(USER_PARTS))}"
+"""The option as it is to be typed: the clone may lie in a folder with a space."""
 TINY = ("--config-dir", str(USER_PARTS), "experiment=tiny")
 
 

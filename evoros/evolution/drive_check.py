@@ -3,12 +3,15 @@
 import dataclasses
 import math
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
 from typing import Any
 
-from evoros.base.errors import SimulationError
+from evoros.base.errors import SimulationError, single_line
+from evoros.base.log import LOGGER
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.layer_values import find_values
 from evoros.evolution.trial_drive import TrialDrive, drive_trial
+from evoros.executor.protocol import Pool
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import RuleSimulator, Simulator
 from evoros.world.course import Course
@@ -23,15 +26,41 @@ FIRM_GRIP_MPS2 = 8.0
 FINE_ITERATIONS = 50  # of a solver of contacts, at the finer steps
 
 
-def check_drive(experiment: Experiment) -> Iterator[str]:
-    """Yield a warning for each engine in which the robot does not move as commanded.
+def report_drive(experiment: Experiment, pool: Pool) -> None:
+    """Let a worker drive the robot in each engine, and log where it does not move as commanded.
 
-    A simulator that consists of rules is left out, because its robot does nothing else.
+    A worker, because an engine may crash its process. A simulator that consists of rules is left
+    out, because its robot does nothing else.
     """
+    if all(isinstance(simulator, RuleSimulator) for simulator in _simulators(experiment).values()):
+        return
+    try:
+        warnings = pool.submit(list_warnings, experiment).result()
+    except CancelledError:  # the pool was closed: the run is interrupted
+        raise
+    except Exception as error:  # of the engine or of a simulator of the user's own
+        warnings = [
+            f"a short drive before the run failed ({single_line(error)}); missions may, too"
+        ]
+    for warning in warnings:
+        LOGGER.warning("%s", warning)
+
+
+def list_warnings(experiment: Experiment) -> list[str]:
+    """List a warning for each engine in which the robot does not move as commanded."""
+    return list(check_drive(experiment))
+
+
+def _simulators(experiment: Experiment) -> dict[str, Simulator]:
     simulators = {"simulator": experiment.simulator}
     if experiment.confirming.simulator != experiment.simulator:
         simulators["confirmation.simulator"] = experiment.confirming.simulator
-    for key, simulator in simulators.items():
+    return simulators
+
+
+def check_drive(experiment: Experiment) -> Iterator[str]:
+    """Yield the warnings of ``list_warnings``."""
+    for key, simulator in _simulators(experiment).items():
         if not isinstance(simulator, RuleSimulator):
             try:
                 yield from _check(key, simulator, experiment)

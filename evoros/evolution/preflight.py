@@ -1,4 +1,4 @@
-"""Finds bad input before a run starts, by all that a mission needs and a short drive."""
+"""Finds bad input before a run starts, by all that a mission needs short of its engine."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,7 +13,6 @@ from evoros.base.rng import generator
 from evoros.controller.protocol import StartedLayer
 from evoros.design.design import Design
 from evoros.design.genes import check_genes
-from evoros.evolution.drive_check import check_drive
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.route_check import check_routes
 from evoros.evolution.sight_check import check_sight
@@ -49,7 +48,7 @@ def preflight(experiment: Experiment) -> None:
     experiment.optimizer.start(experiment.space, draws("optimizer"))
     stages = _start_stages(_try_design(experiment), draws)
     _report_mount(experiment)
-    for check in (check_routes, check_sight, check_drive):
+    for check in (check_routes, check_sight):
         for warning in check(experiment):
             LOGGER.warning("%s", warning)
     simulators = (experiment.simulator, experiment.confirming.simulator)

@@ -12,6 +12,7 @@ from evoros.base.errors import InputError
 from evoros.base.log import collect_messages
 from evoros.config.configuration import Configuration
 from evoros.evolution.dispatch import Dispatcher
+from evoros.evolution.drive_check import report_drive
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Executor
 from evoros.session.design_tables import (
@@ -65,6 +66,7 @@ class Evaluation:
                 display.start(1)
                 display.begin(0, record.wanted, record.known)
                 with opener(self.executor) as pool:
+                    report_drive(experiment, pool)
                     dispatcher = Dispatcher(pool, self.executor.workers, experiment.lost_missions)
                     dispatcher.run_missing(
                         experiment.scenario, record.list_missions(), record, status.mission

@@ -9,6 +9,7 @@ from typing import Any
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER, collect_messages
 from evoros.config.configuration import Configuration
+from evoros.evolution.drive_check import report_drive
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation
 from evoros.evolution.loop import evolve
@@ -54,6 +55,7 @@ class Session:
             log_start(record.path, f"{generations} generations", self.experiment)
             display.start(generations)
             with opener(self.executor) as pool:
+                report_drive(self.experiment, pool)
                 last = evolve(self.experiment, record, observer, generations, pool)
                 observer.status.write(FINISHED)  # first: figures are drawn of finished runs
                 draw_figures(record.path, figures, pool)

@@ -5,7 +5,17 @@ import signal
 from pathlib import Path
 
 import pytest
-from helpers import TINY, USER_PARTS, content, everything, resume, start, tiny, wait_for_missions
+from helpers import (
+    OPTION,
+    TINY,
+    USER_PARTS,
+    content,
+    everything,
+    resume,
+    start,
+    tiny,
+    wait_for_missions,
+)
 
 from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED
 from evoros.base.resources import bundled_folder
@@ -219,7 +229,7 @@ def test_an_exception_in_a_worker_stops_the_run_which_can_be_resumed(
     err = capsys.readouterr().err
     last = err.strip().splitlines()[-1]
     assert "in far, generation 0, trial 0: ZeroDivisionError: the planar fault" in last
-    assert f"evoros resume={run} --config-dir {USER_PARTS}" in last
+    assert f"evoros resume={run} {OPTION}" in last
     assert "Traceback" not in err
     assert "planar.py" in (run / "evoros.log").read_text()
     assert json.loads((run / "status.json").read_text())["state"] == "stopped"
@@ -284,7 +294,7 @@ def test_a_signal_ends_a_sweep_cleanly_and_says_how_to_go_on(
     assert "Traceback" not in err
     assert {path.name for path in (tmp_path / "sweep").iterdir()} == {path.name for path in begun}
     for seed, run in enumerate(begun):
-        assert f"evoros resume={run.relative_to(tmp_path)} --config-dir {USER_PARTS}" in err
+        assert f"evoros resume={run.relative_to(tmp_path)} {OPTION}" in err
         assert json.loads((run / "status.json").read_text())["reason"] == "interrupted"
         assert resume(run, "executor=serial") == DONE
         alone = tmp_path / f"alone {seed}"

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from helpers import TINY, USER_PARTS, resume
+from helpers import OPTION, TINY, resume
 
 from evoros.base.console import DONE, INTERRUPTED
 from evoros.cli.progress import Progress
@@ -119,8 +119,5 @@ def test_ctrl_c_on_a_terminal_says_how_to_go_on(
     assert process.wait(10) == INTERRUPTED
     assert "Traceback" not in text
     after = text[text.rindex(SHOW) :]
-    assert (
-        f"evoros: interrupted; to continue type: evoros resume=run --config-dir {USER_PARTS}"
-        in after
-    )
+    assert f"evoros: interrupted; to continue type: evoros resume=run {OPTION}" in after
     assert resume(tmp_path / "run", "executor=serial", "optimizer.generations=3") == DONE

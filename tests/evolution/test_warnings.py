@@ -2,7 +2,8 @@
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,9 +12,9 @@ import numpy as np
 import pytest
 
 from evoros.base.arrays import COMMAND_SIZE, STATE_SIZE, STEERING, YAW, Array, X, Y
-from evoros.base.errors import InputError, SimulationError
+from evoros.base.errors import InputError, SimulationError, WorkerLost
 from evoros.config.compose import compose
-from evoros.evolution.drive_check import check_drive
+from evoros.evolution.drive_check import check_drive, report_drive
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.preflight import preflight
 from evoros.evolution.route_check import check_routes
@@ -296,3 +297,42 @@ def test_each_fault_of_a_motion_has_its_words(fault: str, said: str) -> None:
 
 def test_a_simulator_without_fault_gives_no_warning() -> None:
     assert list(check_drive(replace(build("robot=two_wheeler"), simulator=Stub()))) == []
+
+
+class OnePool:
+    """Calls at once, or fails."""
+
+    workers = 1
+
+    def __init__(self, error: Exception | None = None) -> None:
+        self.error = error
+        self.calls = 0
+
+    def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
+        self.calls += 1
+        future: Future[Any] = Future()
+        if self.error is None:
+            future.set_result(function(*args))
+        else:
+            future.set_exception(self.error)
+        return future
+
+
+def test_a_worker_drives_and_the_log_has_its_warnings(caplog: pytest.LogCaptureFixture) -> None:
+    pool = OnePool()
+    experiment = two_wheeler(solver_iterations=2)
+    report_drive(experiment, pool)
+    assert [record.getMessage() for record in caplog.records] == [*check_drive(experiment)]
+    assert pool.calls == 1
+
+
+def test_an_engine_that_crashes_its_worker_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    report_drive(two_wheeler(), OnePool(WorkerLost("the engine died")))
+    (record,) = caplog.records
+    assert "the engine died" in record.getMessage()
+
+
+def test_a_simulator_of_rules_needs_no_drive() -> None:
+    pool = OnePool()
+    report_drive(build("robot=two_wheeler"), pool)
+    assert pool.calls == 0

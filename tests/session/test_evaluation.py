@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from helpers import ROOT, TINY, USER_PARTS, everything, start, tiny, wait_for_missions
+from helpers import OPTION, ROOT, TINY, USER_PARTS, everything, start, tiny, wait_for_missions
 from helpers import resume as resume_run
 
 import evoros
@@ -290,7 +290,7 @@ def test_a_signal_loses_nothing_and_the_folder_stands_alone(
     assert process.returncode == status
     assert "Traceback" not in err
     if number != signal.SIGKILL:
-        assert f"evoros-evaluate resume=scores --config-dir {USER_PARTS}" in err
+        assert f"evoros-evaluate resume=scores {OPTION}" in err
     flown = (tmp_path / "scores" / "missions.csv").read_bytes().rpartition(b"\n")[0]
     (tmp_path / "two.csv").unlink()
     assert resume(tmp_path / "scores", "executor=serial") == DONE
