@@ -23,20 +23,25 @@ Corners = tuple[Vector, ...]
 
 
 def read_mesh(
-    path: Path, scale: Vector = (1.0, 1.0, 1.0), submesh: str = "", center: bool = False
+    path: Path,
+    scale: Vector = (1.0, 1.0, 1.0),
+    submesh: str = "",
+    center: bool = False,
+    up_axis: bool = False,
 ) -> tuple[Shape, ...]:
     """Read an STL, OBJ or DAE file as convex shapes in the mesh's frame.
 
     ``submesh`` selects one part of the file by its name, and ``center`` moves the middle of its
-    bounding box to the origin. Results are kept in the user's cache folder.
+    bounding box to the origin. ``up_axis`` turns a DAE as its ``<up_axis>`` says. Results are kept
+    in the user's cache folder.
 
     Raises:
         InputError: the file cannot be read, is empty, or has no such submesh.
     """
     content = _read_content(path)
-    parameters = repr((path.suffix.lower(), tuple(map(float, scale)), submesh, bool(center)))
+    parameters = repr((path.suffix.lower(), (*map(float, scale),), submesh, bool(center), up_axis))
     key = hashlib.sha256(parameters.encode() + content).hexdigest()
-    return _read(path, key, scale, submesh, center)
+    return _read(path, key, scale, submesh, center, up_axis)
 
 
 @lru_cache(maxsize=256)
@@ -94,19 +99,21 @@ def _read_content(path: Path) -> bytes:
 
 
 @lru_cache(maxsize=1024)
-def _read(path: Path, key: str, scale: Vector, submesh: str, center: bool) -> tuple[Shape, ...]:
+def _read(
+    path: Path, key: str, scale: Vector, submesh: str, center: bool, up_axis: bool
+) -> tuple[Shape, ...]:
     found = load(key)
     if found is None:
-        found = _convert(_triangles(path, scale, submesh, center))
+        found = _convert(_triangles(path, scale, submesh, center, up_axis))
         if not found.parts:
             problem = "must have a part of at least 1 mm"
             raise InputError(f"{path}: {problem}; correct the scale, or export the mesh again")
         store(key, found)
-    _tell(path, found)
+    _tell(path, found, up_axis)
     return tuple(map(_shape, found.parts))
 
 
-def _tell(path: Path, found: Found) -> None:
+def _tell(path: Path, found: Found, up_axis: bool) -> None:
     """Tell what is approximated, left out or not applied."""
     if found.deviation_m > TOLD_M:
         text = "%s: %d convex parts stand for the mesh, up to %.0f mm off its surface"
@@ -115,8 +122,8 @@ def _tell(path: Path, found: Found) -> None:
         LOGGER.warning("%s: parts below 1 mm are left out, %d in number", path, found.dropped)
     with path.open("rb") as file:
         axis = re.search(rb"<up_axis>\s*([XY]_UP)", file.read(100_000))
-    if axis and path.suffix.lower() == ".dae":
-        text = "%s: its up axis %s is not applied, as Gazebo and RViz do not apply it; z is up"
+    if axis and path.suffix.lower() == ".dae" and not up_axis:
+        text = "%s: its up axis %s is not applied, as in Gazebo Classic and RViz; z is up"
         LOGGER.info(text, path, axis[1].decode())
 
 
@@ -137,10 +144,12 @@ def _shape(corners: Corners) -> Shape:
     return Shape("convex", (), corners=corners)
 
 
-def _triangles(path: Path, scale: Vector, submesh: str, center: bool) -> Array:
+def _triangles(
+    path: Path, scale: Vector, submesh: str, center: bool, up_axis: bool = False
+) -> Array:
     """Return the triangles (n, 3, 3) [m] to be read; a mirroring scale keeps their outsides."""
     is_dae = path.suffix.lower() == ".dae"
-    parts = read_dae(path) if is_dae else _read_with_trimesh(path, submesh)
+    parts = read_dae(path, up_axis) if is_dae else _read_with_trimesh(path, submesh)
     chosen = _select(path, parts, submesh)
     triangles = np.concatenate([part.triangles for part in chosen]) if chosen else np.empty(0)
     if not len(triangles):

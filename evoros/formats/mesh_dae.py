@@ -1,7 +1,8 @@
 """Read the surfaces of a COLLADA file (DAE), with its unit and the poses of its scene.
 
-Its coordinates are taken as they are, with z up, whatever ``<up_axis>`` says. Gazebo and RViz do
-so, models are made for them, and some programs write ``Y_UP`` into every file.
+Unless asked otherwise, its coordinates are taken as they are, with z up, whatever ``<up_axis>``
+says. Gazebo Classic and RViz do so, models are made for them, and some programs write ``Y_UP`` into
+every file.
 """
 
 from collections.abc import Iterator
@@ -27,8 +28,15 @@ class Submesh:
     triangles: Array  # (n, 3, 3): corner, x y z [m]
 
 
-def read_dae(path: Path) -> list[Submesh]:
-    """Read all surfaces that the scene shows, in metres.
+_UPRIGHT = {
+    "X_UP": ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)),
+    "Y_UP": ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+}
+"""Rotations from the axes of a file to x right, z up, which COLLADA defines by right, up and in."""
+
+
+def read_dae(path: Path, up_axis: bool = False) -> list[Submesh]:
+    """Read all surfaces that the scene shows, in metres; with ``up_axis``, turned as it says.
 
     Raises:
         InputError: the file is no COLLADA file or refers to something that it lacks.
@@ -40,7 +48,7 @@ def read_dae(path: Path) -> list[Submesh]:
         if root is None or etree.QName(root).localname != "COLLADA":
             raise ValueError("it has no <COLLADA>")
         with np.errstate(all="ignore"):  # a pose of something invisible may be nonsense
-            return list(_Document(root).surfaces())
+            return list(_Document(root).surfaces(up_axis))
     except (etree.XMLSyntaxError, ValueError, KeyError, IndexError, RecursionError) as error:
         problem = f"must be a COLLADA file ({error})"
         raise InputError(f"{path}: {problem}; export the mesh again, or as STL") from error
@@ -56,11 +64,14 @@ class _Document:
             if element.get("id")
         }
 
-    def surfaces(self) -> Iterator[Submesh]:
+    def surfaces(self, up_axis: bool) -> Iterator[Submesh]:
         """Yield the surfaces of the scene; of a file without a scene, all geometries."""
         unit = self.root.find("{*}asset/{*}unit")
         meter = float(unit.get("meter", "1")) if unit is not None else 1.0
         base = np.diag([meter, meter, meter, 1.0])
+        axis = (self.root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()  # the default
+        if up_axis and axis in _UPRIGHT:
+            base[:3, :3] = meter * np.array(_UPRIGHT[axis])
         shown = self.root.find("{*}scene/{*}instance_visual_scene")
         if shown is None:
             for geometry in self.root.iterfind("{*}library_geometries/{*}geometry"):

@@ -153,6 +153,22 @@ def test_the_coordinates_of_a_dae_have_z_up_whatever_it_says(
     )
 
 
+@pytest.mark.parametrize(
+    ("up", "turned"),
+    [
+        ("X_UP", [[-2, -3, 5], [0, 0, 6]]),
+        ("Y_UP", [[5, -3, 0], [6, 0, 2]]),
+        ("Z_UP", [[5, 0, 0], [6, 2, 3]]),
+    ],
+)
+def test_a_dae_is_turned_as_its_up_axis_says_if_asked(
+    tmp_path: Path, up: str, turned: list[list[int]]
+) -> None:
+    """COLLADA: Y_UP has x to the right and -z ahead; X_UP has -y to the right and -z ahead."""
+    path = write(tmp_path / "wedges.dae", DAE.format(up=up))
+    assert bounds(*read_mesh(path, submesh="left", up_axis=True)) == turned
+
+
 def test_a_dae_with_a_slip_in_a_name_is_read(tmp_path: Path) -> None:
     text = DAE.format(up="Z_UP").replace('name="left"', 'name="<STL & BINARY>"')
     assert bounds(*read_mesh(write(tmp_path / "wedges.dae", text), submesh="a")) == [

@@ -3,11 +3,13 @@
 import logging
 from pathlib import Path
 
+import numpy as np
 import pytest
 from sdf_cases import LINK, STATIC, write
 from world_cases import square
 
 from evoros.base.errors import InputError
+from evoros.geometry.footprint import bottom_height, top_height
 from evoros.world.loading import load_world
 
 WALL = f"<model name='wall'>{STATIC}<pose>2 2 0 0 0 0</pose>{LINK}</model>"
@@ -117,12 +119,41 @@ def test_an_indoor_world_on_a_slab_is_driven_on(
     assert "moved by -0.2 m" in caplog.text
 
 
+def test_meshes_are_turned_as_their_up_axis_says_if_asked(tmp_path: Path) -> None:
+    import trimesh
+
+    mast = trimesh.creation.box((0.2, 3.0, 0.4))
+    corners = " ".join(f"{x:g}" for x in np.ravel(mast.vertices))
+    faces = " ".join(str(i) for i in np.ravel(mast.faces))
+    write(
+        tmp_path / "mast.dae",
+        "<COLLADA version='1.4.1'><asset><up_axis>Y_UP</up_axis></asset><library_geometries>"
+        f"<geometry id='g'><mesh><source id='s'><float_array id='f' count='24'>{corners}"
+        "</float_array><technique_common><accessor source='#f' count='8' stride='3'/>"
+        "</technique_common></source><vertices id='v'><input semantic='POSITION' source='#s'/>"
+        "</vertices><triangles count='12'><input semantic='VERTEX' source='#v' offset='0'/>"
+        f"<p>{faces}</p></triangles></mesh></geometry></library_geometries></COLLADA>",
+    )
+    model = (
+        "<model name='mast'><static>1</static><pose>3 3 2 0 0 0</pose><link name='l'>"
+        "<collision name='c'><geometry><mesh><uri>mast.dae</uri></mesh></geometry></collision>"
+        "</link></model>"
+    )
+    text = f"<sdf version='1.6'><world name='w'>{PLANE}{model}</world></sdf>"
+    path = str(write(tmp_path / "w.sdf", text))
+    for key, height in (("ignore", 0.4), ("apply", 3.0)):
+        (body,) = load_world(path, square(), mesh_up_axis=key).obstacles
+        ends = [end(body.shapes[0], body.pose) for end in (bottom_height, top_height)]
+        assert ends == pytest.approx([2 - height / 2, 2 + height / 2])
+
+
 @pytest.mark.parametrize(
     ("key", "value"),
     [
         ("missing_models", "ignore"),
         ("missing_meshes", "ignore"),
         ("vehicles", "drive"),
+        ("mesh_up_axis", "y"),
         ("model_paths", ["/nowhere"]),
     ],
 )

@@ -187,7 +187,8 @@ def _read_mesh(mesh: Element, reading: Reading) -> tuple[Shape, ...]:
         raise MeshMissingError(message)
     reading.read(place)
     try:
-        return read_mesh(place.resolve(), (x, y, z), name, center)
+        up_axis = reading.options.mesh_up_axis == "apply"
+        return read_mesh(place.resolve(), (x, y, z), name, center, up_axis)
     except InputError as error:
         text = str(error)
         raise MeshMissingError(

@@ -21,6 +21,7 @@ FOLDERS = Rule(
     "a list of folders",
     lambda v: isinstance(v, list | tuple) and all(isinstance(i, str) and i for i in v),
 )
+UP_AXIS = one_of("ignore", "apply")
 WORLD_NAME = Rule("a text", lambda v: isinstance(v, str))
 
 
@@ -34,6 +35,7 @@ class SdfOptions:
     missing_models: Annotated[str, MISSING_MODELS] = "error"
     missing_meshes: Annotated[str, MISSING_MESHES] = "error"  # box: that of the visual or inertia
     vehicles: Annotated[str, VEHICLES] = "leave_out"
+    mesh_up_axis: Annotated[str, UP_AXIS] = "ignore"  # <up_axis> of DAE files
 
     def folders(self) -> list[Path]:
         """Return the folders of ``model_paths``.
