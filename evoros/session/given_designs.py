@@ -6,6 +6,7 @@ from pathlib import Path
 from evoros.base.errors import InputError, single_line
 from evoros.base.log import LOGGER
 from evoros.formats.strict_csv import read_rows
+from evoros.formats.strict_xml import parse
 from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import (
     DESIGN_FILE,
@@ -18,7 +19,7 @@ from evoros.session.design_tables import (
 )
 from evoros.storage.discovery import folders_below
 from evoros.storage.mission_log import STATUS, command_of, read_json, resume_command
-from evoros.storage.run_folder import CHAMPION
+from evoros.storage.run_folder import CHAMPION, ROBOT
 from evoros.storage.tables import GENE_COLUMNS
 
 
@@ -91,6 +92,7 @@ def _read_file(source: str, path: Path, scenario: Scenario) -> Drafts:
 def _read_champion(source: str, path: Path, scenario: Scenario) -> Drafts:
     """The champion of a run, with its other genes."""
     _require_finished(path)
+    _compare_robots(path, scenario)
     designs, genes = (path / CHAMPION / name for name in ("design.csv", "genes.csv"))
     drafts = read_drafts(designs, source, scenario, minimum=0)
     if not drafts:  # a champion without sensors has its name only in the table of genes, if there
@@ -98,6 +100,20 @@ def _read_champion(source: str, path: Path, scenario: Scenario) -> Drafts:
         drafts[source, next(names, CHAMPION)] = DesignDraft(str(designs))
     add_genes(drafts, genes, source)
     return drafts
+
+
+def _compare_robots(path: Path, scenario: Scenario) -> None:
+    """Warn if a run had another robot: an evaluation has a configuration of its own."""
+    file = path / CHAMPION / ROBOT
+    name = parse(file.read_bytes(), str(file)).get("name") if file.is_file() else None
+    if name is not None and name != scenario.robot.name:
+        LOGGER.warning(
+            "%s: its design was evolved on the robot %s, and is scored on %s; to score it on its "
+            "own robot, repeat robot=..., design=... and controller=... of the run",
+            path,
+            name,
+            scenario.robot.name,
+        )
 
 
 def _require_finished(path: Path) -> None:

@@ -34,6 +34,7 @@ from evoros.storage.tables import (
 )
 
 GENERATIONS, CHAMPION = "generations", "champion"
+ROBOT = "robot.urdf"  # of the champion, as it was described
 
 
 class RunFolder(MissionLog):
@@ -137,7 +138,7 @@ def _champion_files(champion: Champion) -> dict[str, bytes]:
     genes = gene_table(champion.id, champion.design, champion.gene_names)
     files = {"genes.csv": genes.encode()}
     if champion.robot is not None:
-        files["robot.urdf"] = champion.robot.urdf.encode()
+        files[ROBOT] = champion.robot.urdf.encode()
         if champion.robot.engine_urdf is not None:
             files[ROBOT_AS_LOADED] = champion.robot.loaded_urdf.encode()
     for name, world in champion.worlds.items():

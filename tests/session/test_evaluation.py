@@ -164,6 +164,17 @@ def test_genes_that_a_file_leaves_behind_are_said(
     assert "other genes" in capsys.readouterr().err
 
 
+def test_another_robot_than_that_of_the_run_is_told(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert scored(tmp_path / "same", run) == DONE
+    assert "was evolved on" not in capsys.readouterr().err
+    assert scored(tmp_path / "other", run, "robot=two_wheeler") == DONE
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if "was evolved on" in line)
+    assert line.startswith(f"{run}: ")
+    assert "erle_rover, and is scored on two_wheeler" in line
+
+
 def test_designs_of_several_sources_stay_apart(file: Path, run: Path, tmp_path: Path) -> None:
     (tmp_path / "also.csv").write_text(TWO)
     sources = [str(file), str(tmp_path / "also.csv"), str(run)]
