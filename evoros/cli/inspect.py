@@ -133,10 +133,14 @@ def _parse(words: Sequence[str]) -> list[Request]:
 
 def _describe(request: Request, name: str | None, chosen: Sequence[str], folder: Path) -> "OwnFile":
     """Describe the YAML file of a part; a world without a course gets one that fits the robot."""
-    from evoros.config.own_files import ROBOT, OwnFile, choose_name
+    from evoros.config.own_files import ROBOT, OwnFile, choose_name, is_bundled
     from evoros.session.inspection import plan_course
 
-    own_name = name or choose_name(request.file)
+    own_name = name or choose_name(request.file, request.group)
+    if is_bundled(request.group, own_name):  # it would win over the user's
+        raise InputError(
+            f"--name {own_name}: must be no bundled {request.group}; choose another name"
+        )
     title = f"{own_name}, read from {request.file.name} by evoros-inspect."
     if request.group == ROBOT:
         values = {"description": str(request.file), **ROBOT_KEYS, **request.values}

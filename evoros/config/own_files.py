@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from evoros.base.errors import InputError
+from evoros.base.resources import bundled_folder
 
 ROBOT, WORLD = "robot", "world"
 _WIDTH = 10_000  # of a line: a value stays on one
@@ -84,13 +85,21 @@ def _dump(value: object) -> str:
     return text.removesuffix("...\n").strip()
 
 
-def choose_name(file: Path) -> str:
-    """Return a name for the part that a file describes, from its name without suffixes."""
+def is_bundled(group: str, name: str) -> bool:
+    """Whether evoros has a choice of this name, which Hydra would take instead of the user's."""
+    return (bundled_folder("conf") / group / f"{name}.yaml").is_file()
+
+
+def choose_name(file: Path, group: str) -> str:
+    """Return a name for the part that a file describes, from its name without suffixes.
+
+    A name that evoros has already gets ``my_`` in front.
+    """
     stem = file.name.split(".")[0]
     if stem in ("model", "robot", "world"):  # the folder tells more
         stem = file.resolve().parent.name
     name = re.sub(r"[^A-Za-z0-9]+", "_", stem).strip("_").lower()
-    return name if name[:1].isalpha() else f"my_{name}"
+    return name if name[:1].isalpha() and not is_bundled(group, name) else f"my_{name}"
 
 
 def parse_keys(words: Sequence[str]) -> dict[str, Any]:

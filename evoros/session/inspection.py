@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.base.errors import InputError
 from evoros.base.log import withhold_messages
 from evoros.base.rng import generator
 from evoros.config.compose import compose
@@ -76,8 +77,12 @@ def plan_course(
     radius = float(np.linalg.norm(robot.outline, axis=1).max())
     sdf = str(values["sdf"])
     keys = {entry.name: values[entry.name] for entry in fields(SdfOptions) if entry.name in values}
+    try:
+        options = SdfOptions(**keys)
+    except InputError as error:
+        raise InputError(str(error).replace("SdfOptions.", "world.")) from None
     with withhold_messages():  # building the world will repeat them
-        world = read_world(sdf, SdfOptions(**keys), values.get("arguments", {}))
+        world = read_world(sdf, options, values.get("arguments", {}))
         bodies = settle(world.bodies, START, sdf)
     obstacles = [body for body in bodies if not body.is_ground]
     course = suggest_course(project_bodies(obstacles, max(robot.height_m, LOW_M)), radius)

@@ -73,6 +73,23 @@ def test_a_part_that_cannot_be_used_leaves_no_file(
     assert not (folder / "mine" / "robot" / "broken.yaml").exists()
 
 
+def test_a_key_changes_how_a_file_is_read_or_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also for a file whose name a bundled part has, which would win over the user's."""
+    maze = folder / "maze.world"
+    maze.write_text((folder / DEPOT).read_text())
+    paths = f"model_paths=[{folder / 'theirs' / 'models'}]"
+    for key, named in (("nonsense=3", "nonsense"), ("vehicles=fly", "world.vehicles")):
+        assert evoros_inspect(["world", str(maze), paths, key]) == INPUT
+        assert named in capsys.readouterr().err
+    assert evoros_inspect(["world", str(maze), paths]) == DONE
+    assert "6 fixed, 1 movable" in capsys.readouterr().out  # of the depot, not of the maze
+    assert (folder / "mine" / "world" / "my_maze.yaml").is_file()
+    assert evoros_inspect(["world", DEPOT, "--name", "maze"]) == INPUT
+    assert "bundled" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "named"),
     [

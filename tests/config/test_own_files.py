@@ -52,7 +52,8 @@ def test_a_malformed_key_is_refused(words: list[str]) -> None:
         ("My Depot-2.world", "my_depot_2"),
         ("scout/model.sdf", "scout"),
         ("3wheels.urdf", "my_3wheels"),
+        ("mule.xacro", "my_mule"),
     ],
 )
 def test_parts_are_named_after_their_files(file: str, name: str) -> None:
-    assert choose_name(Path(file)) == name
+    assert choose_name(Path(file), ROBOT) == name
