@@ -94,7 +94,7 @@ def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:
     if link not in robot.sensor_links:
         raise InputError(
             f"{key}.link: must be a link of {robot.name} that can carry sensors, "
-            f"not {link!r}; choose one of {', '.join(robot.sensor_links)}"
+            f"not {link!r}; choose one of {', '.join(robot.sensor_links)}, or design=around"
         )
     _, y, _, yaw = robot.sensor_links[link]
     if mirrored and (y, yaw) != (0, 0):

@@ -86,7 +86,8 @@ class Region:
                 raise InputError(
                     f"{key}: {'xy'[axis]} must be at most {self.overhang_m} m outside the outline "
                     f"of {robot.name} ({minimum:g} to {maximum:g} m), not {low:g} to {high:g} m; "
-                    f"move the region onto the robot, or raise its overhang_m"
+                    f"choose design=around, which fits any robot, move the region, or raise "
+                    f"its overhang_m"
                 )
 
     def _check_height(self, link: str, robot: Robot, key: str) -> None:
@@ -107,7 +108,7 @@ def check_height(
         raise InputError(
             f"{key}: {name} must be above the ground and at most {overhang} m above "
             f"{robot.name} ({top:g} m), not {low:g} to {high:g} m; "
-            f"move the region onto the robot, or raise its overhang_m"
+            f"choose design=around, which fits any robot, move the region, or raise its overhang_m"
         )
 
 
