@@ -49,12 +49,16 @@ def load_robot(
         raise InputError(f"robot.missing_meshes: must be {choices}, not {missing_meshes!r}; set it")
     file, root = expansion.read(description, options)
     adapted = adapt(root, str(file), drive, missing_meshes)
-    urdf, fitted = adapted.urdf, adapted.drive.fit(adapted.urdf)
-    solids = _find_body(urdf, fitted, adapted.exposed_casters)
-    exposed = frozenset(adapted.exposed_casters)
-    if wheels_touch:
-        body = compute_outline((solid.shape, solid.pose) for solid in solids)
-        exposed |= find_exposed(urdf, _rolling_links(urdf, fitted) - exposed, body)
+    return _build_robot(root, adapted, mount, wheels_touch)
+
+
+def _build_robot(
+    root: Element, adapted: AdaptedRobot, mount: MountDefaults, wheels_touch: bool
+) -> Robot:
+    """Build the robot of a ``<robot>`` and of what it was adapted to."""
+    urdf, drive = adapted.urdf, adapted.drive.fit(adapted.urdf)
+    solids = _find_body(urdf, drive, adapted.exposed_casters)
+    exposed = _find_exposed_links(adapted, drive, solids, wheels_touch)
     touching = [(solid.shape, solid.pose) for solid in solids]
     for link in sorted(exposed.difference(adapted.exposed_casters)):
         touching += rolling_shapes(urdf, link)
@@ -65,7 +69,7 @@ def load_robot(
         name=urdf.name,
         base_urdf=document,
         engine_urdf=_document_for_engines(document, adapted),
-        drive=fitted,
+        drive=drive,
         outline=compute_outline(touching),
         height_m=max(top_height(shape, pose) for shape, pose in touching),
         mount_link=default.link,
@@ -74,13 +78,24 @@ def load_robot(
         chosen_mount=default.chosen,
         sensor_links=places,
         solids=tuple(solids),
-        visuals=tuple(_visible_shapes(urdf, fitted)),
+        visuals=tuple(_visible_shapes(urdf, drive)),
         reserved_names=frozenset(urdf.poses) | frozenset(urdf.joints),
         exposed_links=exposed,
     )
     if default.link not in places:
         raise robot.link_error(default.link)
     return robot
+
+
+def _find_exposed_links(
+    adapted: AdaptedRobot, drive: Drive, solids: Sequence[SolidShape], wheels_touch: bool
+) -> frozenset[str]:
+    """Find the wheels and casters that stick out of the body, if obstacles can touch them."""
+    exposed = frozenset(adapted.exposed_casters)
+    if not wheels_touch:
+        return exposed
+    body = compute_outline((solid.shape, solid.pose) for solid in solids)
+    return exposed | find_exposed(adapted.urdf, _rolling_links(adapted.urdf, drive) - exposed, body)
 
 
 def _document_for_engines(document: UrdfDocument, adapted: AdaptedRobot) -> UrdfDocument | None:
