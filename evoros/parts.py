@@ -46,7 +46,14 @@ from evoros.base.checks import (
 from evoros.base.compilation import compilable
 from evoros.base.errors import InputError, SimulationError, WorkerLost
 from evoros.base.intervals import INTERVAL, Interval, bounds
-from evoros.controller.protocol import Controller, Layer, StartedLayer
+from evoros.controller.protocol import (
+    Briefing,
+    Controller,
+    Layer,
+    LiveController,
+    Pilot,
+    StartedLayer,
+)
 from evoros.design.protocol import Area, BoundRegion, RegionDescription, SensorPose
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.executor.protocol import Executor, Pool
@@ -76,6 +83,7 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "Generator", "Robot", "World", "Course", "Sensor", "Mount", "Drive", "DriveDescription", "Urdf",
     "RegionDescription", "BoundRegion", "Area", "SensorPose",
     "Filter", "Channels", "Silence", "Failure", "Fault", "Controller", "Layer", "StartedLayer",
+    "LiveController", "Briefing", "Pilot",
     "Simulator", "Simulation", "Optimizer", "Search", "Space", "Individual", "Candidate",
     "Executor", "Pool", "Fitness", "Outcome",
     # Errors that a part may raise.

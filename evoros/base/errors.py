@@ -20,6 +20,24 @@ class WorkerLost(EvorosError):
     """A call crashed its worker process or ran past its time limit, in spite of all retries."""
 
 
+class PilotLost(WorkerLost):
+    """A controller outside of this process ended or did not answer; the mission may be repeated.
+
+    ``log`` is the end of what the controller printed.
+    """
+
+    def __init__(self, message: str, log: str = "") -> None:
+        super().__init__(message, log)
+        self.log = log
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class LaunchError(InputError):
+    """A controller outside of this process cannot be started, whatever the design."""
+
+
 class RunStopped(EvorosError):
     """The run stopped before its end and can be resumed. Exit status 1."""
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from numpy.random import Generator
@@ -55,8 +56,7 @@ class StartedLayer(NamedTuple):
 class Controller(Protocol):
     """Turns readings and the localized pose into commands, at its own period.
 
-    ``open`` may acquire resources (a process, a socket); leaving the context releases them. An
-    external controller offers one layer whose rule is a method of the live object.
+    Its layers are rules in this process. What runs in a process of its own is a LiveController.
     """
 
     @property
@@ -84,4 +84,74 @@ class Controller(Protocol):
         ...
 
 
-A_CONTROLLER = instance_of(Controller, "a controller (period_s, localization, modes and open)")
+@dataclass(frozen=True, eq=False)
+class Briefing:
+    """What a controller outside of this process is told before its mission."""
+
+    robot: Robot  # with the sensors of the design
+    home: tuple[float, float, float, float]  # x, y, z [m], yaw [rad]
+    route: Array  # (legs, 2) waypoints in order [m]
+    acceptance_m: float  # distance from a waypoint at which it is reached
+    time_limit_s: float
+    seed: int  # of this mission, 0 to 2^32 - 1, for all that the controller draws
+
+
+class Pilot(Protocol):
+    """A controller outside of this process in one mission, in lock-step with it."""
+
+    def exchange(
+        self, time: float, state: Array, leg: Array, readings: Array, command: Array
+    ) -> int:
+        """Tell what is known at ``time`` [s], wait for the answer, and fill ``command``.
+
+        ``state`` is as localized; the values of a silent localization or sensor are NaN. Returns
+        the number of the mode that decided, from 1; 0 if none did, so that the last command stands.
+
+        Raises:
+            PilotLost: the controller ended, or did not answer in time. The mission is repeated.
+            SimulationError: the answer cannot be used, and would be the same again.
+        """
+        ...
+
+
+@runtime_checkable
+class LiveController(Protocol):
+    """A controller outside of this process: a program, ROS nodes, an autopilot.
+
+    It has no rule to compile, is told the whole route, and reports its own mode.
+    """
+
+    @property
+    def period_s(self) -> float:
+        """Time between two exchanges."""
+        ...
+
+    @property
+    def localization(self) -> Mapping[str, Filter]:
+        """The filters, by name, that act in order on the pose before the controller is told it."""
+        ...
+
+    @property
+    def modes(self) -> Sequence[str]:
+        """What it can be doing, for example ``navigating``, ``avoiding``; known without a start."""
+        ...
+
+    @property
+    def files(self) -> Sequence[str]:
+        """The paths of its programs, nodes and binaries, whose hashes the manifest records."""
+        ...
+
+    def launch(self, briefing: Briefing) -> AbstractContextManager[Pilot]:
+        """Start a fresh process for one mission; leaving the context ends all that it started.
+
+        Raises:
+            InputError: the program is missing, or refuses the briefing.
+            PilotLost: it was not ready in time.
+        """
+        ...
+
+
+A_CONTROLLER = instance_of(
+    Controller | LiveController,
+    "a controller (period_s, localization, modes, and open or launch)",
+)
