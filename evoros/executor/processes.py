@@ -15,19 +15,9 @@ from typing import Annotated, Any
 
 from evoros.base.checks import POSITIVE, WHOLE, Rule, checked, is_whole
 from evoros.base.errors import InputError, WorkerLost
+from evoros.base.threads import ONE_THREAD
 from evoros.executor.protocol import Pool
 from evoros.executor.worker_handle import NoAnswerError, Worker
-
-# The numeric libraries read these when they are imported. NUMBA_NUM_THREADS is not among them,
-# because numba refuses to change it in a main process that has already started numba's threads.
-ONE_THREAD = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-)
 
 
 def _null_or_whole(minimum: int) -> Rule:

@@ -12,7 +12,8 @@ from omegaconf import OmegaConf
 
 from evoros.base.errors import InputError
 from evoros.base.resources import bundled_folder
-from evoros.executor.processes import ONE_THREAD, Processes, available_cores
+from evoros.base.threads import ONE_THREAD
+from evoros.executor.processes import Processes, available_cores
 from evoros.executor.protocol import Executor, Pool
 from evoros.executor.serial import Serial
 

@@ -1,0 +1,298 @@
+"""Starts one command for a mission, and ends it with all that it started. A script.
+
+``process.py`` runs it with the options ``-I -S``, which spare it the import of ``site``. The
+argument is the descriptor of a socket. Through it come one line of JSON, the order, and then the
+sockets of the mission and the news of the command go back, a line of JSON each. When the other end
+of the socket closes, whatever closed it, the command and its descendants are killed.
+
+Isolated, the command has a network, processes, mounts and shared memory of its own. The first
+process there is a child of this one, because it has to collect the orphans among the command's
+descendants. The kernel kills all of them with it. Otherwise this process adopts the orphans.
+
+Only the standard library is imported, because the namespaces have to exist before anything else
+does, and because a thread would keep a process out of a user namespace of its own.
+"""
+
+import array
+import ctypes
+import errno
+import fcntl
+import json
+import os
+import select
+import shutil
+import signal
+import socket
+import struct
+import sys
+import tempfile
+from contextlib import suppress
+from typing import Any
+
+# linux/sched.h, linux/prctl.h, linux/mount.h, linux/sockios.h, linux/if.h
+MOUNTS, IPC, PIDS, NETWORK = 0x20000, 0x8000000, 0x20000000, 0x40000000
+NAMESPACES, NEW_USER = MOUNTS | IPC | PIDS | NETWORK, 0x10000000
+SET_DEATH_SIGNAL, SET_SUBREAPER = 1, 36
+RECURSIVE, PRIVATE = 0x4000, 0x40000
+GET_FLAGS, SET_FLAGS, UP_AND_MULTICAST = 0x8913, 0x8914, 0x1 | 0x1000
+SHARED_MEMORY = "/dev/shm"
+HOME = f"{SHARED_MEMORY}/mission"
+
+LIBC = ctypes.CDLL(None, use_errno=True)
+
+
+def main() -> None:
+    """Serve one order, to the end of the command or of the socket."""
+    control = socket.socket(fileno=int(sys.argv[1]))
+    with control.makefile("rb") as stream:
+        order = json.loads(stream.readline())
+    try:
+        if order["isolate"]:
+            unshare()
+            raise_loopback()
+        else:
+            call("prctl", SET_SUBREAPER, 1, 0, 0, 0)
+        sockets, ports = make_sockets(order["sockets"])
+        child, status, folder = start(order, ports)
+    except OSError as error:
+        tell(control, error=error.strerror, file=str(error.filename))
+        return
+    tell(control, list(sockets.values()), started=list(sockets), ports=ports)
+    for item in sockets.values():
+        item.close()
+    for descriptor in order["pass"]:
+        os.close(descriptor)  # so that the other end notices when the command closes its own
+    try:
+        wait_for_end(control, child)
+    finally:
+        code = read_status(status, end(child))
+        if folder is not None:
+            end_orphans()
+            shutil.rmtree(folder, ignore_errors=True)
+    tell(control, ended=code)
+
+
+def call(name: str, *arguments: object) -> None:
+    """Call a function of the C library.
+
+    Raises:
+        OSError: it failed; its file name is that of the function.
+    """
+    if getattr(LIBC, name)(*arguments) != 0:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number), name)
+
+
+def unshare() -> None:
+    """Enter new namespaces, of a new user with the same number if there is no other way.
+
+    Raises:
+        OSError: the system allows neither.
+    """
+    user, group = os.geteuid(), os.getegid()
+    try:
+        call("unshare", NAMESPACES)
+    except OSError as error:
+        if error.errno != errno.EPERM:
+            raise
+        call("unshare", NAMESPACES | NEW_USER)
+        write("/proc/self/setgroups", "deny")
+        write("/proc/self/uid_map", f"{user} {user} 1")
+        write("/proc/self/gid_map", f"{group} {group} 1")
+    mount(b"none", b"/", None, RECURSIVE | PRIVATE)
+
+
+def mount(source: bytes, target: bytes, kind: bytes | None, flags: int = 0) -> None:
+    """Mount a file system in the namespace.
+
+    Raises:
+        OSError: it failed; its file name is the place.
+    """
+    if LIBC.mount(source, target, kind, flags, None) != 0:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number), f"mount {target.decode()}")
+
+
+def write(path: str, text: str) -> None:
+    """Write a text to a file."""
+    with open(path, "w") as file:
+        file.write(text)
+
+
+def raise_loopback() -> None:
+    """Bring up the loopback interface, with multicast, by which ROS 2 discovers nodes."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+        request = struct.pack("16sh", b"lo", 0)
+        flags = struct.unpack("16sh", fcntl.ioctl(any_socket, GET_FLAGS, request))[1]
+        fcntl.ioctl(any_socket, SET_FLAGS, struct.pack("16sh", b"lo", flags | UP_AND_MULTICAST))
+
+
+def make_sockets(kinds: dict[str, str]) -> tuple[dict[str, socket.socket], dict[str, int]]:
+    """Make sockets in the command's network; return those to keep, and the ports of all."""
+    kept, ports, free = {}, {}, []
+    for name, kind in kinds.items():
+        stream = kind == "tcp"
+        item = socket.socket(socket.AF_INET, socket.SOCK_STREAM if stream else socket.SOCK_DGRAM)
+        item.bind(("127.0.0.1", 0))
+        ports[name] = item.getsockname()[1]
+        if stream:
+            item.listen()
+        if kind == "port":
+            free.append(item)  # closed after all are bound, so that all differ
+        else:
+            kept[name] = item
+    for item in free:
+        item.close()
+    return kept, ports
+
+
+def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str | None]:
+    """Start the command; return the child to watch, a pipe with its status, a folder to remove.
+
+    Raises:
+        OSError: the command cannot be executed, or its surroundings cannot be made.
+    """
+    failure, failing = os.pipe()
+    status, reporting = os.pipe()
+    folder = None if order["isolate"] else tempfile.mkdtemp(prefix="evoros-")
+    child = os.fork()
+    if child == 0:
+        try:
+            os.close(failure)
+            die_with_keeper(failing)
+            if folder is None:
+                mount(b"proc", b"/proc", b"proc")
+                mount(b"shm", SHARED_MEMORY.encode(), b"tmpfs")
+                os.mkdir(HOME)
+            prepare_folder(folder or HOME, order["files"])
+            if folder is None:
+                lead(order, ports, failing, reporting)
+            execute(order["command"], ports, folder or HOME)
+        except OSError as error:
+            text = {"errno": error.errno, "text": error.strerror, "file": error.filename}
+            os.write(failing, json.dumps(text).encode())
+        finally:
+            os._exit(1)
+    os.close(failing)
+    os.close(reporting)
+    with os.fdopen(failure, "rb") as stream:
+        problem = stream.read()  # empty as soon as the command is executed
+    if problem:
+        os.waitpid(child, 0)
+        if folder is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+        content = json.loads(problem)
+        raise OSError(content["errno"], content["text"], content["file"])
+    return child, status, folder
+
+
+def die_with_keeper(failing: int) -> None:
+    """Let the kernel kill this process when its parent ends, which holds the pipe's other end."""
+    LIBC.prctl(SET_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
+    broken = select.poll()
+    broken.register(failing, 0)  # poll always reports an error, here that nobody reads the pipe
+    if broken.poll(0):
+        os._exit(1)
+
+
+def prepare_folder(folder: str, files: dict[str, str]) -> None:
+    """Enter the command's folder and write the files that it shall find there."""
+    os.chdir(folder)
+    for name, text in files.items():
+        write(name, text)
+
+
+def lead(order: dict[str, Any], ports: dict[str, int], failing: int, reporting: int) -> None:
+    """Start the command as the first process of its namespace, wait for it, and exit.
+
+    The exit ends whatever else runs in the namespace.
+    """
+    command = os.fork()
+    if command == 0:
+        execute(order["command"], ports, HOME)
+    os.close(failing)
+    for descriptor in order["pass"]:
+        os.close(descriptor)
+    while True:
+        ended, code = os.waitpid(-1, 0)
+        if ended == command:
+            os.write(reporting, struct.pack("i", code))
+            os._exit(0)
+
+
+def execute(command: list[str], ports: dict[str, int], folder: str) -> None:
+    """Become the command.
+
+    Raises:
+        OSError: it cannot be executed.
+    """
+    os.environ.update(HOME=folder, TMPDIR=folder, PWD=folder)
+    for number in (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ):  # Python has changed them
+        signal.signal(number, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_SETMASK, ())
+    for name, port in ports.items():
+        command = [part.replace(f"{{{name}}}", str(port)) for part in command]
+    os.execvp(command[0], command)
+
+
+def wait_for_end(control: socket.socket, child: int) -> None:
+    """Wait until the child ends, or until the other end of the socket closes."""
+    waiting = select.poll()
+    waiting.register(control, select.POLLIN)
+    waiting.register(os.pidfd_open(child), select.POLLIN)
+    waiting.poll()
+
+
+def end(child: int) -> int:
+    """Kill the child, and with it its namespace; return the child's status."""
+    os.kill(child, signal.SIGKILL)  # an ended child remains until it is waited for
+    return os.waitpid(child, 0)[1]
+
+
+def end_orphans() -> None:
+    """Kill what the command has left, which is now children of this process."""
+    while True:
+        for orphan in children():
+            os.kill(orphan, signal.SIGKILL)
+        try:
+            os.waitpid(-1, 0)  # the death of one may bring others
+        except ChildProcessError:
+            return
+
+
+def children() -> list[int]:
+    """List the processes whose parent is this one."""
+    found = []
+    for name in filter(str.isdigit, os.listdir("/proc")):
+        try:
+            with open(f"/proc/{name}/stat", "rb") as file:
+                parent = int(file.read().rpartition(b")")[2].split()[1])
+        except OSError:  # it has ended meanwhile
+            continue
+        if parent == os.getpid():
+            found.append(int(name))
+    return found
+
+
+def read_status(pipe: int, code: int) -> int:
+    """Return the status of the command that its namespace reported, else that of the child."""
+    os.set_blocking(pipe, False)
+    try:
+        reported = os.read(pipe, 4)
+    except BlockingIOError:
+        reported = b""
+    return int(struct.unpack("i", reported)[0]) if reported else code
+
+
+def tell(control: socket.socket, files: list[socket.socket] | None = None, **news: object) -> None:
+    """Send a line of news, with sockets; nobody may be there any more."""
+    ancillary = []
+    if files:
+        descriptors = array.array("i", [item.fileno() for item in files])
+        ancillary = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, descriptors)]
+    with suppress(OSError):
+        control.sendmsg([json.dumps(news).encode() + b"\n"], ancillary)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,181 @@
+"""A process outside for one mission: its start, its last words, its end."""
+
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import IO, Any
+
+from evoros.base.errors import LaunchError, PilotLost, single_line
+from evoros.base.threads import ONE_THREAD
+
+KEEPER = Path(__file__).with_name("keeper.py")
+LOG_BYTES, WORDS = 65_536, 400
+"""How much of what a process printed is kept, and how many characters of it are in a message."""
+PERSONAL = ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME")
+"""Variables that lead to files outside of the home folder that a mission has."""
+SURROUNDINGS = ("unshare", "mount", "/proc/self", "/dev/shm")
+END_LIMIT_S = 10.0
+
+
+@dataclass
+class OutsideProcess:
+    """A started command. Only one thread uses it."""
+
+    name: str
+    sockets: Mapping[str, socket.socket]  # made in its network
+    ports: Mapping[str, int]
+    _control: socket.socket
+    _log: IO[bytes]
+    _ended: int | None = field(default=None)  # the status with which it ended, as of waitpid
+
+    def fileno(self) -> int:
+        """Return a descriptor that becomes readable when the process ends."""
+        return self._control.fileno()
+
+    def running(self, wait_s: float = 0.0) -> bool:
+        """Whether the process still runs, after a time to end in [s]."""
+        if self._ended is None and select.select([self._control], [], [], wait_s)[0]:
+            news, _ = _receive(self._control)
+            self._ended = int(news.get("ended", signal.SIGKILL))
+        return self._ended is None
+
+    def lost(self, what: str, time: float | None = None) -> PilotLost:
+        """Create the error for a process that ended or hangs, with its status and last words.
+
+        ``what`` it did, for example ``did not answer within 10 s``, is told if it still runs.
+        ``time`` is that of the mission [s], if it has begun.
+        """
+        if not self.running(wait_s=0.2):
+            what = f"ended {_describe(self._ended or 0)}"
+        when = "before the mission began" if time is None else f"at {time:g} simulated s"
+        log = self.read_log()
+        words = single_line(log)[-WORDS:]
+        said = f"its last words: {words}" if words else "it printed nothing"
+        return PilotLost(f"{self.name} {what} {when}; {said}", log)
+
+    def read_log(self) -> str:
+        """Return the end of what the process has printed."""
+        size = os.fstat(self._log.fileno()).st_size
+        start = max(0, size - LOG_BYTES)
+        return os.pread(self._log.fileno(), LOG_BYTES, start).decode(errors="replace")
+
+
+@contextmanager
+def start_process(
+    command: Sequence[str],
+    *,
+    isolate: bool = True,
+    environment: Mapping[str, str] | None = None,
+    pass_fds: Sequence[int] = (),
+    sockets: Mapping[str, str] | None = None,
+    files: Mapping[str, str] | None = None,
+) -> Iterator[OutsideProcess]:
+    """Start a command in an empty folder, which is its home; leaving the context kills it.
+
+    Isolated, it has a network, processes, mounts and shared memory of its own (namespaces).
+    ``sockets`` are made in its network before it starts: by name, ``udp``, ``tcp`` (listening) or
+    ``port`` (a free one); ``{name}`` in the command becomes the port. ``files`` are written into
+    the folder, by name. The command inherits the descriptors ``pass_fds``. Nothing of it remains,
+    even if this process is killed.
+
+    Raises:
+        LaunchError: the system is not Linux or allows no namespaces, or the command cannot be
+            executed.
+    """
+    if sys.platform != "linux":
+        raise LaunchError(
+            f"controller: one that runs outside needs Linux, not {sys.platform}; use a controller "
+            f"whose layers are rules, or a Linux machine or container"
+        )
+    order: dict[str, Any] = {
+        "command": list(command),
+        "isolate": isolate,
+        "pass": list(pass_fds),
+        "sockets": dict(sockets or {}),
+        "files": dict(files or {}),
+    }
+    ours, theirs = socket.socketpair()
+    with ExitStack() as stack:
+        log = stack.enter_context(TemporaryFile(buffering=0))
+        with theirs:
+            keeper = _start_keeper(theirs, pass_fds, environment or {}, log)
+        stack.callback(_join, keeper)
+        stack.enter_context(ours)  # whose end makes the keeper kill everything
+        ours.sendall(json.dumps(order).encode() + b"\n")
+        news, descriptors = _receive(ours, len(order["sockets"]))
+        made = [stack.enter_context(socket.socket(fileno=each)) for each in descriptors]
+        if "started" not in news:
+            raise _explain(command[0], news)
+        kept = dict(zip(news["started"], made, strict=True))
+        yield OutsideProcess(Path(command[0]).name, kept, news["ports"], ours, log)
+
+
+def _start_keeper(
+    control: socket.socket, pass_fds: Sequence[int], environment: Mapping[str, str], log: IO[bytes]
+) -> "subprocess.Popen[bytes]":
+    """Start the keeper in a session of its own, so that no signal of a terminal reaches it."""
+    inherited = {name: value for name, value in os.environ.items() if name not in PERSONAL}
+    return subprocess.Popen(
+        [sys.executable, "-I", "-S", str(KEEPER), str(control.fileno())],
+        env={**inherited, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONHASHSEED": "0", **environment},
+        stdin=subprocess.DEVNULL,
+        stdout=log,
+        stderr=log,
+        pass_fds=(control.fileno(), *pass_fds),
+        start_new_session=True,
+    )
+
+
+def _join(keeper: "subprocess.Popen[bytes]") -> None:
+    """Wait until the keeper has killed everything and ended."""
+    try:
+        keeper.wait(END_LIMIT_S)
+    except subprocess.TimeoutExpired:  # it was stopped; the kernel kills the rest with it
+        keeper.kill()
+        keeper.wait()
+
+
+def _receive(control: socket.socket, sockets: int = 0) -> tuple[dict[str, Any], list[int]]:
+    """Receive a line of news, with as many descriptors at most; empty if the keeper has ended."""
+    data, descriptors = b"", []
+    while not data.endswith(b"\n"):
+        try:
+            more, files, _, _ = socket.recv_fds(control, 4096, max(1, sockets))
+        except ConnectionResetError:
+            break
+        if not more:
+            break
+        data += more
+        descriptors += files
+    return (json.loads(data) if data.endswith(b"\n") else {}), descriptors
+
+
+def _explain(program: str, news: Mapping[str, Any]) -> LaunchError:
+    """Create the error for a command that was not started."""
+    where, why = str(news.get("file", "keeper")), str(news.get("error", "it was killed"))
+    if where.startswith(SURROUNDINGS):
+        return LaunchError(
+            f"controller.isolate: must be false on a system that gives a mission no namespaces of "
+            f"its own ({where}: {why}); set controller.isolate=false, or allow user namespaces"
+        )
+    return LaunchError(
+        f"{program}: must be a program that this system can execute ({why}); correct the path, "
+        f"its permissions or its first line"
+    )
+
+
+def _describe(status: int) -> str:
+    """Describe the status of an ended process, as waitpid reports it."""
+    if os.WIFSIGNALED(status):
+        number = os.WTERMSIG(status)
+        return f"by signal {number} ({signal.strsignal(number)})"
+    return f"with exit status {os.WEXITSTATUS(status)}"
