@@ -1,4 +1,4 @@
-"""Watches processes that hand a byte on, each by its two threads, and prints what rest saw.
+"""Watches processes that hand a byte on in a ring, each by two threads; prints what rest saw.
 
 rest_ring.py ring|spin|stop (isolated|shared) FOLDER_OF_REST
 """
@@ -12,24 +12,24 @@ import sys
 import threading
 import time
 
-STATIONS, ROUNDS = 3, 150
+STATIONS, HOPS, ROUNDS = 3, 30, 150
 
 
-def station(source: int, sink: int) -> None:
-    """Work a while in one thread, then in another, and start a short process now and then."""
+def station(source: int, sink: int, goal: int) -> None:
+    """Work a while in one thread, then in another; the byte counts the hops that remain."""
     work = random.Random(source)
     arrived: queue.Queue[bytes] = queue.Queue()
 
     def send() -> None:
         while byte := arrived.get():
-            sum(range(work.randrange(20_000)))
-            if work.random() < 0.05:
+            sum(range(work.randrange(2_000)))
+            if work.random() < 0.002:
                 subprocess.run(["true"], check=True)
-            os.write(sink, byte)
+            os.write(sink if byte[0] else goal, bytes([max(0, byte[0] - 1)]))
 
     threading.Thread(target=send, daemon=True).start()
     while byte := os.read(source, 1):
-        sum(range(work.randrange(20_000)))
+        sum(range(work.randrange(2_000)))
         arrived.put(byte)
 
 
@@ -44,8 +44,9 @@ def main() -> None:
     from rest import Rest  # type: ignore[import-not-found, unused-ignore]
 
     rest = Rest(where == "isolated")
-    pipes = [os.pipe() for _ in range(STATIONS + 1)]
-    started = [start("station", pipes[i][0], pipes[i + 1][1]) for i in range(STATIONS)]
+    pipes = [os.pipe() for _ in range(STATIONS)]
+    source, goal = os.pipe()
+    started = [start("station", pipes[i - 1][0], pipes[i][1], goal) for i in range(STATIONS)]
     if kind == "spin":
         started.append(start("spinner"))
     rest.prepare()
@@ -58,11 +59,10 @@ def main() -> None:
     else:
         time.sleep(0.5)
         print(rest.wait(10.0))
-        source, sink = pipes[-1][0], pipes[0][1]
         os.set_blocking(source, False)
         early = 0
         for _ in range(ROUNDS):
-            os.write(sink, b".")
+            os.write(pipes[0][1], bytes([HOPS]))
             rest.wait(10.0)
             try:
                 os.read(source, 1)

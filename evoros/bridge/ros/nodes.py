@@ -1,0 +1,60 @@
+"""The user's nodes as processes: started, told apart, watched for their end.
+
+Standard library only, as Python 3.8 has it.
+"""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+from collections.abc import Collection
+
+
+class Nodes:
+    """The processes that the commands have started, in the order of the commands."""
+
+    def __init__(self, commands: list[list[str]], environment: dict[str, str]) -> None:
+        """Start all.
+
+        Raises:
+            OSError: a command cannot be executed.
+        """
+        self._commands = commands
+        self._processes = [
+            subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL)
+            for command in commands
+        ]
+
+    def ended(self) -> str | None:
+        """Tell which process has ended, if one has, and how."""
+        for process, command in zip(self._processes, self._commands):
+            status = process.poll()
+            if status is not None:
+                how = f"with exit status {status}" if status >= 0 else f"by signal {-status}"
+                return f"the node {shlex.join(command)} ended {how}"
+        return None
+
+    def number(self, pid: int) -> int | None:
+        """Return the number of the command that started this process or an ancestor of it."""
+        numbers = {process.pid: number for number, process in enumerate(self._processes)}
+        while pid > 1:
+            if pid in numbers:
+                return numbers[pid]
+            pid = _parent(pid)
+        return None
+
+    def others(self, numbers: Collection[int | None]) -> list[str]:
+        """Return the commands that have none of these numbers."""
+        return [
+            shlex.join(command)
+            for number, command in enumerate(self._commands)
+            if number not in numbers
+        ]
+
+
+def _parent(pid: int) -> int:
+    try:
+        with open(f"/proc/{pid}/stat", "rb") as file:
+            return int(file.read().rpartition(b")")[2].split()[1])
+    except OSError:
+        return 0

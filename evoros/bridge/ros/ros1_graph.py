@@ -1,0 +1,203 @@
+"""The graph of ROS 1 in a mission: its master, its connections, and the messages of the nodes.
+
+Runs in the user's ROS Python.
+"""
+
+from __future__ import annotations
+
+import io
+import select
+import socket
+import struct
+import sys
+from typing import TYPE_CHECKING, Any
+from xmlrpc.client import Error, ServerProxy
+
+import roslib.message
+import rospy
+from rosgraph.masterapi import Master, MasterException
+from rosgraph.network import read_ros_handshake_header, write_ros_handshake_header
+
+if TYPE_CHECKING:
+    from evoros.bridge.ros.nodes import Nodes
+
+NAME = "/evoros"  # of this process in the graph
+HEADER_BYTES = 4096
+
+
+def join() -> None:
+    """Make this process a node, which has nothing to do with the mission's clock."""
+    rospy.init_node(
+        NAME[1:], argv=[], disable_rostime=True, disable_rosout=True, disable_signals=True
+    )
+
+
+def ask_node(address: str, method: str, *arguments: Any) -> Any:
+    """Call a method of a node.
+
+    Raises:
+        OSError: the node is gone.
+    """
+    answer: Any = getattr(ServerProxy(address), method)(NAME, *arguments)
+    status, why, value = answer
+    if status != 1:
+        raise OSError(f"{method} of a node: {why}")
+    return value
+
+
+class Incoming:
+    """The messages of one publisher, which no thread receives: the bridge fetches them."""
+
+    def __init__(self, topic: str, kind: str, publisher: str) -> None:
+        """Connect to the publisher, the address of a node.
+
+        Raises:
+            OSError: the node does not accept the connection.
+            ValueError: this Python has no messages of this kind.
+        """
+        self.kind, self._topic = kind, topic
+        self._class: Any = roslib.message.get_message_class(kind)
+        if self._class is None:
+            raise ValueError(f"{sys.executable} cannot import the messages {kind} of {topic}")
+        _, host, port = ask_node(publisher, "requestTopic", topic, [["TCPROS"]])
+        self._socket = socket.create_connection((host, port))
+        header = {"topic": topic, "type": kind, "md5sum": self._class._md5sum, "callerid": NAME}
+        write_ros_handshake_header(self._socket, {**header, "tcp_nodelay": "1"})
+        buffer = io.BytesIO()
+        read_ros_handshake_header(self._socket, buffer, HEADER_BYTES)
+        self._received = buffer.getvalue()
+        self._socket.setblocking(False)
+
+    def wait(self, limit_s: float) -> bool:
+        """Whether something arrives within a wall-clock time."""
+        return bool(select.select([self._socket], [], [], limit_s)[0])
+
+    def fetch(self) -> list[Any]:
+        """Return the messages that have arrived.
+
+        Raises:
+            ConnectionError: the node has closed the connection.
+        """
+        messages = []
+        self._receive()
+        while len(self._received) >= 4:
+            (size,) = struct.unpack_from("<I", self._received)
+            if len(self._received) < 4 + size:
+                break
+            message = self._class()
+            message.deserialize(self._received[4 : 4 + size])
+            messages.append(message)
+            self._received = self._received[4 + size :]
+        return messages
+
+    def _receive(self) -> None:
+        while True:
+            try:
+                data = self._socket.recv(1 << 16)
+            except BlockingIOError:
+                return
+            if not data:
+                raise ConnectionError(f"a node no longer publishes on {self._topic}")
+            self._received += data
+
+
+class Graph:
+    """Who is in the graph of the mission, and whether every connection stands."""
+
+    def __init__(self, nodes: Nodes, publishers: list[Any]) -> None:
+        """``publishers`` are those of this process."""
+        self._master, self._nodes, self._publishers = Master(NAME), nodes, publishers
+        self._numbers: dict[str, int | None] = {}  # by address: that of the command behind a node
+        self._addresses: dict[str, str] = {}  # by the name of a node
+        self._published: dict[str, list[str]] = {}
+        self._subscribed: dict[str, list[str]] = {}
+
+    def missing(self, command_topic: str) -> str | None:
+        """Return what the start of the mission is waiting for; None: nothing."""
+        try:
+            self._update()
+            return self._missing_node(command_topic) or self._missing_connection()
+        except (OSError, Error, MasterException) as error:  # a node comes or goes
+            return f"a node does not answer: {error}"
+
+    def receive(self, topic: str, kinds: tuple[str, ...]) -> Incoming | None:
+        """Connect with the node that publishes on a topic; None if there is none.
+
+        Raises:
+            OSError: the node does not accept the connection.
+            ValueError: there are several, or their messages are not of these kinds.
+        """
+        names = self._published.get(topic, [])
+        if not names:
+            return None
+        if len(names) > 1:
+            raise ValueError(
+                f"{topic}: one node must publish there, not {len(names)} ({', '.join(names)}), "
+                f"because the last message counts; give one of them another topic"
+            )
+        kind = str(dict(self._master.getTopicTypes())[topic])
+        if kind.rpartition("/")[2] not in kinds:
+            raise ValueError(
+                f"{topic}: its messages must be {' or '.join(kinds)}, not {kind}; correct the node "
+                f"{names[0]} or controller.topics"
+            )
+        return Incoming(topic, kind, self._addresses[names[0]])
+
+    def place(self, connection: Any) -> tuple[int, str]:
+        """Return the place of a node: that of its command, because its name may be a random one."""
+        name = connection.endpoint_id
+        number = self._numbers.get(self._addresses.get(name, ""))
+        return (-1 if number is None else number), name
+
+    def _update(self) -> None:
+        published, subscribed, _ = self._master.getSystemState()
+        self._published, self._subscribed = map(_without_bridge, (published, subscribed))
+        names = {
+            name
+            for topics in (self._published, self._subscribed)
+            for group in topics.values()
+            for name in group
+        }
+        self._addresses = {name: self._master.lookupNode(name) for name in sorted(names)}
+        for address in self._addresses.values():
+            if address not in self._numbers:
+                self._numbers[address] = self._nodes.number(int(ask_node(address, "getPid")))
+
+    def _missing_node(self, command_topic: str) -> str | None:
+        others = self._nodes.others(set(self._numbers.values()))
+        if others:
+            return f"{others[0]} has started no node"
+        if not self._published.get(command_topic):
+            return f"no node publishes on {command_topic}"
+        topics = {publisher.resolved_name for publisher in self._publishers}
+        topics -= {"/clock"}  # to which every node listens
+        if not any(self._subscribed.get(topic) for topic in topics):
+            return f"no node listens to {', '.join(sorted(topics))}"
+        return None
+
+    def _missing_connection(self) -> str | None:
+        for publisher in self._publishers:
+            topic = publisher.resolved_name
+            if publisher.get_num_connections() != len(self._subscribed.get(topic, [])):
+                return f"a node is not yet connected with {topic}"
+        # Between nodes too: what a node publishes before another is connected, is lost.
+        connected = self._connections()
+        for topic, names in self._subscribed.items():
+            for name in names:
+                if connected.get((name, topic), 0) < len(self._published.get(topic, [])):
+                    return f"{name} is not yet connected with all that publish on {topic}"
+        return None
+
+    def _connections(self) -> dict[tuple[str, str], int]:
+        """Return the number of nodes' incoming connections, by node and topic."""
+        count: dict[tuple[str, str], int] = {}
+        for name in {name for names in self._subscribed.values() for name in names}:
+            connections = ask_node(self._addresses[name], "getBusInfo")
+            for _, _, direction, _, topic, *connected in connections:
+                if direction == "i" and (not connected or connected[0]):
+                    count[name, topic] = count.get((name, topic), 0) + 1
+        return count
+
+
+def _without_bridge(topics: list[tuple[str, list[str]]]) -> dict[str, list[str]]:
+    return {topic: sorted(name for name in names if name != NAME) for topic, names in topics}
