@@ -11,6 +11,7 @@ from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.log import LOGGER, log_to_terminal
 
 from .drawing.style import save
+from .own_folder import write_folder
 from .product import Product, to_csv
 from .subcommands import NAME, import_subcommand, parse
 from .tables.study import Study, load_study
@@ -44,21 +45,32 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
         InputError: no folder is complete, an option does not fit, or a file cannot be written.
     """
     folders = [path.expanduser() for path in options.folders]
+    subcommand = import_subcommand(options.subcommand)
     if options.output is None:
-        options.output = folders[0] / "figures"
+        options.output = folders[0] / getattr(subcommand, "OUTPUT", "figures")
     study = study or load_study(folders)
-    product = import_subcommand(options.subcommand).make_product(study, options)
-    files = _render(options.subcommand, product, options.format)
+    product = subcommand.make_product(study, options)
     try:
-        options.output.mkdir(parents=True, exist_ok=True)
-        for name, content in files.items():
-            _write(options.output / name, content)
+        paths = _write_product(product, options)
     except OSError as error:
         raise InputError(
             f"--output {options.output}: cannot be written ({error.strerror}); choose another"
         ) from error
     for message in product.messages:
         print_result(message)
+    return paths
+
+
+def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:
+    """Write the files of a product into the output, and return their paths, or their folder's."""
+    if product.folder:
+        folder: Path = options.output / product.folder
+        write_folder(folder, f"{NAME} {options.subcommand}", product.files)
+        return [folder]
+    files = _render(options.subcommand, product, getattr(options, "format", ""))
+    options.output.mkdir(parents=True, exist_ok=True)
+    for name, content in files.items():
+        _write(options.output / name, content)
     return [options.output / name for name in files]
 
 

@@ -15,6 +15,8 @@ class Product:
     figure: Figure | None = None  # becomes SUBCOMMAND.FORMAT
     messages: Sequence[str] = ()  # lines for standard output
     files: Mapping[str, bytes] = field(default_factory=dict)  # by name
+    folder: str = ""
+    """If there is one, the files are by their paths in this folder, which is written as a whole."""
 
 
 def to_csv(table: pd.DataFrame) -> bytes:

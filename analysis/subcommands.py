@@ -36,14 +36,18 @@ SUBCOMMANDS: Mapping[str, str] = {
     "claims": ".figures.claims",
     "report": ".report.page",
     "replay": ".video.replay",
+    "deploy": ".deploy.subcommand",
 }
 """The module of each subcommand."""
+EXPORTS = frozenset({"deploy"})
+"""The subcommands that write a folder for other software, and draw no figure."""
 
 
 class Subcommand(Protocol):
     """The module of a subcommand.
 
-    It may also have ``FORMATS``, instead of those of figures, and ``add_arguments(parser)``.
+    It may also have ``FORMATS``, instead of those of figures, ``OUTPUT``, instead of ``figures``,
+    and ``add_arguments(parser)``.
     """
 
     HELP: str  # one line
@@ -73,14 +77,13 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     for name in chosen or SUBCOMMANDS:
         module = import_subcommand(name)
         subparser = subparsers.add_parser(name, help=module.HELP, description=module.HELP)
-        _add_common_arguments(subparser, getattr(module, "FORMATS", KINDS), KINDS)
+        _add_common_arguments(subparser, getattr(module, "OUTPUT", "figures"))
+        _add_formats(subparser, getattr(module, "FORMATS", KINDS), KINDS)
         getattr(module, "add_arguments", lambda parser: None)(subparser)
     return parser.parse_args(list(arguments))
 
 
-def _add_common_arguments(
-    parser: argparse.ArgumentParser, kinds: Sequence[str], figure_kinds: Sequence[str]
-) -> None:
+def _add_common_arguments(parser: argparse.ArgumentParser, output: str) -> None:
     parser.add_argument(
         "folders", nargs="+", type=Path, metavar="FOLDER", help="a run, an evaluation, or a sweep"
     )
@@ -88,10 +91,17 @@ def _add_common_arguments(
         "--output",
         type=Path,
         metavar="FOLDER",
-        help="where the files go, replacing earlier ones; figures/ in the first folder",
+        help=f"where the files go, replacing earlier ones; {output}/ in the first folder",
     )
-    parser.add_argument("--format", choices=kinds, default=kinds[0], help=f"{kinds[0]}")
-    if set(kinds) <= set(figure_kinds):
+
+
+def _add_formats(
+    parser: argparse.ArgumentParser, kinds: Sequence[str], figure_kinds: Sequence[str]
+) -> None:
+    """Add the choice of the format, unless the subcommand has none, and of a figure's width."""
+    if kinds:
+        parser.add_argument("--format", choices=kinds, default=kinds[0], help=f"{kinds[0]}")
+    if kinds and set(kinds) <= set(figure_kinds):
         parser.add_argument(
             "--columns", type=int, choices=(1, 2), help="the figure's width in columns of a page"
         )

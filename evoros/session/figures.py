@@ -12,7 +12,7 @@ from logging import WARNING
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evoros.analysis.subcommands import SUBCOMMANDS
+from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS
 from evoros.base.arrays import Array
 from evoros.base.checks import Rule
 from evoros.base.errors import InputError, single_line
@@ -28,13 +28,16 @@ FIGURES = "figures"
 PICTURE_IN = 4.5  # width of the picture of a world
 
 
+_NAMES = tuple(name for name in SUBCOMMANDS if name not in EXPORTS)
+
+
 def _is_drawable(value: Any) -> bool:
-    listed = isinstance(value, list | tuple) and all(name in SUBCOMMANDS for name in value)
+    listed = isinstance(value, list | tuple) and all(name in _NAMES for name in value)
     return listed and len(set(value)) == len(value)
 
 
 DRAWABLE = Rule(
-    f"a list of subcommands of evoros-analyze, each once ({', '.join(SUBCOMMANDS)})", _is_drawable
+    f"a list of subcommands of evoros-analyze, each once ({', '.join(_NAMES)})", _is_drawable
 )
 
 

@@ -1,0 +1,1 @@
+"""A champion as a package for the robot: parameters, frames and a drawing of its mounts."""

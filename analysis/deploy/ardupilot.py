@@ -1,0 +1,105 @@
+"""A champion's range finders as parameters of ArduPilot."""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from .champion import MountedSensor, Triple
+
+INSTANCES = "123456789A"
+"""The range finders that ArduPilot can have, as their parameters name them."""
+_EIGHTH_DEG = 45.0
+DIRECTIONS = (
+    "forward",
+    "forward right",
+    "right",
+    "back right",
+    "back",
+    "back left",
+    "left",
+    "forward left",
+)
+"""The values of ``RNGFNDn_ORIENT`` from 0, clockwise from above."""
+
+
+@dataclass(frozen=True)
+class RangeFinder:
+    """A sensor as ArduPilot describes it, in its body frame: x forward, y right, z down."""
+
+    instance: str  # a character of INSTANCES
+    link: str
+    position_m: Triple  # relative to the centre of mass, or to the IMU
+    orientation: int  # the nearest of DIRECTIONS
+    yaw_error_deg: float  # of the sensor from that direction, left positive
+    pitch_deg: float  # of the sensor, which ArduPilot takes as level
+    minimum_m: float
+    maximum_m: float
+
+
+def list_range_finders(sensors: Sequence[MountedSensor], origin_m: Triple) -> list[RangeFinder]:
+    """Convert the first ten sensors; ``origin_m`` is ArduPilot's origin in the robot's frame."""
+    return [
+        _convert(instance, sensor, origin_m)
+        for instance, sensor in zip(INSTANCES, sensors, strict=False)
+    ]
+
+
+def _convert(instance: str, sensor: MountedSensor, origin_m: Triple) -> RangeFinder:
+    x, y, z = (place - zero for place, zero in zip(sensor.position_m, origin_m, strict=True))
+    eighths = round(-sensor.yaw_deg / _EIGHTH_DEG)
+    return RangeFinder(
+        instance=instance,
+        link=sensor.link,
+        position_m=(_round(x), _round(-y), _round(-z)),
+        orientation=eighths % len(DIRECTIONS),
+        yaw_error_deg=sensor.yaw_deg + _EIGHTH_DEG * eighths,
+        pitch_deg=sensor.pitch_deg,
+        minimum_m=sensor.beam.range_min_m,
+        maximum_m=sensor.beam.range_max_m,
+    )
+
+
+def _round(metres: float) -> float:
+    """Return a length in tenths of a millimetre, without a negative zero."""
+    return round(metres, 4) + 0.0
+
+
+def write_parameters(finders: Iterable[RangeFinder], head: Iterable[str], metres: bool) -> str:
+    """Return the text of a parameter file.
+
+    ArduPilot 4.7 and later have ``_MIN`` and ``_MAX`` in ``metres``, earlier versions ``_MIN_CM``
+    and ``_MAX_CM`` in whole centimetres. ``head`` has lines of comment.
+    """
+    lines = [f"# {line}" if line else "#" for line in head]
+    for finder in finders:
+        lines += ["#", f"# {finder.link}: {describe_orientation(finder)}"]
+        lines += [
+            f"RNGFND{finder.instance}_{name} {value}" for name, value in _rows(finder, metres)
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def describe_orientation(finder: RangeFinder) -> str:
+    """Return the direction that ArduPilot knows, and how far the sensor is off it."""
+    off = f"{abs(finder.yaw_error_deg):.1f} deg"
+    side = "to the left" if finder.yaw_error_deg > 0.0 else "to the right"
+    level = f"pitched {'up' if finder.pitch_deg > 0.0 else 'down'} {abs(finder.pitch_deg):.1f} deg"
+    return (
+        f"taken as {DIRECTIONS[finder.orientation]}; the sensor looks {off} {side} of it and is "
+        f"{level if finder.pitch_deg else 'level'}"
+    )
+
+
+def _rows(finder: RangeFinder, metres: bool) -> Iterator[tuple[str, str]]:
+    for axis, value in zip("XYZ", finder.position_m, strict=True):
+        yield f"POS_{axis}", f"{value:.4f}"
+    yield "ORIENT", f"{finder.orientation}"
+    for name, value in (("MIN", finder.minimum_m), ("MAX", finder.maximum_m)):
+        yield (name, f"{value:.3f}") if metres else (f"{name}_CM", f"{_centimetres(name, value)}")
+
+
+def _centimetres(name: str, metres: float) -> int:
+    """Return whole centimetres inside the sensor's range, as far as 16 bits hold them."""
+    hundredths = round(100.0 * metres, 6)
+    whole = math.ceil(hundredths) if name == "MIN" else math.floor(hundredths)
+    return min(whole, 2**15 - 1)

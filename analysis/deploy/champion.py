@@ -1,0 +1,161 @@
+"""The champion of a run as one mounts it: its description, and where each sensor is."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from lxml.etree import _Element as Element
+
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError
+from evoros.formats.strict_xml import find_child, parse
+from evoros.formats.urdf.parts import read_origin, read_value
+from evoros.formats.urdf.tree import Urdf, read_tree
+from evoros.geometry.shapes import Pose, Shape
+from evoros.storage.figure_context import Beam
+from evoros.storage.mission_log import ROBOT_AS_LOADED
+
+from ..tables.designs import read_champion_sensors
+from ..tables.records import Record
+
+ROBOT = "robot.urdf"
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class MountedSensor:
+    """A sensor of the champion, in the robot's frame: x forward, y left, z up from the ground."""
+
+    link: str  # of the description; its frame has x along the beam
+    type: str
+    position_m: Triple
+    yaw_deg: float  # left positive
+    pitch_deg: float  # nose up positive
+    beam: Beam
+    period_s: float | None  # None: the configuration does not say
+    size_m: Triple  # of its body, along the axes of its frame
+
+
+@dataclass(frozen=True, eq=False)
+class Champion:
+    """A run's best design, with all that its folder knows of it."""
+
+    record: Record
+    robot: Element  # the description with its sensors
+    shown: Urdf  # what engines loaded, whose root is on the ground
+    sensors: tuple[MountedSensor, ...]
+    centre_m: Triple | None  # of mass, in the robot's frame; None: the description has no mass
+    values: Mapping[str, Any]  # of the configuration, by dotted key, with those that evolved
+
+    @property
+    def name(self) -> str:
+        """The name of the robot."""
+        return str(self.robot.get("name"))
+
+    @property
+    def title(self) -> str:
+        """Which design of which run it is."""
+        run = self.record.run
+        known = [*run.champion.design.dropna(), *run.genes.design.dropna()]
+        design = f"design {int(known[0])}" if known else "the best design, without sensors,"
+        return f"{design} of the run {self.record.name}"
+
+    @property
+    def genes(self) -> list[tuple[str, str, Any]]:
+        """Name, key and value of everything that evolved beside the mounts."""
+        rows = self.record.run.genes.to_dict("records")
+        return [(str(row["gene"]), row["key"], self.values[row["key"]]) for row in rows]
+
+
+def read_champion(record: Record) -> Champion:
+    """Read the champion of a finished run.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    folder = record.path / "champion"
+    robot = _parse_file(folder / ROBOT)
+    loaded = folder / ROBOT_AS_LOADED
+    shown = robot if not loaded.exists() else _parse_file(loaded)
+    described = read_tree(robot, str(folder / ROBOT))
+    values = dict(_effective_values(record))
+    ground = Pose(record.context.places[described.root][:3])
+    return Champion(
+        record=record,
+        robot=robot,
+        shown=read_tree(shown, str(folder / ROBOT_AS_LOADED)),
+        sensors=tuple(_read_sensors(record, described, values)),
+        centre_m=_centre_of_mass(robot, described, ground),
+        values=values,
+    )
+
+
+def _parse_file(path: Any) -> Element:
+    try:
+        return parse(path.read_bytes(), str(path))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); restore the file") from error
+
+
+def _effective_values(record: Record) -> Iterator[tuple[str, Any]]:
+    """Yield the values of the configuration; those that evolved are the champion's."""
+    genes = record.run.genes
+    evolved = dict(zip(genes.key.astype(str), genes.value.tolist(), strict=True))
+    for key, value in {**record.values, **evolved}.items():
+        counts = isinstance(record.values.get(key), int) and float(value).is_integer()
+        yield key, int(value) if key in evolved and counts else value
+
+
+def _read_sensors(record: Record, urdf: Urdf, values: Mapping[str, Any]) -> Iterator[MountedSensor]:
+    for row in read_champion_sensors(record).to_dict("records"):
+        kind = str(row["type"])
+        link, settings = f"{kind}_{row['sensor']}", f"design.sensors.{kind}."
+        if link not in urdf.poses:
+            raise urdf.error(f"must have the link {link} of a sensor", "restore the file")
+        beam = record.context.beams[kind]
+        period, body = values.get(f"{settings}period_s"), urdf.visuals[link][:1]
+        yield MountedSensor(
+            link=link,
+            type=kind,
+            position_m=(row["x_m"], row["y_m"], row["z_m"]),
+            yaw_deg=row["yaw_deg"],
+            pitch_deg=row["pitch_deg"],
+            beam=Beam(
+                float(values.get(f"{settings}fov_deg", beam.fov_deg)),
+                float(values.get(f"{settings}range_min_m", beam.range_min_m)),
+                float(values.get(f"{settings}range_max_m", beam.range_max_m)),
+            ),
+            period_s=float(period) if isinstance(period, int | float) else None,
+            size_m=_body_size(body[0]) if body else (0.0, 0.0, 0.0),
+        )
+
+
+def _body_size(shape: Shape) -> Triple:
+    """Return the lengths [m] of a sensor's box; of any other shape none."""
+    if shape.kind != "box":
+        return 0.0, 0.0, 0.0
+    x, y, z = shape.size
+    return x, y, z
+
+
+def _centre_of_mass(robot: Element, urdf: Urdf, ground: Pose) -> Triple | None:
+    """Return the centre of mass with all joints at zero, in the robot's frame."""
+    total, moment = 0.0, np.zeros(3)
+    for link in robot.findall("link"):
+        inertial = find_child(link, "inertial")
+        mass = None if inertial is None else find_child(inertial, "mass")
+        if inertial is None or mass is None:
+            continue
+        pose = ground @ urdf.poses[str(link.get("name"))] @ read_origin(inertial)
+        kilograms = read_value(mass, "value", "0")
+        total, moment = total + kilograms, moment + kilograms * _vector(pose)
+    if total <= 0.0:
+        return None
+    x, y, z = ((moment / total).round(6) + 0.0).tolist()
+    return x, y, z
+
+
+def _vector(pose: Pose) -> Array:
+    vector: Array = np.array(pose.position)
+    return vector

@@ -1,0 +1,98 @@
+"""Parameter files of ROS 2: the controller's values and the sensors of a champion."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import yaml
+
+from .champion import Champion, MountedSensor
+
+CONTROLLER = "controller."
+PARAMETERS = "controller.parameters"
+"""The key of what a program outside of evoros was given."""
+_SCALARS = (bool, int, float, str)
+
+
+def controller_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
+    """Return the parameters of the controller, and the keys that no parameter can hold.
+
+    A controller that is a program of its own has the parameters that it had in the missions. Of any
+    other, all values have the names that they have in the configuration.
+    """
+    values = champion.values
+    own = PARAMETERS in values or any(key.startswith(f"{PARAMETERS}.") for key in values)
+    prefix = f"{PARAMETERS}." if own else ""
+    start = prefix or CONTROLLER
+    named = {
+        key.removeprefix(prefix): value
+        for key, value in values.items()
+        if key.startswith(start) and not key.endswith("_target_")
+    }
+    return _nest(named)
+
+
+def sensor_parameters(sensors: Sequence[MountedSensor]) -> tuple[dict[str, Any], list[str]]:
+    """Return the parameters of the sensors, in the terms of ``sensor_msgs/Range`` where it has any.
+
+    Poses are in the robot's frame: x forward, y left, z up from the ground; a positive rotation
+    about y lowers the nose, as in the description.
+    """
+    named: dict[str, Any] = {"sensors.names": [sensor.link for sensor in sensors]}
+    for sensor in sensors:
+        x, y, z = sensor.position_m
+        for name, value in (
+            ("type", sensor.type),
+            ("frame_id", sensor.link),
+            ("field_of_view", math.radians(sensor.beam.fov_deg)),
+            ("min_range", sensor.beam.range_min_m),
+            ("max_range", sensor.beam.range_max_m),
+            ("period", sensor.period_s),
+            ("xyz", [x, y, z]),
+            ("rpy", [0.0, -math.radians(sensor.pitch_deg), math.radians(sensor.yaw_deg)]),
+        ):
+            named[f"sensors.{sensor.link}.{name}"] = value
+    return _nest(named)
+
+
+def write_parameter_file(
+    parameters: Mapping[str, Any], left_out: Iterable[str], head: Iterable[str]
+) -> str:
+    """Return the text of a file whose parameters apply to each node that is started with it."""
+    lines = [f"# {line}" for line in head]
+    lines += [f"# Left out, for ROS has no such parameter: {key}" for key in left_out]
+    tree = {"/**": {"ros__parameters": dict(parameters)}}
+    return "\n".join(lines) + "\n" + yaml.safe_dump(tree, sort_keys=False)
+
+
+def _nest(named: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Turn dotted keys into mappings; return them and the keys of values that do not fit."""
+    tree: dict[str, Any] = {}
+    left_out = []
+    for key, value in named.items():
+        fitting = _fit(value)
+        if fitting is None:
+            left_out.append(key)
+            continue
+        *above, last = key.split(".")
+        node = tree
+        for name in above:
+            node = node.setdefault(name, {})
+        node[last] = fitting
+    return tree, left_out
+
+
+def _fit(value: Any) -> Any:
+    """Return a value as a parameter of ROS 2 can hold it, or None.
+
+    It is a scalar, or a list of scalars of one type that is not empty; beside numbers with a point
+    whole numbers get one.
+    """
+    if isinstance(value, _SCALARS):
+        return value
+    if not isinstance(value, list) or not value:
+        return None
+    kinds = {type(item) for item in value}
+    if kinds == {int, float}:
+        return [float(item) for item in value]
+    return value if len(kinds) == 1 and kinds <= set(_SCALARS) else None

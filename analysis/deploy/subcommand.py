@@ -1,0 +1,77 @@
+"""A champion as a ROS 2 package: description, parameters, launch file, and where to mount what."""
+
+import argparse
+import io
+import math
+
+from evoros.base.errors import InputError
+from evoros.base.log import LOGGER
+
+from ..drawing.mounting import draw_mounting
+from ..drawing.style import save
+from ..product import Product
+from ..tables.study import Study
+from .champion import Champion, read_champion
+from .mounting_plan import plan_mounting
+from .ros_package import PackageOptions, name_package, write_package
+
+HELP = "the champion as a ROS 2 package, with a drawing of where to mount its sensors"
+FORMATS = ()
+OUTPUT = "deploy"
+_DRAWINGS = ("pdf", "png")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the run, and what the package says."""
+    parser.add_argument("--run", metavar="NAME", help="instead of the best run")
+    parser.add_argument("--name", metavar="PACKAGE", help="of the package; ROBOT_champion")
+    parser.add_argument("--maintainer", metavar="TEXT", help="of the package: NAME <ADDRESS>")
+    parser.add_argument("--license", metavar="NAME", help="of the package; unspecified")
+    parser.add_argument(
+        "--imu",
+        nargs=3,
+        type=float,
+        metavar=("X", "Y", "Z"),
+        help="place of the autopilot in the robot's frame [m]; the centre of mass",
+    )
+    parser.set_defaults(maintainer="unnamed <unnamed@example.com>", license="unspecified")
+
+
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Make the package of the named run's champion, or of the best run's.
+
+    Raises:
+        InputError: no run has a champion that can be read, or an option does not fit.
+    """
+    _, champion = study.choose(options.run, read_champion)
+    chosen = PackageOptions(
+        name=name_package(champion.name) if options.name is None else options.name,
+        maintainer=options.maintainer,
+        license=options.license,
+        imu_m=_read_imu(options),
+    )
+    files, notes = write_package(champion, chosen, _draw(champion))
+    for note in notes:
+        LOGGER.warning("%s", note)
+    message = f"{champion.title}, with {len(champion.sensors)} sensors"
+    return Product(messages=[message], files=files, folder=chosen.name)
+
+
+def _read_imu(options: argparse.Namespace) -> tuple[float, float, float] | None:
+    if options.imu is None:
+        return None
+    x, y, z = options.imu
+    if not all(map(math.isfinite, options.imu)):
+        raise InputError(f"--imu: must be three finite numbers, not {x} {y} {z}; give metres")
+    return x, y, z
+
+
+def _draw(champion: Champion) -> dict[str, bytes]:
+    """Return the drawing of where to mount the sensors, in each format."""
+    figure = draw_mounting(plan_mounting(champion))
+    files = {}
+    for kind in _DRAWINGS:
+        picture = io.BytesIO()
+        save(figure, picture, kind)
+        files[f"drawing/mounting.{kind}"] = picture.getvalue()
+    return files

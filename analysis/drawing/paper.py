@@ -1,0 +1,168 @@
+"""Technical drawing on paper: a page in millimetres, views to scale, ordinate dimensions."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from evoros.base.arrays import Array
+
+INCH_MM = 25.4
+SMALL_PT, TEXT_PT, TITLE_PT = 6.0, 7.0, 9.0
+THIN, MEDIUM = 0.35, 0.7  # widths of lines [pt]
+GREY, DARK = "0.45", "0.15"
+LABEL_MM = 2.9  # least distance of the lines of two labels
+_STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+"""The scales 1:1, 1:1.5 ... and ten times them, a hundred times them ..."""
+_BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)  # lengths of the scale bar [mm]
+
+
+def choose_scale(length_mm: float, room_mm: float) -> float:
+    """Return the smallest N of a usual scale 1:N by which a length fits into a room."""
+    power = 0.01
+    while True:
+        for step in _STEPS:
+            if length_mm <= room_mm * step * power * (1.0 + 1e-9):
+                return step * power
+        power *= 10.0
+
+
+def make_page(width_mm: float, height_mm: float) -> tuple[Figure, Axes]:
+    """Make an empty page whose axes have its millimetres, from the lower left corner."""
+    figure = Figure(figsize=(width_mm / INCH_MM, height_mm / INCH_MM))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set(xlim=(0.0, width_mm), ylim=(0.0, height_mm))
+    axes.set_axis_off()
+    return figure, axes
+
+
+@dataclass(frozen=True)
+class View:
+    """Two axes of the robot on the page: to the right, and up."""
+
+    right: int  # index of the axis
+    up: int
+    scale: float  # millimetres of the robot in one of the page
+    origin: tuple[float, float]  # of the robot's frame, on the page [mm]
+
+    def place(self, points: Array) -> Array:
+        """Return where points (n, 3) [mm] of the robot are on the page, (n, 2)."""
+        placed: Array = points[:, [self.right, self.up]] / self.scale + np.array(self.origin)
+        return placed
+
+    def across(self, value: float) -> float:
+        """Return where a value of the axis to the right is on the page."""
+        return value / self.scale + self.origin[0]
+
+    def along(self, value: float) -> float:
+        """Return where a value of the axis that points up is on the page."""
+        return value / self.scale + self.origin[1]
+
+
+def spread(places: Sequence[float], minimum: float) -> list[float]:
+    """Move increasing places at least ``minimum`` apart, as little as possible."""
+    groups: list[tuple[float, int]] = []  # middle and number of places that touch
+    for place in places:
+        groups.append((place, 1))
+        while len(groups) > 1 and _overlap(groups[-2], groups[-1], minimum):
+            (a, m), (b, n) = groups[-2:]
+            groups[-2:] = [((a * m + b * n) / (m + n), m + n)]
+    return [
+        middle + (index - (count - 1) / 2) * minimum
+        for middle, count in groups
+        for index in range(count)
+    ]
+
+
+def _overlap(a: tuple[float, int], b: tuple[float, int], minimum: float) -> bool:
+    return b[0] - a[0] < (a[1] + b[1]) / 2 * minimum - 1e-9
+
+
+def group_values(pairs: Iterable[tuple[float, float]]) -> dict[float, list[float]]:
+    """Group pairs of a dimension and the place where its line begins by the dimension's text."""
+    groups: dict[float, list[float]] = {}
+    for value, begin in pairs:
+        groups.setdefault(round(value, 1) + 0.0, []).append(begin)
+    return dict(sorted(groups.items()))
+
+
+def write_ordinates(
+    axes: Axes,
+    values: Mapping[float, Sequence[float]],
+    place: Callable[[float], float],
+    end: float,
+    upright: bool,
+    colour: str = DARK,
+) -> None:
+    """Write the values of an axis at ``end``, each with a line from where it is measured.
+
+    ``place`` puts a value on the page. If ``upright``, the lines run up or down and the labels are
+    turned; otherwise lines run to the right or left.
+    """
+    levels = spread([place(value) for value in values], LABEL_MM)
+    for (value, begins), level in zip(values.items(), levels, strict=True):
+        away = 1.0 if end > max(begins) else -1.0
+        begin = max(begins) if away > 0 else min(begins)
+        line = [(begin, place(value)), (end - 5.0 * away, place(value)), (end - 2.0 * away, level)]
+        line.append((end, level))
+        along, across = np.array(line).T
+        axes.plot(*((across, along) if upright else (along, across)), color=GREY, lw=THIN)
+        far = end + 0.7 * away
+        x, y = (level, far) if upright else (far, level)
+        axes.text(
+            x,
+            y,
+            f"{value:g}".replace("-", "\N{MINUS SIGN}"),
+            fontsize=SMALL_PT,
+            color=colour,
+            rotation=90 if upright else 0,
+            rotation_mode="anchor",
+            ha="left" if away > 0 else "right",
+            va="center",
+        )
+
+
+def draw_scale_bar(axes: Axes, corner: tuple[float, float], scale: float) -> None:
+    """Draw a bar of a round length of the robot, with its length and the scale."""
+    length = max(
+        v for v in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000) if v / scale <= 40.0 or v == 1
+    )
+    x, y = corner
+    for part in range(4):
+        axes.fill_between(
+            [x + part * length / scale / 4, x + (part + 1) * length / scale / 4],
+            y,
+            y + 1.2,
+            fc=DARK if part % 2 == 0 else "white",
+            ec=DARK,
+            lw=THIN,
+        )
+    style: dict[str, Any] = {"fontsize": SMALL_PT, "va": "top", "color": DARK}
+    axes.text(x, y - 0.8, "0", ha="center", **style)
+    axes.text(x + length / scale, y - 0.8, f"{length} mm", ha="center", **style)
+    where = (x + length / scale + 3.0, y + 0.6)
+    axes.text(*where, f"scale 1:{scale:g}, printed at 100 %", fontsize=SMALL_PT, va="center")
+
+
+def separate(boxes: Array, size: tuple[float, float], rounds: int = 200) -> Array:
+    """Move the centres (n, 2) of boxes of one size apart until none overlaps another."""
+    moved = boxes.astype(np.float64).copy()
+    wanted = np.array(size)
+    for _ in range(rounds):
+        done = True
+        for i in range(len(moved)):
+            for j in range(i):
+                gap = moved[i] - moved[j]
+                room = wanted - np.abs(gap)
+                if room.min() > 1e-6:
+                    done = False
+                    axis = int(np.argmin(room))
+                    side = 1.0 if gap[axis] >= 0.0 else -1.0
+                    moved[i, axis] += side * (room[axis] / 2 + 1e-3)
+                    moved[j, axis] -= side * (room[axis] / 2 + 1e-3)
+        if done:
+            break
+    return moved
