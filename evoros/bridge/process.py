@@ -93,8 +93,8 @@ def start_process(
     """
     if sys.platform != "linux":
         raise LaunchError(
-            f"controller: one that runs outside needs Linux, not {sys.platform}; use a controller "
-            f"whose layers are rules, or a Linux machine or container"
+            f"one that runs outside needs Linux, not {sys.platform}; use a controller whose "
+            f"layers are rules, such as rover, or a Linux machine or container"
         )
     order: dict[str, Any] = {
         "command": list(command),
@@ -164,8 +164,8 @@ def _explain(program: str, news: Mapping[str, Any]) -> LaunchError:
     where, why = str(news.get("file", "keeper")), str(news.get("error", "it was killed"))
     if where.startswith(SURROUNDINGS):
         return LaunchError(
-            f"controller.isolate: must be false on a system that gives a mission no namespaces of "
-            f"its own ({where}: {why}); set controller.isolate=false, or allow user namespaces"
+            f"isolate must be false on a system that gives a mission no namespaces of its own "
+            f"({where}: {why}); set controller.isolate=false, or allow user namespaces"
         )
     return LaunchError(
         f"{program}: must be a program that this system can execute ({why}); correct the path, "

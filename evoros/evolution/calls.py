@@ -4,12 +4,13 @@ import hashlib
 import pickle
 import zlib
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from time import perf_counter
 
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, PilotLost
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
 from evoros.mission.rollout import run_mission
@@ -55,13 +56,20 @@ def _unpack(packed: PackedScenario) -> Scenario:
 
 
 def run_for_outcomes(packed: PackedScenario, missions: Sequence[Mission]) -> list[Outcome]:
-    """Run missions in order until ``CALL_S`` is over; return the outcomes of those that ran."""
+    """Run missions in order until ``CALL_S`` is over; return the outcomes of those that ran.
+
+    A mission that loses its pilot ends the call if others came before it.
+
+    Raises:
+        PilotLost: the first mission lost its pilot.
+    """
     scenario, end = _unpack(packed), perf_counter() + CALL_S
     outcomes = [run_mission(scenario, missions[0])[0]]
-    for mission in missions[1:]:
-        if perf_counter() > end:
-            break
-        outcomes.append(run_mission(scenario, mission)[0])
+    with suppress(PilotLost):
+        for mission in missions[1:]:
+            if perf_counter() > end:
+                break
+            outcomes.append(run_mission(scenario, mission)[0])
     return outcomes
 
 

@@ -1,10 +1,11 @@
-"""Scoring each generation's best again in another simulator."""
+"""Scoring each generation's best again in another simulator, or by another controller."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
 from evoros.base.checks import COUNT, checked, instance_of
+from evoros.controller.protocol import A_CONTROLLER, Controller, LiveController
 from evoros.simulator.protocol import A_SIMULATOR, Simulator
 
 
@@ -14,7 +15,8 @@ class Confirmation:
     """Repeats the missions of each generation's best new designs in ``simulator``.
 
     The fitness there is the fitness of these designs, so that a search in a simple simulator
-    cannot exploit what that simulator leaves out.
+    cannot exploit what that simulator leaves out. With a ``controller``, that one controls the
+    robot there, for example the software of the real robot; None is the run's own.
 
     Raises:
         InputError: a part of the wrong kind, or a number below 1.
@@ -22,6 +24,7 @@ class Confirmation:
 
     simulator: Annotated[Simulator, A_SIMULATOR]
     best: Annotated[int, COUNT] = 3  # of each generation's new designs
+    controller: Annotated[Controller | LiveController | None, A_CONTROLLER] = None
 
     def confirm_best(
         self,

@@ -12,7 +12,7 @@ from itertools import islice
 from typing import Any, Protocol, TypeVar
 
 from evoros.base.arrays import Array
-from evoros.base.errors import EvorosError, RunStopped, WorkerLost
+from evoros.base.errors import EvorosError, PilotLost, RunStopped, WorkerLost
 from evoros.evolution.calls import pack, run_for_outcomes, run_for_trajectory
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission
@@ -46,6 +46,14 @@ class MissionRecord(Protocol):
         """Record finished missions."""
         ...
 
+    def keep_log(self, mission: Mission, log: str) -> None:
+        """Keep what the controller of a lost mission printed."""
+        ...
+
+
+def _discard_log(mission: Mission, log: str) -> None:
+    """Keep nothing."""
+
 
 @dataclass(frozen=True)
 class Dispatcher:
@@ -54,6 +62,7 @@ class Dispatcher:
     pool: Pool
     workers: int  # of the pool
     lost: str  # a mission that crashes or hangs: STOP the run, or WORST
+    keep_log: Callable[[Mission, str], None] = _discard_log  # of a mission that lost its pilot
 
     def run_missing(
         self,
@@ -90,7 +99,7 @@ class Dispatcher:
         batch = _Batch(scenario, self.pool, self.workers, list(reversed(missions)))
         try:
             while batch.submit():
-                results, error = batch.collect(self.lost)
+                results, error = batch.collect(self)
                 if results:
                     yield results
                 if error is not None:
@@ -107,9 +116,30 @@ class Dispatcher:
         packed = pack(scenario)
         futures = [self.pool.submit(run_for_trajectory, packed, mission) for mission in missions]
         return [
-            _result_of(mission, future, self.lost, partial(_lost_trajectory, mission))
+            self.take_result(mission, future, partial(_lost_trajectory, mission))
             for mission, future in zip(missions, futures, strict=True)
         ]
+
+    def take_result(
+        self, mission: Mission, future: "Future[Result]", worst: Callable[[str], Result]
+    ) -> Result:
+        """Return the mission's result, or ``worst(reason)`` if its loss need not stop the run.
+
+        Raises:
+            RunStopped: the mission is lost, and ``lost`` is ``STOP``.
+        """
+        error = _error_of(future)
+        if error is None:
+            return future.result()
+        if isinstance(error, EvorosError) and not isinstance(error, WorkerLost):
+            raise error
+        if isinstance(error, PilotLost):
+            self.keep_log(mission, error.log)
+        known = isinstance(error, WorkerLost)
+        reason = str(error) if known else f"{type(error).__name__}: {error}"
+        if self.lost == STOP or not isinstance(error, Exception):
+            raise RunStopped(f"{describe(mission)}: {reason}") from error
+        return worst(reason)
 
 
 @dataclass
@@ -141,23 +171,27 @@ class _Batch:
         share = len(self.waiting) // (2 * self.workers)
         return [self.waiting.pop() for _ in range(max(1, min(self.size, share)))]
 
-    def collect(self, lost: str) -> tuple[list[MissionResult], EvorosError | None]:
+    def collect(self, dispatcher: Dispatcher) -> tuple[list[MissionResult], EvorosError | None]:
         """Wait for calls to finish; return their results, and the error that ends the run."""
         results: list[MissionResult] = []
         first_error: EvorosError | None = None
         for future in wait(self.calls, return_when=FIRST_COMPLETED).done:
             missions = self.calls.pop(future)
-            if len(missions) > 1 and _error_of(future) is not None:
+            error = _error_of(future)
+            if isinstance(error, PilotLost):  # the first mission's, which was retried
+                self.waiting += reversed(missions[1:])
+            elif len(missions) > 1 and error is not None:
                 self.alone += reversed(missions)
                 continue
             worst = partial(_lost_outcome, self.scenario, missions[0])
             try:
-                outcomes = _result_of(missions[0], future, lost, worst)
-            except EvorosError as error:
-                first_error = first_error or error
+                outcomes = dispatcher.take_result(missions[0], future, worst)
+            except EvorosError as problem:
+                first_error = first_error or problem
                 continue
             results += zip(missions, outcomes, strict=False)
-            self._adapt_size(missions, len(outcomes))
+            if error is None:
+                self._adapt_size(missions, len(outcomes))
         return results, first_error
 
     def _adapt_size(self, missions: Sequence[Mission], finished: int) -> None:
@@ -180,25 +214,6 @@ def _lost_trajectory(mission: Mission, reason: str) -> Array:
 
 def _lost_outcome(scenario: Scenario, mission: Mission, reason: str) -> list[Outcome]:
     return [failed_mission(scenario, mission, LOST, reason)]
-
-
-def _result_of(
-    mission: Mission, future: "Future[Result]", lost: str, worst: Callable[[str], Result]
-) -> Result:
-    """Return the mission's result, or ``worst(reason)`` if it is lost and need not stop the run.
-
-    Raises:
-        RunStopped: the mission is lost, and ``lost`` is ``STOP``.
-    """
-    error = _error_of(future)
-    if error is None:
-        return future.result()
-    if isinstance(error, EvorosError) and not isinstance(error, WorkerLost):
-        raise error
-    reason = str(error) if isinstance(error, WorkerLost) else f"{type(error).__name__}: {error}"
-    if lost == STOP or not isinstance(error, Exception):
-        raise RunStopped(f"{describe(mission)}: {reason}") from error
-    return worst(reason)
 
 
 def _error_of(future: "Future[Any]") -> BaseException | None:

@@ -8,7 +8,7 @@ from typing import Annotated
 from evoros.base.checks import COUNT, NAME, WHOLE, checked, instance_of, one_of
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
-from evoros.controller.protocol import Controller
+from evoros.controller.protocol import Controller, LiveController
 from evoros.design.space import DesignSpace, SensorDesign
 from evoros.evolution.confirmation import A_CONFIRMATION, Confirmation
 from evoros.executor.protocol import Executor
@@ -29,9 +29,9 @@ class Experiment:
     """Everything that determines a run.
 
     The fields are named like the keys and groups of ``conf/config.yaml``. ``confirmation`` repeats
-    missions of the best designs in another simulator. ``figures`` names subcommands of
-    evoros-analyze, which draw the finished run. The worlds' courses may refer to the values of
-    ``course``.
+    missions of the best designs in another simulator, or by another controller. ``figures`` names
+    subcommands of evoros-analyze, which draw the finished run. The worlds' courses may refer to the
+    values of ``course``.
 
     Raises:
         InputError: a value out of range, a part of the wrong kind, parts that do not fit.
@@ -41,7 +41,7 @@ class Experiment:
     world: Mapping[str, World]
     design: SensorDesign
     failure: Failure
-    controller: Controller
+    controller: Controller | LiveController
     simulator: Simulator
     fitness: Annotated[Fitness, instance_of(Fitness, "a fitness (score and worst)")]
     optimizer: Annotated[Optimizer, instance_of(Optimizer, "an optimizer (generations and start)")]
@@ -71,17 +71,20 @@ class Experiment:
 
     @cached_property
     def confirming(self) -> Scenario:
-        """The parts with the confirming simulator; ``scenario`` if there is no confirmation.
+        """The parts with which missions are confirmed; ``scenario`` if there is no confirmation.
 
         Raises:
             InputError: the time step of that simulator does not fit the periods.
         """
-        if self.confirmation is None:
+        confirmation = self.confirmation
+        if confirmation is None:
             return self.scenario
+        controller = confirmation.controller or self.controller
         try:
-            return replace(self.scenario, simulator=self.confirmation.simulator)
+            return replace(self.scenario, simulator=confirmation.simulator, controller=controller)
         except InputError as error:
-            raise InputError(f"confirmation.simulator: {error}") from None
+            key = "confirmation" if confirmation.controller else "confirmation.simulator"
+            raise InputError(f"{key}: {error}") from None
 
     def scenario_for(self, purpose: str) -> Scenario:
         """Return ``confirming`` for confirmation and validation, and ``scenario`` otherwise.

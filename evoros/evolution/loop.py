@@ -23,7 +23,8 @@ def evolve(
         InputError: the journal is of another run, or a part refuses what it is given.
         RunStopped: a mission crashed or hung, and the experiment stops at that.
     """
-    dispatcher = Dispatcher(pool, experiment.executor.workers, experiment.lost_missions)
+    workers, lost = experiment.executor.workers, experiment.lost_missions
+    dispatcher = Dispatcher(pool, workers, lost, journal.keep_log)
     scores = Scores(experiment, journal, observer, dispatcher)
     search = experiment.start_search()
     for number in range(generations):

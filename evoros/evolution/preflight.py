@@ -1,23 +1,24 @@
 """Finds bad input before a run starts, by all that a mission needs short of its engine."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from evoros.base.arrays import POSE_SIZE
-from evoros.base.errors import InputError
+from evoros.base.errors import InputError, PilotLost
 from evoros.base.log import LOGGER
 from evoros.base.rng import generator
-from evoros.controller.protocol import StartedLayer
+from evoros.controller.protocol import LiveController, StartedLayer
 from evoros.design.design import Design
 from evoros.design.genes import check_genes
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.route_check import check_routes
 from evoros.evolution.sight_check import check_sight
 from evoros.mission.compiled_loop import explain_interpreted, prepare
-from evoros.mission.loop import FilterStage, LoopInputs
+from evoros.mission.live_layers import open_layers
+from evoros.mission.loop import FilterStage
 from evoros.mission.loop_inputs import collect_inputs
 from evoros.mission.pipeline import (
     Draws,
@@ -26,7 +27,7 @@ from evoros.mission.pipeline import (
     start_sensor_filters,
 )
 from evoros.mission.scenario import Scenario
-from evoros.simulator.protocol import RuleSimulation, RuleSimulator
+from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationRules
 
 Stages = tuple[Sequence[FilterStage], Sequence[FilterStage], Sequence[StartedLayer]]
 
@@ -35,27 +36,43 @@ def preflight(experiment: Experiment) -> None:
     """Start every part of an experiment once, so that bad input does not stop its run later.
 
     This tries the ends of all evolved ranges, starts the search, equips the robot, draws faults,
-    opens the controller and compiles the rules, which the workers then find on disk. It logs the
+    starts the controllers and compiles the rules, which the workers then find on disk. It logs the
     rules that cannot be compiled, and a warning for each doubt about the robot, its sensors and
     the courses.
 
     Raises:
         InputError: a part refuses what it is given.
     """
-    parts = {name: getattr(experiment, name) for name in ("robot", "controller", "design")}
-    check_genes(experiment.design.genes, parts)
     draws: Draws = partial(generator, "try out")
     experiment.optimizer.start(experiment.space, draws("optimizer"))
-    stages = _start_stages(_try_design(experiment), draws)
+    stages = {}
+    for key, scenario in _list_scenarios(experiment).items():
+        try:
+            _try_genes(experiment, scenario)
+            stages[scenario] = _start_stages(experiment, scenario, draws)
+        except InputError as error:
+            raise InputError(f"{key}{error}") from None
     _report_mount(experiment)
     for check in (check_routes, check_sight):
         for warning in check(experiment):
             LOGGER.warning("%s", warning)
-    simulators = (experiment.simulator, experiment.confirming.simulator)
-    motions = [each.rules for each in simulators if isinstance(each, RuleSimulator)]
-    for motion in dict.fromkeys(motions):
-        simulation = RuleSimulation(motion, np.zeros(0), np.zeros(0))
-        _compile(collect_inputs(simulation, *stages))
+    # Each pair of rules of motion and controller once.
+    pairs = {(_rules(each), id(each.controller)): each for each in reversed(stages)}
+    interpreted = [line for each in pairs.values() for line in _compile(each, stages[each])]
+    for line in dict.fromkeys(interpreted):
+        LOGGER.warning("%s; missions run step by step, several times slower", line)
+
+
+def _list_scenarios(experiment: Experiment) -> dict[str, Scenario]:
+    """Return the scenarios of a run, by what comes before their keys in a message."""
+    if experiment.confirming is experiment.scenario:
+        return {"": experiment.scenario}
+    return {"": experiment.scenario, "confirmation.": experiment.confirming}
+
+
+def _try_genes(experiment: Experiment, scenario: Scenario) -> None:
+    parts = {name: getattr(scenario, name) for name in ("robot", "controller", "design")}
+    check_genes(experiment.design.genes, parts)
 
 
 def _report_mount(experiment: Experiment) -> None:
@@ -69,43 +86,69 @@ def _report_mount(experiment: Experiment) -> None:
     LOGGER.warning("%s: chosen for the robot and its sensors: %s", robot.name, chosen)
 
 
-def _try_design(experiment: Experiment) -> Scenario:
-    """Equip the robot with a design in the middle of the search space, one sensor of each type."""
+def _start_stages(experiment: Experiment, scenario: Scenario, draws: Draws) -> Stages:
+    """Start the filters of sensors and localization, and the controller.
+
+    The design is in the middle of the search space. The filters have one sensor of each type, and
+    the controller has all that are in the design.
+    """
     middle = experiment.space.decode(np.full(experiment.space.size, 0.5))
     mounts = tuple(
         replace(mount, sensor=name)
         for mount in middle.mounts[:1]  # none if no sensors are placed
         for name in experiment.design.sensors
     )
-    return experiment.scenario.with_design(Design(mounts, middle.values))
-
-
-def _start_stages(scenario: Scenario, draws: Draws) -> Stages:
-    """Start the filters of sensors and localization, and the controller's layers."""
-    robot, controller = scenario.robot, scenario.controller
+    robot = scenario.with_design(Design(mounts, middle.values)).robot
     faults = scenario.failure.draw(describe_sensors(robot), draws("failure"))
     readings, tick = np.zeros(len(robot.mounts)), scenario.simulator.time_step
     filters = start_sensor_filters(robot, faults, readings, readings, tick, draws)
-    localization = start_localization(controller, np.zeros(POSE_SIZE), draws)
+    equipped = scenario.with_design(middle)
+    localization = start_localization(equipped.controller, np.zeros(POSE_SIZE), draws)
+    return filters, localization, _start_layers(equipped, draws)
+
+
+def _start_layers(scenario: Scenario, draws: Draws) -> Sequence[StartedLayer]:
+    """Start the controller in the first world.
+
+    Raises:
+        InputError: it refuses to start, is not ready in time, or has other layers than modes.
+    """
+    controller, (name, world) = scenario.controller, next(iter(scenario.world.items()))
+    course = world.at(f"try out/{name}").course
+    route = course.route(course.goes_forward(0, draws("course")))
     try:
-        with controller.open(robot, draws) as opened:
+        with open_layers(scenario, course, route, draws) as opened:
             layers = list(opened)
-    except InputError as error:
+    except (InputError, PilotLost) as error:
         raise InputError(f"controller: {error}") from None
     if len(controller.modes) != len(layers):
         raise InputError(
             f"controller.modes: must name one mode for each of the {len(layers)} layers, not "
             f"{list(controller.modes)}; correct {type(controller).__name__}"
         )
-    return filters, localization, layers
+    return layers
 
 
-def _compile(inputs: LoopInputs) -> None:
-    """Compile the rules and the loops that missions use; report the rules that are interpreted."""
+def _rules(scenario: Scenario) -> SimulationRules | None:
+    """Return the rules of motion of a simulator that has any."""
+    simulator = scenario.simulator
+    return simulator.rules if isinstance(simulator, RuleSimulator) else None
+
+
+def _compile(scenario: Scenario, stages: Stages) -> Iterator[str]:
+    """Compile the rules and the loops that missions use; yield why rules are interpreted.
+
+    A live engine has no rules of motion, and a live controller has no rules at all.
+    """
+    rules = _rules(scenario)
+    if rules is None:
+        return
+    simulation = RuleSimulation(rules, np.zeros(0), np.zeros(0))
+    inputs = collect_inputs(simulation, *stages)
     prepare(inputs)
     count = len(inputs.filters)  # designs without some type of sensor, or without faults, have less
     while count:
         count //= 2
         prepare(inputs._replace(filters=inputs.filters[:count]))
-    for line in explain_interpreted(inputs):
-        LOGGER.warning("%s; missions run step by step, several times slower", line)
+    live = isinstance(scenario.controller, LiveController)
+    yield from explain_interpreted(inputs._replace(layers=()) if live else inputs)

@@ -14,7 +14,7 @@ from threading import Lock, Thread
 from typing import Annotated, Any
 
 from evoros.base.checks import POSITIVE, WHOLE, Rule, checked, is_whole
-from evoros.base.errors import InputError, WorkerLost
+from evoros.base.errors import InputError, PilotLost, WorkerLost
 from evoros.base.threads import ONE_THREAD
 from evoros.executor.protocol import Pool
 from evoros.executor.worker_handle import NoAnswerError, Worker
@@ -49,7 +49,7 @@ class Processes:
 
     workers: Annotated[int, _null_or_whole(0)] = 0
     time_limit_s: Annotated[float, POSITIVE] = 600.0  # wall clock, of one attempt at one call
-    retries: Annotated[int, WHOLE] = 1  # further attempts at a call that crashed or hung
+    retries: Annotated[int, WHOLE] = 1  # at a call that crashed, hung or raised PilotLost
     calls_per_worker: Annotated[int | None, _null_or_whole(1)] = None
     """Calls until a fresh process takes over; None: no limit."""
 
@@ -157,7 +157,7 @@ class _WorkerPool:
 
     def _finish(self, call: _QueuedCall, worker: Worker) -> None:
         try:
-            returned, value = pickle.loads(self._attempt(call, worker))
+            returned, value = self._attempt(call, worker)
         except BaseException as error:  # for the caller; this thread must go on
             returned, value = False, error
         if returned:
@@ -165,19 +165,25 @@ class _WorkerPool:
         else:
             call.future.set_exception(value)
 
-    def _attempt(self, call: _QueuedCall, worker: Worker) -> bytes:
-        """Attempt the call until it is answered, as often as the settings allow."""
+    def _attempt(self, call: _QueuedCall, worker: Worker) -> tuple[bool, Any]:
+        """Attempt the call until it is answered, as often as the settings allow.
+
+        Returns whether it returned, and what it returned or raised.
+        """
         attempts = self._settings.retries + 1
-        for _ in range(attempts - 1):
-            with suppress(NoAnswerError):
-                return worker.answer(call.payload)
-        try:
-            return worker.answer(call.payload)
-        except NoAnswerError as error:
-            times = "once" if attempts == 1 else f"{attempts} times, the last time"
-            raise WorkerLost(
-                f"{call.name}: lost {times} because {error.reason}; {error.fix}"
-            ) from error
+        for left in reversed(range(attempts)):
+            try:
+                returned, value = pickle.loads(worker.answer(call.payload))
+            except NoAnswerError as error:
+                if not left:
+                    times = "once" if attempts == 1 else f"{attempts} times, the last time"
+                    raise WorkerLost(
+                        f"{call.name}: lost {times} because {error.reason}; {error.fix}"
+                    ) from error
+                continue
+            if returned or not isinstance(value, PilotLost) or not left:
+                break
+        return returned, value
 
 
 @contextmanager

@@ -13,7 +13,8 @@ class Pool(Protocol):
         """Call ``function(*args)`` in a worker; function and arguments must pickle.
 
         The future raises the exception of the function, or WorkerLost if the call crashed its
-        process or hung, also when it was retried.
+        process or hung, also when it was retried. A function that raises PilotLost is
+        retried in the same way.
         """
         ...
 

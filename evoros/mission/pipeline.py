@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import NO_PARAMETERS, POSE_SIZE, Array
-from evoros.controller.protocol import Controller
+from evoros.controller.protocol import Controller, LiveController
 from evoros.failure.protocol import Fault
 from evoros.filter.protocol import Channels, Filter
 from evoros.mission.loop import FilterStage, publish
@@ -65,7 +65,9 @@ def _number_by_name(faults: Sequence[Fault]) -> Iterator[tuple[int, Fault]]:
         yield numbers[fault.name], fault
 
 
-def start_localization(controller: Controller, pose: Array, draws: Draws) -> list[FilterStage]:
+def start_localization(
+    controller: Controller | LiveController, pose: Array, draws: Draws
+) -> list[FilterStage]:
     """Start the filters between the true ``pose`` (POSE_SIZE,) and the controller's layers."""
     unlimited = np.full(POSE_SIZE, np.inf)
     channels = Channels(-unlimited, unlimited, np.zeros((POSE_SIZE, 3)), controller.period_s)

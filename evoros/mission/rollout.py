@@ -7,10 +7,11 @@ from functools import partial
 import numpy as np
 
 from evoros.base.arrays import COMMAND_SIZE, POSE_SIZE, STATE_SIZE, Array
-from evoros.base.errors import InputError, SimulationError
+from evoros.base.errors import InputError, LaunchError, SimulationError
 from evoros.base.rng import generator
 from evoros.mission import outcome
 from evoros.mission.compiled_loop import Loop, prepare
+from evoros.mission.live_layers import open_layers
 from evoros.mission.loop import (
     COLLISION,
     COMPLETED,
@@ -58,6 +59,7 @@ def run_mission(
 
     Raises:
         InputError: a part refuses to start for another reason than an evolved value.
+        PilotLost: a controller outside of this process ended or did not answer.
     """
     try:
         equipped = scenario.with_design(mission.design)
@@ -68,6 +70,8 @@ def run_mission(
             return _run(equipped, mission, prepare)
         except SimulationError as error:
             ended, reason = outcome.SIMULATION_FAILURE, str(error)
+        except LaunchError:
+            raise
         except InputError as error:
             if not mission.design.values:
                 raise
@@ -95,7 +99,7 @@ def _run(scenario: Scenario, mission: Mission, prepare: Prepare) -> tuple[Outcom
     route = course.route(course.goes_forward(mission.generation, draws("course")))
     goal = Goal(route, course.acceptance_m, course.end_on_collision)
     faults = scenario.failure.draw(describe_sensors(robot), draws("failure"))
-    with controller.open(robot, lambda name: draws(f"controller.{name}")) as layers:
+    with open_layers(scenario, course, route, draws) as layers:
         arrays = _create_arrays(timing, world, route, len(robot.mounts), len(layers))
         raw, readings, pose = arrays.raw, arrays.readings, arrays.pose[:POSE_SIZE]
         filters = start_sensor_filters(robot, faults, raw, readings, timing.tick, draws)

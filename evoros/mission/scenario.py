@@ -7,7 +7,7 @@ from typing import Annotated
 
 from evoros.base.checks import checked, instance_of
 from evoros.base.errors import InputError
-from evoros.controller.protocol import A_CONTROLLER, Controller
+from evoros.controller.protocol import A_CONTROLLER, Controller, LiveController
 from evoros.design.design import Design
 from evoros.design.genes import replace_values
 from evoros.design.space import SensorDesign
@@ -35,7 +35,7 @@ class Scenario:
     world: Annotated[Mapping[str, World], instance_of(Mapping, "a mapping from names to worlds")]
     design: Annotated[SensorDesign, instance_of(SensorDesign, "a sensor design")]
     failure: Annotated[Failure, instance_of(Failure, "a failure model (draw)")]
-    controller: Annotated[Controller, A_CONTROLLER]
+    controller: Annotated[Controller | LiveController, A_CONTROLLER]
     simulator: Annotated[Simulator, A_SIMULATOR]
 
     def __post_init__(self) -> None:

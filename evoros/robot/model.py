@@ -69,7 +69,7 @@ class Robot:
         """The text of the whole description, with a link, joint and Gazebo sensor a mount."""
         head, _, _ = self.base_urdf.text.rpartition("</robot>")
         parts = [head]
-        for name, mount in self._sensor_names():
+        for name, mount in self.named_mounts():
             sensor = self.sensors[mount.sensor]
             elements = sensor_elements(name, mount, sensor)
             parts += [f"  {etree.tostring(e, encoding='unicode')}\n" for e in elements]
@@ -89,11 +89,11 @@ class Robot:
     def urdf_elements(self) -> Element:
         """Create the elements that engines load, with a link and a joint a mount."""
         root = (self.engine_urdf or self.base_urdf).copy_elements()
-        for name, mount in self._sensor_names():
+        for name, mount in self.named_mounts():
             root.extend(sensor_elements(name, mount, self.sensors[mount.sensor]))
         return root
 
-    def _sensor_names(self) -> Iterator[tuple[str, Mount]]:
+    def named_mounts(self) -> Iterator[tuple[str, Mount]]:
         """Yield the name of each sensor's link, with its mount."""
         for number, mount in enumerate(self.mounts):
             yield f"{mount.sensor}_{number}", mount

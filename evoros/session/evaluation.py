@@ -67,7 +67,8 @@ class Evaluation:
                 display.begin(0, record.wanted, record.known)
                 with opener(self.executor) as pool:
                     report_drive(experiment, pool)
-                    dispatcher = Dispatcher(pool, self.executor.workers, experiment.lost_missions)
+                    workers, lost = self.executor.workers, experiment.lost_missions
+                    dispatcher = Dispatcher(pool, workers, lost, record.keep_log)
                     dispatcher.run_missing(
                         experiment.scenario, record.list_missions(), record, status.mission
                     )

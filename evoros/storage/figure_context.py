@@ -142,7 +142,7 @@ def describe_experiment(experiment: "Experiment") -> FigureContext:
         regions={name: region.area() for name, region in regions.items()},
         mirrored=experiment.design.mirrored,
         rings=tuple(_rings(experiment.failure)),
-        modes=tuple(experiment.controller.modes),
+        modes=tuple(experiment.confirming.controller.modes),  # those of the champion's missions
         courses={name: world.course for name, world in experiment.world.items()},
     )
 

@@ -15,6 +15,7 @@ from evoros import __version__
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER
 from evoros.base.resources import PACKAGE
+from evoros.controller.protocol import LiveController
 from evoros.evolution.experiment import Experiment
 from evoros.storage.mission_log import FORMAT_VERSION
 
@@ -66,8 +67,26 @@ def hashes(
         "robot": _sha256(experiment.robot.urdf),
         **worlds,
         **modules,
+        **{f"file {path}": _sha256_of_file(path) for path in _controller_files(experiment)},
         **{name: _sha256(content) for name, content in files.items()},
     }
+
+
+def _controller_files(experiment: Experiment) -> list[str]:
+    """List the files of the live controllers of an experiment."""
+    controllers = (experiment.controller, experiment.confirming.controller)
+    live = (each for each in controllers if isinstance(each, LiveController))
+    return list(dict.fromkeys(path for controller in live for path in controller.files))
+
+
+def _sha256_of_file(path: str) -> str:
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError as error:
+        raise InputError(
+            f"{path}: must be a file that can be read ({error.strerror}), because the controller "
+            f"depends on it; correct the path in the controller's command or files"
+        ) from error
 
 
 def check_unchanged(

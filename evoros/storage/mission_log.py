@@ -16,13 +16,14 @@ from pathlib import Path
 from typing import Any, BinaryIO, Self, TypeVar
 
 from evoros.base.errors import InputError
+from evoros.mission.mission import Mission
 from evoros.storage.tables import to_csv
 
 FORMAT_VERSION = 1
 CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
 ROBOT_AS_LOADED = "robot_as_loaded.urdf"
 """A champion as engines load it, if that is not its ``robot.urdf``."""
-LOG = "evoros.log"
+LOG, LOST = "evoros.log", "lost"
 Row = TypeVar("Row")
 
 
@@ -159,6 +160,13 @@ class MissionLog:
         if not path.exists():
             path.parent.mkdir(exist_ok=True)
             write_atomically(path, content)
+
+    def keep_log(self, mission: Mission, log: str) -> None:
+        """Write what the controller of a lost mission printed, for its user to read."""
+        folder = self.path / LOST
+        folder.mkdir(exist_ok=True)
+        name = f"{mission.generation:05d}_{mission.design_id}_{mission.world}_{mission.trial}.log"
+        write_atomically(folder / name, log)
 
     def write_status(self, status: Mapping[str, Any]) -> None:
         """Write the progress, the one file that is overwritten all the time."""

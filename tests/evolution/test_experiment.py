@@ -205,7 +205,7 @@ def test_evolved_values_that_a_part_refuses_only_when_it_starts(tmp_path: Path) 
     values = table.drop_duplicates("id").set_index("id")
     refused = missions["ended"] == "refused"
     assert set(refused) == {True, False}
-    looks = compose(["experiment=tiny"], USER_PARTS).build().controller.avoidance.range_m  # type: ignore[attr-defined]
+    looks = compose(["experiment=tiny"], USER_PARTS).build().controller.avoidance.range_m  # type: ignore[union-attr]
     assert (refused == (values.loc[missions["design"], "far"].to_numpy() < looks)).all()
 
 

@@ -38,6 +38,9 @@ class Memory:
         self.outcomes |= {mission.key: outcome for mission, outcome in results}
         self.events.append("recorded")
 
+    def keep_log(self, mission: Mission, log: str) -> None:
+        self.events.append("log kept")
+
     def write_generation(self, generation: Generation) -> None:
         self.generations.append(generation)
         self.events.append("generation written")

@@ -1,0 +1,217 @@
+"""The base of controllers that are told each moment as a line, and answer it with one."""
+
+import json
+import math
+import shlex
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
+from evoros.base.checks import FLAG, NOT_NEGATIVE, POSITIVE, Rule, checked, is_number, mapping_of
+from evoros.base.errors import LaunchError, SimulationError
+from evoros.bridge.lines import LineConversation, start_conversation
+from evoros.controller.protocol import Briefing, Pilot
+from evoros.filter.protocol import FILTERS, Filter
+
+VERSION = 1
+"""The version of the lines; docs/programs.md specifies them."""
+
+TEXTS = Rule(
+    "a list of texts",
+    lambda v: isinstance(v, list | tuple) and all(isinstance(item, str) for item in v),
+)
+MODES = Rule(
+    "a list of different texts, at least one",
+    lambda v: TEXTS.holds(v) and len(v) == len(set(v)) > 0 and all(item.strip() for item in v),
+)
+COMMAND = Rule(
+    "a command, as a list of texts or as one text",
+    lambda v: bool(v.split() if isinstance(v, str) else TEXTS.holds(v) and v and v[0]),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+@checked
+class LineController:
+    """Starts a command for each mission and exchanges a line with it at each decision.
+
+    Raises:
+        InputError: a value breaks its rule.
+    """
+
+    period_s: Annotated[float, POSITIVE] = 0.1
+    modes: Annotated[Sequence[str], MODES] = ("driving",)
+    localization: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)
+    parameters: Annotated[Mapping[str, Any], mapping_of(object, "values")] = field(
+        default_factory=dict
+    )  # told to the command
+    environment: Annotated[Mapping[str, str], mapping_of(str, "texts")] = field(
+        default_factory=dict
+    )  # further variables of the command
+    files: Annotated[Sequence[str], TEXTS] = ()  # further files that decide what the command does
+    command_timeout_s: Annotated[float | None, NOT_NEGATIVE] = None  # simulated; None: never
+    start_limit_s: Annotated[float, POSITIVE] = 30.0  # wall clock
+    answer_limit_s: Annotated[float, POSITIVE] = 10.0  # wall clock
+    isolate: Annotated[bool, FLAG] = True
+
+    @contextmanager
+    def fly(
+        self, command: Sequence[str], briefing: Briefing, told: Mapping[str, Any] | None = None
+    ) -> Iterator[Pilot]:
+        """Start and brief a command for one mission; ``told`` is added to the first line.
+
+        Raises:
+            LaunchError: the command cannot be started, or refuses the briefing.
+            PilotLost: it was not ready in time.
+        """
+        lines = start_conversation(command, isolate=self.isolate, environment=self.environment)
+        with lines as conversation:
+            content = {**describe_briefing(briefing), **self._describe(), **(told or {})}
+            answer = conversation.ask(json.dumps(content).encode(), self.start_limit_s)
+            _require_ready(conversation.process.name, answer)
+            yield LinePilot(conversation, self)
+
+    def _describe(self) -> dict[str, Any]:
+        """Return what the first line tells of the controller itself."""
+        return {
+            "period_s": self.period_s,
+            "modes": list(self.modes),
+            "parameters": dict(self.parameters),
+        }
+
+
+def describe_briefing(briefing: Briefing) -> dict[str, Any]:
+    """Return what the first line tells of the mission."""
+    drive = briefing.robot.drive
+    return {
+        "evoros": VERSION,
+        "robot": briefing.robot.name,
+        "sensors": list(_describe_sensors(briefing)),
+        "drive": {
+            "wheelbase_m": float(drive.wheelbase_m),
+            "steering_limit_rad": float(drive.steering_limit),
+            "max_speed_mps": float(drive.max_speed_mps),
+            "rear_axle_x_m": float(drive.rear_axle_x_m),
+            "turn_ratio": float(drive.turn_ratio),
+        },
+        "home": list(map(float, briefing.home)),
+        "route": briefing.route.tolist(),
+        "acceptance_m": float(briefing.acceptance_m),
+        "time_limit_s": float(briefing.time_limit_s),
+        "seed": briefing.seed,
+    }
+
+
+def _describe_sensors(briefing: Briefing) -> Iterator[dict[str, Any]]:
+    robot = briefing.robot
+    poses = robot.sensor_poses().tolist()
+    for (name, mount), pose in zip(robot.named_mounts(), poses, strict=True):
+        sensor = robot.sensors[mount.sensor]
+        rays = np.asarray(sensor.rays())
+        yield {
+            "name": name,
+            "type": mount.sensor,
+            "pose": pose,
+            "range_min_m": float(sensor.range_min_m),
+            "range_max_m": float(sensor.range_max_m),
+            "field_of_view_rad": float(np.ptp(np.arctan2(rays[:, 1], rays[:, 0]))),
+            "period_s": float(sensor.period_s),
+        }
+
+
+def _require_ready(name: str, answer: bytes) -> None:
+    """Require the answer of a command that has understood its briefing.
+
+    Raises:
+        LaunchError: it refuses the briefing, or its answer is malformed.
+    """
+    try:
+        content = json.loads(answer)
+    except (ValueError, RecursionError):
+        content = None
+    if content == {"ready": True}:
+        return
+    if isinstance(content, dict) and "refused" in content:
+        raise LaunchError(f"{name} refuses the mission: {content['refused']}")
+    raise LaunchError(
+        f'{name}: its first line must be {{"ready": true}} or {{"refused": "why"}}, not '
+        f"{_quote(answer)}; correct the program"
+    )
+
+
+class LinePilot:
+    """A command in one mission: a line at each decision."""
+
+    def __init__(self, conversation: LineConversation, controller: LineController) -> None:
+        self._conversation, self._limit_s = conversation, controller.answer_limit_s
+        self._modes = len(controller.modes)
+        timeout = controller.command_timeout_s
+        self._timeout_s = math.inf if timeout is None else timeout
+        self._commanded_s = 0.0
+
+    def exchange(
+        self, time: float, state: Array, leg: Array, readings: Array, command: Array
+    ) -> int:
+        """Tell the state, the leg and the readings; take the mode, speed and steering angle."""
+        told = [time, _with_null(state), leg.tolist(), _with_null(readings)]
+        answer = self._conversation.ask(json.dumps(told).encode(), self._limit_s, time)
+        try:
+            mode, speed, steering = json.loads(answer)
+            usable = type(mode) is int and 0 <= mode <= self._modes
+            usable = usable and (mode == 0 or (is_number(speed) and is_number(steering)))
+        except (ValueError, TypeError, RecursionError, OverflowError):
+            usable = False
+        if not usable:
+            raise self._malformed(answer, time)
+        if mode > 0:
+            command[DRIVE_SPEED], command[STEERING] = speed, steering
+            self._commanded_s = time
+        elif time - self._commanded_s > self._timeout_s:
+            command[DRIVE_SPEED] = 0.0
+        return int(mode)
+
+    def _malformed(self, answer: bytes, time: float) -> SimulationError:
+        return SimulationError(
+            f"{self._conversation.process.name} answered {_quote(answer)} at {time:g} s; it must "
+            f"answer [mode, speed, steering] with a mode from 0 to {self._modes} and finite numbers"
+        )
+
+
+def _with_null(values: Array) -> list[float | None]:
+    """Return the values, null where a sensor or the localization is silent."""
+    return [None if value != value else value for value in values.tolist()]
+
+
+def _quote(answer: bytes) -> str:
+    text = answer.decode(errors="replace")
+    return repr(text if len(text) <= 80 else f"{text[:77]}...")
+
+
+def split_command(command: Sequence[str]) -> list[str]:
+    """Return the words of a command, with the absolute paths of the files that it names.
+
+    A command starts in an empty folder, so paths must not depend on the current one. A word is
+    such a path if it has a slash or a dot and there is a file of that name.
+    """
+    words = shlex.split(command) if isinstance(command, str) else list(command)
+    program = words[0] if "/" in words[0] else shutil.which(words[0]) or words[0]
+    return [str(Path(program).absolute()) if "/" in program else program] + [
+        str(Path(word).absolute()) if _is_file(word) else word for word in words[1:]
+    ]
+
+
+def _is_file(word: str) -> bool:
+    return ("/" in word or "." in word) and len(word) < 4096 and Path(word).is_file()
+
+
+def list_files(command: Sequence[str], further: Sequence[str]) -> tuple[str, ...]:
+    """Return the files that a split command names, and further ones, each once."""
+    named = [word for word in command if Path(word).is_absolute() and _is_file(word)]
+    paths = [str(Path(path).absolute()) for path in further]
+    return tuple(dict.fromkeys((*named, *paths)))

@@ -1,0 +1,79 @@
+"""Opens either kind of controller for a mission, as the layers of the mission loop."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError, LaunchError
+from evoros.controller.protocol import Briefing, LiveController, Pilot, StartedLayer
+from evoros.mission.pipeline import Draws
+from evoros.mission.scenario import Scenario
+from evoros.world.course import Course
+
+
+@contextmanager
+def open_layers(
+    scenario: Scenario, course: Course, route: Array, draws: Draws
+) -> Iterator[Sequence[StartedLayer]]:
+    """Start the controller of a scenario, whose robot has its sensors, for one mission.
+
+    A live controller becomes one layer for each of its modes.
+
+    Raises:
+        InputError: a layer refuses to start.
+        LaunchError: a live controller cannot be started.
+        PilotLost: a live controller was not ready in time.
+    """
+    controller, robot = scenario.controller, scenario.robot
+    if not isinstance(controller, LiveController):
+        with controller.open(robot, lambda name: draws(f"controller.{name}")) as layers:
+            yield layers
+        return
+    seed = int(draws("controller").integers(2**32))
+    briefing = Briefing(robot, course.home, route, course.acceptance_m, course.time_limit_s, seed)
+    with ExitStack() as stack:
+        try:
+            pilot = stack.enter_context(controller.launch(briefing))
+        except InputError as error:
+            raise LaunchError(str(error)) from error
+        yield make_layers(pilot, controller.modes)
+
+
+class _Exchange:
+    """The last answer of a pilot."""
+
+    def __init__(self, pilot: Pilot) -> None:
+        self.pilot = pilot
+        self.mode = 0
+
+
+class ModeRule:
+    """The rule of the layer of one mode; that of the first mode asks the pilot."""
+
+    def __init__(self, exchange: _Exchange, number: int) -> None:
+        self._exchange, self._number = exchange, number
+
+    def __call__(
+        self,
+        parameters: Array,
+        memory: Array,
+        state: Array,
+        leg: Array,
+        readings: Array,
+        time: float,
+        command: Array,
+    ) -> bool:
+        """Take the decision if the pilot answered this mode."""
+        exchange = self._exchange
+        if self._number == 1:
+            exchange.mode = exchange.pilot.exchange(time, state, leg, readings, command)
+        return exchange.mode == self._number
+
+
+def make_layers(pilot: Pilot, modes: Sequence[str]) -> list[StartedLayer]:
+    """Return a layer for each mode, in the order of their numbers."""
+    exchange, nothing = _Exchange(pilot), np.zeros(0)
+    numbers = range(1, len(modes) + 1)
+    return [StartedLayer(ModeRule(exchange, number), nothing, nothing) for number in numbers]
