@@ -13,8 +13,13 @@ from collections.abc import Collection
 class Nodes:
     """The processes that the commands have started, in the order of the commands."""
 
-    def __init__(self, commands: list[list[str]], environment: dict[str, str]) -> None:
-        """Start all.
+    def __init__(
+        self,
+        commands: list[list[str]],
+        environment: dict[str, str],
+        completed: list[list[str]] | None = None,
+    ) -> None:
+        """Start all, ``completed`` with arguments that messages leave out.
 
         Raises:
             OSError: a command cannot be executed.
@@ -22,7 +27,7 @@ class Nodes:
         self._commands = commands
         self._processes = [
             subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL)
-            for command in commands
+            for command in completed or commands
         ]
 
     def ended(self) -> str | None:

@@ -1,0 +1,121 @@
+"""The messages of a mission, which ROS 1 and ROS 2 name alike.
+
+Runs in the user's ROS Python.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from geometry_msgs.msg import Pose, PoseStamped, TransformStamped
+from nav_msgs.msg import Odometry, Path
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Range
+
+try:  # often, but not always installed
+    from tf2_msgs.msg import TFMessage
+except ImportError:
+    TFMessage = None
+
+if TYPE_CHECKING:
+    from evoros.bridge.ros.conversation import Schedule, Tick, root_link, ros_time
+else:
+    from conversation import Schedule, root_link, ros_time
+
+CLOCK, TRANSFORMS = "/clock", "/tf"
+
+
+class Messages:
+    """The topics on which this process publishes, and the messages of each tick."""
+
+    def __init__(self, briefing: dict[str, Any], stamp: Callable[[int, int], Any]) -> None:
+        """``stamp`` makes a time of seconds and nanoseconds."""
+        options, sensors = briefing["ros"], briefing["sensors"]
+        self._topics, self._frame, self._stamp = options["topics"], options["frame"], stamp
+        self._base = root_link(options["description"])
+        self._schedule = Schedule(sensors)
+        self._goal_leg: list[float] | None = None
+        self._range_topics = [
+            self._topics["range"].replace("{sensor}", each["name"]) for each in sensors
+        ]
+        self._ranges = [_range(sensor) for sensor in sensors]
+        self._points = [briefing["home"][:2], *briefing["route"]]
+
+    def kinds(self) -> dict[str, type]:
+        """Return the kind of the messages of each topic."""
+        return {
+            **dict.fromkeys(self._range_topics, Range),
+            self._topics["odometry"]: Odometry,
+            self._topics["goal"]: PoseStamped,
+            self._topics["route"]: Path,
+            CLOCK: Clock,
+            **({} if TFMessage is None else {TRANSFORMS: TFMessage}),
+        }
+
+    def route(self) -> tuple[str, Any]:
+        """Return topic and message of the route, which is published once."""
+        stamp = self._stamp(*ros_time(0.0))
+        legs = zip(self._points, self._points[1:])
+        poses = [self._goal([*start, *end], stamp) for start, end in legs]
+        return self._topics["route"], self._locate(Path(poses=poses), stamp)
+
+    def of(self, tick: Tick) -> Iterator[tuple[str, Any]]:
+        """Yield topics and messages in the order in which the nodes shall get them."""
+        stamp = self._stamp(*ros_time(tick.time))
+        if tick.leg != self._goal_leg:
+            self._goal_leg = tick.leg
+            yield self._topics["goal"], self._goal(tick.leg, stamp)
+        for number in self._schedule.due(tick.time):
+            reading = tick.readings[number]
+            if reading is not None:
+                message = self._ranges[number]
+                message.header.stamp, message.range = stamp, reading
+                yield self._range_topics[number], message
+        x, y, yaw, speed, yaw_rate = tick.state[:5]
+        if x is not None and y is not None and yaw is not None:
+            odometry = self._locate(Odometry(child_frame_id=self._base), stamp)
+            odometry.pose.pose = _pose(x, y, yaw)
+            odometry.twist.twist.linear.x, odometry.twist.twist.angular.z = speed, yaw_rate
+            if TFMessage is not None:
+                yield TRANSFORMS, TFMessage(transforms=[_transform(odometry)])
+            yield self._topics["odometry"], odometry
+        yield CLOCK, Clock(clock=stamp)
+
+    def _goal(self, leg: list[float], stamp: Any) -> Any:
+        """Return the end of a leg; the pose looks along the leg."""
+        from_x, from_y, to_x, to_y = leg
+        yaw = math.atan2(to_y - from_y, to_x - from_x)
+        return self._locate(PoseStamped(pose=_pose(to_x, to_y, yaw)), stamp)
+
+    def _locate(self, message: Any, stamp: Any) -> Any:
+        message.header.stamp, message.header.frame_id = stamp, self._frame
+        return message
+
+
+def _range(sensor: dict[str, Any]) -> Any:
+    message = Range(
+        radiation_type=Range.ULTRASOUND,
+        field_of_view=sensor["field_of_view_rad"],
+        min_range=sensor["range_min_m"],
+        max_range=sensor["range_max_m"],
+    )
+    message.header.frame_id = sensor["name"]
+    return message
+
+
+def _pose(x: float, y: float, yaw: float) -> Any:
+    pose = Pose()
+    pose.position.x, pose.position.y = x, y
+    pose.orientation.z, pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+    return pose
+
+
+def _transform(odometry: Any) -> Any:
+    pose = odometry.pose.pose
+    message = TransformStamped(header=odometry.header, child_frame_id=odometry.child_frame_id)
+    message.transform.translation.x = pose.position.x
+    message.transform.translation.y = pose.position.y
+    message.transform.rotation = pose.orientation
+    return message

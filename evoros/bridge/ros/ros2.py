@@ -1,0 +1,220 @@
+"""The bridge to ROS 2: starts the user's nodes and flies one mission with them, in lock-step.
+
+The user's own ROS Python runs this script. It needs the standard library, and rclpy with its
+messages. docs/ros.md describes the topics, the parameters and the lock-step.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from importlib import import_module
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from evoros.bridge.ros import ros2_graph
+    from evoros.bridge.ros.conversation import COMMANDS, Conversation, Modes, Wheels, end
+    from evoros.bridge.ros.messages import Messages
+    from evoros.bridge.ros.nodes import Nodes
+    from evoros.bridge.ros.rest import Rest
+    from evoros.bridge.ros.ros2_start import (
+        complete,
+        group,
+        set_environment,
+        takes_arguments,
+        topic_names,
+        write_parameters,
+    )
+else:
+    from conversation import COMMANDS, Conversation, Modes, Wheels, end
+    from nodes import Nodes
+    from rest import Rest
+    from ros2_start import (
+        complete,
+        group,
+        set_environment,
+        takes_arguments,
+        topic_names,
+        write_parameters,
+    )
+
+NEEDED = ("rclpy", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
+STEADY = 10
+"""How often in a row all must be at rest before the mission begins: nodes that start sleep now and
+then by the wall clock."""
+PAUSE_S, GRAPH_PAUSE_S, LOOK_S = 0.005, 0.05, 0.0002
+"""Between two of these looks. Nobody but the two nodes knows whether they are connected; they
+retry what went wrong after at most a third of a second."""
+OWN_SHARE = 0.9
+"""The part of a wall-clock limit after which this process ends by itself, to tell why."""
+
+
+def main() -> None:
+    """Fly one mission."""
+    conversation = Conversation()
+    options = conversation.briefing["ros"]
+    until = time.monotonic() + OWN_SHARE * options["start_limit_s"]
+    for module in NEEDED:
+        if find_spec(module) is None:
+            conversation.refuse(
+                f"controller.python: must be a Python with ROS 2, and {sys.executable} has no "
+                f"module {module}; name the one that your nodes need, often /usr/bin/python3, and "
+                f"source /opt/ros/DISTRIBUTION/setup.bash before evoros"
+            )
+    try:
+        rest = Rest(options["isolate"])
+        claim = set_environment(options["isolate"])
+    except OSError as error:
+        conversation.refuse(f"controller: this system cannot fly ROS 2 ({error})")
+    mission = Mission(conversation, rest)
+    mission.connect(until)
+    conversation.ready()
+    mission.fly()
+    del claim
+    os._exit(0)  # whatever the threads of DDS do
+
+
+class Mission:
+    """One mission with nodes of ROS 2."""
+
+    def __init__(self, conversation: Conversation, rest: Rest) -> None:
+        """Start the nodes, and join the graph. The imports take a while, as those of nodes do."""
+        self._conversation, self._rest = conversation, rest
+        briefing = conversation.briefing
+        self._options: dict[str, Any] = briefing["ros"]
+        self._nodes = self._start_nodes()
+        graph, messages = import_module("ros2_graph"), import_module("messages")
+        self._wheels = Wheels(briefing["drive"], self._options["twist"])
+        self._modes = Modes(briefing["modes"])
+        self._messages: Messages = messages.Messages(briefing, graph.stamp)
+        topics = self._options["topics"]
+        self._graph: ros2_graph.Graph = graph.Graph(
+            group(self._options["nodes"]),
+            self._messages.kinds(),
+            (topics["goal"], topics["route"]),
+        )
+        self._commands: ros2_graph.Incoming | None = None
+        self._reports: ros2_graph.Incoming | None = None  # of the mode
+
+    def _start_nodes(self) -> Nodes:
+        briefing, commands = self._conversation.briefing, self._options["nodes"]
+        try:
+            write_parameters(briefing)
+            return Nodes(commands, dict(os.environ), complete(commands, topic_names(briefing)))
+        except ValueError as error:
+            self._conversation.refuse(str(error))
+        except OSError as error:
+            self._conversation.refuse(
+                f"controller.nodes: must be commands that this system can execute, not "
+                f"{error.filename} ({error.strerror}); correct it"
+            )
+
+    def connect(self, until: float) -> None:
+        """Return when every connection stands and all are at rest.
+
+        What nodes have said until then has not been said in the mission.
+        """
+        missing: str | None = ""
+        while missing is not None or not self._steady():
+            if time.monotonic() > until:
+                self._conversation.refuse(
+                    f"controller.nodes: {missing or self._unrest()} in "
+                    f"{self._options['start_limit_s']:g} s; correct the nodes or start_limit_s"
+                )
+            time.sleep(PAUSE_S)
+            self._require_nodes()
+            missing = self._missing()
+        self._rest.prepare()
+        self._hear()
+
+    def _missing(self) -> str | None:
+        """Connect with the nodes that publish commands and modes; return what is missing."""
+        topics = self._options["topics"]
+        missing = self._graph.missing(topics["command"])
+        if missing is not None:
+            return missing
+        try:
+            if self._commands is None:
+                self._commands = self._graph.receive(topics["command"], tuple(COMMANDS))
+            if self._reports is None:
+                self._reports = self._graph.receive(topics["mode"], ("String",))
+        except ValueError as error:
+            self._conversation.refuse(str(error))
+        connected = all(
+            each is None or each.connected() for each in (self._commands, self._reports)
+        )
+        return None if connected else "the node that commands does not connect"
+
+    def _steady(self) -> bool:
+        alone = len(self._options["nodes"]) == 1 and takes_arguments(self._options["nodes"][0])
+        for _ in range(STEADY):
+            if not self._rest.wait(1.0):
+                return False
+            time.sleep(PAUSE_S if alone else GRAPH_PAUSE_S)
+        return self._rest.wait(1.0) and self._missing() is None
+
+    def fly(self) -> None:
+        """Answer each tick by what the nodes command."""
+        topic, message = self._messages.route()
+        for number, tick in enumerate(self._conversation.ticks()):
+            until = time.monotonic() + OWN_SHARE * self._options["answer_limit_s"]
+            if number == 0:
+                self._deliver(topic, message, until)
+            for topic, message in self._messages.of(tick):
+                self._deliver(topic, message, until)
+            self._require_nodes()
+            commands = self._hear()
+            if not commands and self._options["answer"] == "each":
+                commands = self._await_command(until)
+            self._answer(commands)
+
+    def _deliver(self, topic: str, message: Any, until: float) -> None:
+        """Publish to one group of nodes after the other, each at rest before the next."""
+        for outlet in self._graph.outlets:
+            if outlet.hears(topic):
+                outlet.publish(topic, message)
+                self._require_rest(until)
+
+    def _answer(self, commands: list[Any]) -> None:
+        if not commands:
+            self._conversation.answer(0, 0.0, 0.0)
+            return
+        for message in commands:
+            speed, steering = self._wheels.read(message)
+        self._conversation.answer(self._modes.now, speed, steering)
+
+    def _hear(self) -> list[Any]:
+        """Return the commands that have arrived, and note the mode."""
+        for message in [] if self._reports is None else self._reports.fetch():
+            self._modes.report(message.data)
+        return [] if self._commands is None else self._commands.fetch()
+
+    def _await_command(self, until: float) -> list[Any]:
+        """Return the commands up to the rest that follows the first of them."""
+        commands: list[Any] = []
+        while not commands:
+            time.sleep(LOOK_S)
+            self._require_nodes()
+            commands = self._hear()
+            if time.monotonic() > until:
+                end("no node commanded; answer=each needs a command at each tick, answer=rest none")
+        self._require_rest(until)
+        return commands + self._hear()
+
+    def _require_nodes(self) -> None:
+        ended = self._nodes.ended()
+        if ended is not None:
+            end(ended)
+
+    def _require_rest(self, until: float) -> None:
+        if not self._rest.wait(until - time.monotonic()):
+            end(self._unrest())
+
+    def _unrest(self) -> str:
+        return f"the nodes did not come to rest: {'; '.join(self._rest.working())}"
+
+
+if __name__ == "__main__":
+    main()

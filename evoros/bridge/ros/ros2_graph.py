@@ -1,0 +1,172 @@
+"""The graph of ROS 2 in a mission: publishers for each group of nodes, and their messages.
+
+Runs in the user's ROS Python.
+"""
+
+from __future__ import annotations
+
+import importlib
+import shlex
+import sys
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING, Any
+
+import rclpy
+from builtin_interfaces.msg import Time
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+if TYPE_CHECKING:
+    from evoros.bridge.ros.messages import CLOCK, TRANSFORMS
+    from evoros.bridge.ros.ros2_start import Group
+else:
+    from messages import CLOCK, TRANSFORMS
+    from ros2_start import Group
+
+NAME = "evoros"  # of this process in the graph
+DEPTH = 100  # commands of one tick that are kept
+EACH = QoSProfile(depth=10)  # reliable and volatile, which best-effort subscriptions take too
+KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Qualities of service, the second one for the goal and the route, which are published rarely."""
+
+
+def stamp(seconds: int, nanoseconds: int) -> Any:
+    """Return a time as messages have it."""
+    return Time(sec=seconds, nanosec=nanoseconds)
+
+
+class Incoming:
+    """The messages of one publisher; no thread receives them, the bridge fetches them."""
+
+    def __init__(self, node: Any, topic: str, publisher: Any) -> None:
+        """Subscribe to the topic as reliably as it is published.
+
+        Raises:
+            ValueError: this Python has no messages of this kind.
+        """
+        package, _, name = publisher.topic_type.replace("/msg/", "/").partition("/")
+        try:
+            self._class = getattr(importlib.import_module(f"{package}.msg"), name)
+        except (ImportError, AttributeError):
+            kind = publisher.topic_type
+            raise ValueError(
+                f"{sys.executable} cannot import {kind}, the messages of {topic}"
+            ) from None
+        quality = QoSProfile(depth=DEPTH, reliability=publisher.qos_profile.reliability)
+        self._subscription = node.create_subscription(self._class, topic, _ignore, quality)
+
+    def connected(self) -> bool:
+        """Whether the publisher is matched; Humble does not tell."""
+        count = getattr(self._subscription, "get_publisher_count", None)
+        return count is None or count() > 0
+
+    def fetch(self) -> list[Any]:
+        """Return the messages that have arrived. An executor would take a hundred times as long."""
+        messages = []
+        handle = self._subscription.handle
+        with handle:
+            taken = handle.take_message(self._class, False)
+            while taken is not None:
+                messages.append(taken[0])
+                taken = handle.take_message(self._class, False)
+        return messages
+
+
+def _ignore(message: object) -> None:
+    """A subscription needs a callback, but no executor calls it here."""
+
+
+class Outlet:
+    """The publishers to one group of nodes, by topic."""
+
+    def __init__(
+        self, node: Any, group: Group, kinds: Mapping[str, type], kept: Collection[str]
+    ) -> None:
+        self._node, self._commands = node, group.commands
+        self._publishers = {
+            topic: node.create_publisher(
+                kind, group.prefix + topic, KEPT if topic in kept else EACH
+            )
+            for topic, kind in kinds.items()
+        }
+
+    def hears(self, topic: str) -> bool:
+        """Whether a node of the group listens to a topic."""
+        publisher = self._publishers.get(topic)
+        return publisher is not None and publisher.get_subscription_count() > 0
+
+    def publish(self, topic: str, message: Any) -> None:
+        """Publish to this group only."""
+        self._publishers[topic].publish(message)
+
+    def missing(self) -> str | None:
+        """Return what is missing until the group is connected; None: nothing."""
+        if self._commands and self._listening(CLOCK) < len(self._commands):
+            names = " or ".join(shlex.join(command) for command in self._commands)
+            return (
+                f"{names} has started no node that follows the simulated time, for which it needs "
+                f"the parameters of evoros; a launch file takes their file as {{parameters}}"
+            )
+        for topic, publisher in self._publishers.items():
+            if publisher.get_subscription_count() != self._listening(topic):
+                return (
+                    f"a node does not connect with {topic}, on which evoros publishes with the "
+                    f"qualities of service reliable and volatile"
+                )
+        return None
+
+    def _listening(self, topic: str) -> int:
+        return int(self._node.count_subscribers(self._publishers[topic].topic_name))
+
+
+class Graph:
+    """Who is in the graph of the mission, and whether every connection stands."""
+
+    def __init__(
+        self, groups: list[Group], kinds: Mapping[str, type], kept: Collection[str]
+    ) -> None:
+        """``kinds``: of the messages of each topic; ``kept``: topics with messages for all time."""
+        rclpy.init(args=[])
+        self._node = rclpy.create_node(
+            NAME, use_global_arguments=False, enable_rosout=False, start_parameter_services=False
+        )
+        self._topics = sorted(kinds.keys() - {CLOCK})  # to which every node listens
+        # Nodes also tell each other transforms, so that all know that topic by its own name.
+        shared = {topic: kind for topic, kind in kinds.items() if topic == TRANSFORMS}
+        own = {topic: kind for topic, kind in kinds.items() if topic != TRANSFORMS}
+        self.outlets = [Outlet(self._node, Group("", []), shared, kept)]
+        self.outlets += [Outlet(self._node, each, own, kept) for each in groups]
+
+    def missing(self, command_topic: str) -> str | None:
+        """Return what the start of the mission is waiting for; None: nothing."""
+        for outlet in self.outlets:
+            missing = outlet.missing()
+            if missing is not None:
+                return missing
+        if not self._node.count_publishers(command_topic):
+            return f"no node publishes on {command_topic}"
+        if not any(outlet.hears(topic) for outlet in self.outlets for topic in self._topics):
+            return f"no node listens to {', '.join(self._topics)}"
+        return None
+
+    def receive(self, topic: str, kinds: tuple[str, ...]) -> Incoming | None:
+        """Connect with the node that publishes on a topic; None if there is none.
+
+        Raises:
+            ValueError: there are several, or their messages are not of these kinds.
+        """
+        publishers = self._node.get_publishers_info_by_topic(topic)
+        if not publishers:
+            return None
+        names = sorted(publisher.node_name for publisher in publishers)
+        if len(publishers) > 1:
+            raise ValueError(
+                f"{topic}: one node must publish there, not {len(names)} ({', '.join(names)}), "
+                f"because the last message counts; give one of them another topic"
+            )
+        kind = publishers[0].topic_type
+        if kind.rpartition("/")[2] not in kinds:
+            raise ValueError(
+                f"{topic}: its messages must be {' or '.join(kinds)}, not {kind}; correct the node "
+                f"{names[0]} or controller.topics"
+            )
+        return Incoming(self._node, topic, publishers[0])

@@ -1,0 +1,172 @@
+"""What the nodes of ROS 2 are started with: commands, parameters, environment.
+
+Standard library only, because the nodes can start before this process has imported rclpy.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from typing import Any, NamedTuple
+
+PARAMETERS, PLACEHOLDER = "parameters.yaml", "{parameters}"
+SENSOR = ("type", "pose", "range_min_m", "range_max_m", "field_of_view_rad", "period_s")
+ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY")
+"""Variables that lead to nodes on other machines, or that another one replaces."""
+BEFORE_RANGES = ("foxy", "galactic", "humble")  # have no ROS_AUTOMATIC_DISCOVERY_RANGE
+FIRST_PORT, PORTS_PER_DOMAIN, DOMAINS = 7400, 250, 101  # of DDS, below Linux's ephemeral ports
+
+
+class Group(NamedTuple):
+    """Nodes that get each message at once: those of one command, or of all launch files.
+
+    A publisher of DDS reaches all subscriptions to its topic. Nodes that shall get a message one
+    after the other therefore know the topic by different names, whose first part is ``prefix``.
+    """
+
+    prefix: str
+    commands: list[list[str]]  # as the configuration has them
+
+
+def topic_names(briefing: dict[str, Any]) -> list[str]:
+    """Return the topics on which evoros publishes, other than those of transforms."""
+    topics = briefing["ros"]["topics"]
+    ranges = [topics["range"].replace("{sensor}", sensor["name"]) for sensor in briefing["sensors"]]
+    return [*ranges, topics["odometry"], topics["goal"], topics["route"], "/clock"]
+
+
+def group(commands: list[list[str]]) -> list[Group]:
+    """Divide the commands into groups, in their order."""
+    groups: dict[str, Group] = {}
+    for number, command in enumerate(commands):
+        prefix = _prefix(commands, number)
+        groups.setdefault(prefix, Group(prefix, [])).commands.append(command)
+    return list(groups.values())
+
+
+def _prefix(commands: list[list[str]], number: int) -> str:
+    alone = len(commands) == 1 or not takes_arguments(commands[number])
+    return "" if alone else f"/evoros/node_{number}"
+
+
+def takes_arguments(command: list[str]) -> bool:
+    """Whether a command is a node, which takes the arguments of ROS; a launch file does not."""
+    launches = os.path.basename(command[0]) == "ros2" and command[1:2] == ["launch"]
+    return not launches and PLACEHOLDER not in " ".join(command)
+
+
+def complete(commands: list[list[str]], topics: list[str]) -> list[list[str]]:
+    """Return the commands as they are started, with the parameters and the names of topics."""
+    path = os.path.abspath(PARAMETERS)
+    completed = []
+    for number, command in enumerate(commands):
+        filled = [part.replace(PLACEHOLDER, path) for part in command]
+        if takes_arguments(command):
+            filled += ["--ros-args", "--params-file", path]
+            prefix = _prefix(commands, number)
+            for topic in topics if prefix else ():
+                filled += ["-r", f"{topic}:={prefix}{topic}"]
+        completed.append(filled)
+    return completed
+
+
+def write_parameters(briefing: dict[str, Any]) -> None:
+    """Write the file with the parameters of all nodes.
+
+    Raises:
+        ValueError: one cannot be a parameter of ROS 2.
+    """
+    own = {name: _checked(name, value) for name, value in briefing["parameters"].items()}
+    told = {"use_sim_time": True, "robot_description": briefing["ros"]["description"]}
+    parameters = {**own, **told, "evoros": _told(briefing)}
+    # Almost any JSON is YAML.
+    lines = [
+        f"    {json.dumps(name)}: {json.dumps(value, ensure_ascii=False)}\n"
+        for name, value in parameters.items()
+    ]
+    with open(PARAMETERS, "w", encoding="utf-8") as file:
+        file.write("/**:\n  ros__parameters:\n" + "".join(lines))
+
+
+def _told(briefing: dict[str, Any]) -> dict[str, Any]:
+    """Return what evoros tells of the mission. ROS 2 has no lists of lists or of mappings."""
+    sensors = briefing["sensors"]
+    return {
+        "seed": briefing["seed"],
+        "sensors": [sensor["name"] for sensor in sensors],
+        **{sensor["name"]: {key: _real(sensor[key]) for key in SENSOR} for sensor in sensors},
+        "drive": {name: _real(value) for name, value in briefing["drive"].items()},
+        "home": _real(briefing["home"]),
+        "route": [float(value) for point in briefing["route"] for value in point],
+        **{name: _real(briefing[name]) for name in ("acceptance_m", "time_limit_s", "period_s")},
+    }
+
+
+def _real(value: Any) -> Any:
+    """Return numbers as floating-point ones, because ROS 2 tells them from whole ones."""
+    if isinstance(value, list):
+        return [float(item) for item in value]
+    return value if isinstance(value, str) else float(value)
+
+
+def _checked(name: str, value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _checked(f"{name}.{key}", item) for key, item in value.items()}
+    items = value if isinstance(value, list) else [value]
+    if (
+        not items
+        or len({type(item) for item in items}) > 1
+        or type(items[0])
+        not in (
+            bool,
+            int,
+            float,
+            str,
+        )
+    ):
+        raise ValueError(
+            f"controller.parameters.{name}: must be a number, a text, true or false, or a list of "
+            f"one of these kinds, as ROS 2 demands, not {json.dumps(value)}; change it"
+        )
+    return value
+
+
+def set_environment(isolated: bool) -> object:
+    """Keep the nodes to themselves; return what must live as long as they do.
+
+    Raises:
+        OSError: no domain is free.
+    """
+    for name in ELSEWHERE:
+        os.environ.pop(name, None)
+    folder = os.getcwd()
+    domain, claim = (0, None) if isolated else _free_domain()
+    os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_HOME=folder, ROS_LOG_DIR=folder)
+    if os.environ.get("ROS_DISTRO") in BEFORE_RANGES:
+        os.environ["ROS_LOCALHOST_ONLY"] = "1"
+    else:
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    if not isolated:  # a killed process would leave its shared memory behind
+        os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    return claim
+
+
+def _free_domain() -> tuple[int, object]:
+    """Claim a domain in which nobody else is; the claim ends with the returned socket.
+
+    Raises:
+        OSError: there is none.
+    """
+    for shift in range(DOMAINS):
+        domain = 1 + (os.getpid() + shift) % DOMAINS
+        claim = socket.socket(socket.AF_UNIX)
+        try:
+            claim.bind(f"\0evoros-ros-domain-{domain}")
+            for port in (0, 10, 11):  # of discovery, and of the first participant
+                with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+                    any_socket.bind(("", FIRST_PORT + PORTS_PER_DOMAIN * domain + port))
+            return domain, claim
+        except OSError:
+            claim.close()
+    raise OSError("all domains of ROS 2 are taken")
