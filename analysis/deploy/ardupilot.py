@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from .champion import MountedSensor, Triple
+from .champion import Champion, MountedSensor, Triple
 
 INSTANCES = "123456789A"
 """The range finders that ArduPilot can have, as their parameters name them."""
@@ -20,6 +20,8 @@ DIRECTIONS = (
     "forward left",
 )
 """The values of ``RNGFNDn_ORIENT`` from 0, clockwise from above."""
+_CONTROLLER = "evoros.controller.ardupilot.ArduPilot"
+_PARAMETERS = "controller.parameters."
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,25 @@ class RangeFinder:
     pitch_deg: float  # of the sensor, which ArduPilot takes as level
     minimum_m: float
     maximum_m: float
+
+
+def is_ardupilot(champion: Champion) -> bool:
+    """Whether ArduPilot itself drove the missions."""
+    return bool(champion.values.get("controller._target_") == _CONTROLLER)
+
+
+def list_flown(champion: Champion) -> Iterator[str]:
+    """Yield lines with ArduPilot's parameters in the missions; only those that evolved take effect.
+
+    The others suit a simulation, in which no failsafe is needed.
+    """
+    if not is_ardupilot(champion):
+        return
+    evolved = {key for _, key, _ in champion.genes}
+    for key, value in champion.values.items():
+        if key.startswith(_PARAMETERS) and value is not None:
+            name = key.removeprefix(_PARAMETERS)
+            yield f"{name} {value}" if key in evolved else f"# in the simulation: {name} {value}"
 
 
 def list_range_finders(sensors: Sequence[MountedSensor], origin_m: Triple) -> list[RangeFinder]:
@@ -64,11 +85,13 @@ def _round(metres: float) -> float:
     return round(metres, 4) + 0.0
 
 
-def write_parameters(finders: Iterable[RangeFinder], head: Iterable[str], metres: bool) -> str:
+def write_parameters(
+    finders: Iterable[RangeFinder], head: Iterable[str], flown: Iterable[str], metres: bool
+) -> str:
     """Return the text of a parameter file.
 
     ArduPilot 4.7 and later have ``_MIN`` and ``_MAX`` in ``metres``, earlier versions ``_MIN_CM``
-    and ``_MAX_CM`` in whole centimetres. ``head`` has lines of comment.
+    and ``_MAX_CM`` in whole centimetres. ``head`` has lines of comment, ``flown`` further lines.
     """
     lines = [f"# {line}" if line else "#" for line in head]
     for finder in finders:
@@ -76,7 +99,7 @@ def write_parameters(finders: Iterable[RangeFinder], head: Iterable[str], metres
         lines += [
             f"RNGFND{finder.instance}_{name} {value}" for name, value in _rows(finder, metres)
         ]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *flown]) + "\n"
 
 
 def describe_orientation(finder: RangeFinder) -> str:

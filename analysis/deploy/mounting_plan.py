@@ -8,7 +8,7 @@ from evoros.base.arrays import Array
 from evoros.drive.rolling import shape_points
 from evoros.geometry.shapes import Pose, Shape
 
-from ..drawing.mounting import MountingPlan, PlacedSensor, Solid
+from ..drawing.mounting_plan import MountingPlan, PlacedSensor, Solid
 from .champion import Champion, MountedSensor
 
 _MM = 1000.0

@@ -12,10 +12,21 @@ from lxml import etree
 
 from evoros.base.errors import InputError
 
-from .ardupilot import INSTANCES, describe_orientation, list_range_finders, write_parameters
+from .ardupilot import (
+    INSTANCES,
+    describe_orientation,
+    list_flown,
+    list_range_finders,
+    write_parameters,
+)
 from .champion import Champion, Triple
 from .meshes import MeshFiles
-from .ros_parameters import controller_parameters, sensor_parameters, write_parameter_file
+from .ros_parameters import (
+    RANGE_TOPIC,
+    controller_parameters,
+    sensor_parameters,
+    write_parameter_file,
+)
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 _MAINTAINER = re.compile(r"(?P<name>[^<>]*\S)\s*<(?P<email>[\w.+-]+@[\w-]+(\.[\w-]+)+)>")
@@ -95,7 +106,8 @@ def _render(template: str, values: Mapping[str, Any]) -> str:
 
 def _write_parameters(champion: Champion, options: PackageOptions) -> dict[str, str]:
     controller = write_parameter_file(*controller_parameters(champion), [champion.title])
-    sensors = write_parameter_file(*sensor_parameters(champion.sensors), [champion.title])
+    topic = champion.values.get(RANGE_TOPIC)
+    sensors = write_parameter_file(*sensor_parameters(champion.sensors, topic), [champion.title])
     finders = list_range_finders(champion.sensors, _choose_origin(champion, options))
     files = {"config/controller.yaml": controller, "config/sensors.yaml": sensors}
     for version, metres in (("4.7", True), ("4.6", False)):
@@ -105,7 +117,9 @@ def _write_parameters(champion: Champion, options: PackageOptions) -> dict[str, 
             f"Positions are relative to {_describe_origin(champion, options)}.",
             "Set RNGFNDn_TYPE for your hardware and restart the autopilot before you load this.",
         ]
-        files[f"config/ardupilot_{version}.parm"] = write_parameters(finders, head, metres)
+        files[f"config/ardupilot_{version}.parm"] = write_parameters(
+            finders, head, list_flown(champion), metres
+        )
     return files
 
 
@@ -122,10 +136,26 @@ def _describe(champion: Champion, options: PackageOptions) -> dict[str, Any]:
         "fitness": _describe_fitness(champion.record.run.status),
         "sensors": champion.sensors,
         "genes": champion.genes,
+        "commands": _list_commands(champion),
+        "topics": _list_topics(champion),
         "origin": _describe_origin(champion, options),
         "finders": list_range_finders(champion.sensors, _choose_origin(champion, options)),
         "describe_orientation": describe_orientation,
     }
+
+
+def _list_commands(champion: Champion) -> list[str]:
+    """Return the commands that were the controller in the missions."""
+    found = [champion.values.get(f"controller.{key}") for key in ("command", "nodes")]
+    commands = [found[0]] if found[0] else found[1] or []
+    return [each if isinstance(each, str) else " ".join(map(str, each)) for each in commands]
+
+
+def _list_topics(champion: Champion) -> list[tuple[str, str]]:
+    """Return the topics by which nodes of ROS were joined to the missions, by what they carry."""
+    start = "controller.topics."
+    values = champion.values.items()
+    return [(key.removeprefix(start), str(v)) for key, v in values if key.startswith(start)]
 
 
 def _describe_fitness(status: Mapping[str, Any]) -> str:

@@ -6,11 +6,14 @@ from typing import Any
 
 import yaml
 
+from .ardupilot import is_ardupilot
 from .champion import Champion, MountedSensor
 
 CONTROLLER = "controller."
 PARAMETERS = "controller.parameters"
 """The key of what a program outside of evoros was given."""
+RANGE_TOPIC = "controller.topics.range"
+"""The key of the topic on which nodes got the readings of a sensor, whose name is a field of it."""
 _SCALARS = (bool, int, float, str)
 
 
@@ -21,22 +24,33 @@ def controller_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]
     other, all values have the names that they have in the configuration.
     """
     values = champion.values
-    own = PARAMETERS in values or any(key.startswith(f"{PARAMETERS}.") for key in values)
-    prefix = f"{PARAMETERS}." if own else ""
+    prefix = f"{PARAMETERS}." if has_own_parameters(champion) else ""
     start = prefix or CONTROLLER
     named = {
         key.removeprefix(prefix): value
         for key, value in values.items()
         if key.startswith(start) and not key.endswith("_target_")
     }
+    if is_ardupilot(champion):  # whose own parameters are in files of their own
+        named = {key: v for key, v in named.items() if not key.startswith(PARAMETERS)}
     return _nest(named)
 
 
-def sensor_parameters(sensors: Sequence[MountedSensor]) -> tuple[dict[str, Any], list[str]]:
+def has_own_parameters(champion: Champion) -> bool:
+    """Whether the controller is a program to which ROS parameters were given."""
+    keys = champion.values
+    given = PARAMETERS in keys or any(key.startswith(f"{PARAMETERS}.") for key in keys)
+    return given and not is_ardupilot(champion)
+
+
+def sensor_parameters(
+    sensors: Sequence[MountedSensor], topic: str | None
+) -> tuple[dict[str, Any], list[str]]:
     """Return the parameters of the sensors, in the terms of ``sensor_msgs/Range`` where it has any.
 
     Poses are in the robot's frame: x forward, y left, z up from the ground; a positive rotation
-    about y lowers the nose, as in the description.
+    about y lowers the nose, as in the description. ``topic`` is that of the readings, with
+    ``{sensor}`` in place of a name; None: nodes of ROS were not the controller.
     """
     named: dict[str, Any] = {"sensors.names": [sensor.link for sensor in sensors]}
     for sensor in sensors:
@@ -44,6 +58,7 @@ def sensor_parameters(sensors: Sequence[MountedSensor]) -> tuple[dict[str, Any],
         for name, value in (
             ("type", sensor.type),
             ("frame_id", sensor.link),
+            *([] if topic is None else [("topic", topic.replace("{sensor}", sensor.link))]),
             ("field_of_view", math.radians(sensor.beam.fov_deg)),
             ("min_range", sensor.beam.range_min_m),
             ("max_range", sensor.beam.range_max_m),

@@ -7,19 +7,24 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
+import yaml
 from documents import files, text, write
+from evoros.analysis.command import evoros_analyze
 from helpers import ROOT
 
 from evoros.base.console import DONE
 from evoros.cli.evaluate import evaluate
 from evoros.cli.inspect import evoros_inspect
 from evoros.cli.run import evoros
+from evoros.storage.figure_context import FigureContext
+from evoros.storage.reading import load_run
 
 PAGE = text("your_robot")
-COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
+COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {  # in the order of the page
+    "evoros-inspect": evoros_inspect,
     "evoros": evoros,
     "evoros-evaluate": evaluate,
-    "evoros-inspect": evoros_inspect,
+    "evoros-analyze": evoros_analyze,
 }
 LIMIT = "world.depot.course.time_limit_s=20"
 SMALL = {
@@ -45,7 +50,7 @@ def test_every_command_runs_in_order(
 ) -> None:
     write(files("your_robot"), tmp_path)
     monkeypatch.chdir(tmp_path)
-    assert [words[0] for words in lines()] == ["evoros-inspect", "evoros", "evoros-evaluate"]
+    assert [words[0] for words in lines()] == list(COMMANDS)
     for name, *words in lines():
         assert COMMANDS[name]([*words, *SMALL.get(name, [])]) == DONE, capsys.readouterr().err
         if name == "evoros-inspect":  # the page shows what it prints, apart from long lines
@@ -56,6 +61,15 @@ def test_every_command_runs_in_order(
     champion = tmp_path / "outputs" / "scout" / "champion"
     assert (champion / "robot.urdf").exists()
     assert (champion / "world_depot.sdf").exists()
+    package = tmp_path / "outputs" / "src" / "scout_champion"  # its root link is off the ground
+    parameters = yaml.safe_load((package / "config" / "sensors.yaml").read_text())
+    sensors = parameters["/**"]["ros__parameters"]["sensors"]
+    poses = load_run(champion.parent).champion
+    assert len(sensors["names"]) == len(poses) > 0
+    ground = FigureContext.read(champion.parent).places["base_link"][2]
+    for name, z in zip(sensors["names"], poses.z_m, strict=True):
+        assert sensors[name]["xyz"][2] == ground + z
+    assert (package / "drawing" / "mounting.pdf").exists()
 
 
 def test_its_pictures_are_fit_to_print() -> None:
