@@ -12,6 +12,20 @@ from documents import DOCS, table, text
 from helpers import ROOT
 
 PACKAGES = ("evoros", "analysis")
+ROS_SCRIPTS = "evoros/bridge/ros/"
+ROS = {
+    "builtin_interfaces",
+    "genpy",
+    "geometry_msgs",
+    "nav_msgs",
+    "rclpy",
+    "rosgraph",
+    "rosgraph_msgs",
+    "roslib",
+    "rospy",
+    "sensor_msgs",
+    "tf2_msgs",
+}
 
 
 @cache
@@ -40,6 +54,11 @@ def imported(path: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
     return names
+
+
+def libraries(files: dict[str, Path]) -> set[str]:
+    names = {name.partition(".")[0] for path in files.values() for name in imported(path)}
+    return names - sys.stdlib_module_names - {*PACKAGES}
 
 
 def importers(library: str) -> set[str]:
@@ -96,9 +115,15 @@ def test_libraries_are_imported_only_where_the_document_says() -> None:
 
 
 def test_every_library_is_in_the_table() -> None:
-    names = {name.partition(".")[0] for path in modules().values() for name in imported(path)}
-    libraries = names - sys.stdlib_module_names - {*PACKAGES, "numpy"}
-    assert libraries == {row[0] for row in table(text("architecture"), "library")}
+    files = {name: path for name, path in modules().items() if not name.startswith(ROS_SCRIPTS)}
+    assert libraries(files) - {"numpy"} == {
+        row[0] for row in table(text("architecture"), "library")
+    }
+
+
+def test_the_scripts_that_run_in_the_python_of_ros_import_only_ros() -> None:
+    files = {name: path for name, path in modules().items() if name.startswith(ROS_SCRIPTS)}
+    assert libraries(files) == ROS
 
 
 def test_figures_are_drawn_by_one_module_of_the_session() -> None:

@@ -71,7 +71,7 @@ class Messages:
             reading = tick.readings[number]
             if reading is not None:
                 message = self._ranges[number]
-                message.header.stamp, message.range = stamp, reading
+                message.header.stamp, message.range = stamp, float(reading)
                 yield self._range_topics[number], message
         x, y, yaw, speed, yaw_rate = tick.state[:5]
         if x is not None and y is not None and yaw is not None:
@@ -107,7 +107,7 @@ def _range(sensor: dict[str, Any]) -> Any:
 
 def _pose(x: float, y: float, yaw: float) -> Any:
     pose = Pose()
-    pose.position.x, pose.position.y = x, y
+    pose.position.x, pose.position.y = float(x), float(y)  # rclpy misreads whole numbers
     pose.orientation.z, pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
     return pose
 
