@@ -31,9 +31,12 @@ LOOK_US = 50_000
 class SitlFrames:
     """The frames of one SITL process. Only one thread uses it."""
 
-    def __init__(self, process: OutsideProcess, udp: socket.socket, ahead_m: float) -> None:
+    def __init__(
+        self, process: OutsideProcess, udp: socket.socket, ahead_m: float, range_finders: int
+    ) -> None:
         """Use a bound socket; the told point is ``ahead_m`` ahead of the one that moves ahead."""
         self._process, self._udp, self._ahead = process, udp, ahead_m
+        self._ranges = "".join(f',"rng_{i}":%r' for i in range(1, range_finders + 1))
         udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, LOOK_US))
         self._last_frame = -1
         self._speed = self._yaw_rate = math.nan
@@ -95,7 +98,8 @@ class SitlFrames:
         """Send the state at ``clock`` [s], ``step`` after the one before.
 
         ``pose`` is x (north), y (west) [m] and yaw (left positive) [rad]; ``motion`` is the speed
-        ahead [m/s] and the yaw rate [rad/s], on level ground; at most six ``ranges`` are read [m].
+        ahead [m/s] and the yaw rate [rad/s], on level ground; ``ranges`` has a reading [m] of each
+        range finder.
         """
         x, y, yaw = pose
         speed, rate = motion
@@ -107,7 +111,7 @@ class SitlFrames:
         aside = rate * ahead  # the velocity to the left of a point ahead of the axle
         forward, left = gain - rate * aside, rate * speed + turn * ahead
         north, west = speed * cos - aside * sin, speed * sin + aside * cos
-        told = "".join(f',"rng_{i}":{value!r}' for i, value in enumerate(ranges, 1))
+        told = self._ranges % tuple(ranges)
         # ArduPilot's parser wants no space here, and line ends on both sides.
         text = (
             f'\n{{"timestamp":{clock:.6f},"imu":{{"gyro":[0.0,0.0,{-rate!r}],'

@@ -40,7 +40,7 @@ def make_frames() -> Iterator[Callable[[float], Frames]]:
     ours, theirs = sockets
 
     def make(ahead_m: float) -> Frames:
-        told = SitlFrames(cast(OutsideProcess, FakeProcess()), ours, ahead_m)
+        told = SitlFrames(cast(OutsideProcess, FakeProcess()), ours, ahead_m, 2)
         theirs.send(PACKET.pack(18458, 50, 0, *[0] * 16))
         told.connect(1.0)
         return told, theirs

@@ -1,6 +1,7 @@
 """The MAVLink connection, served within a frame."""
 
 import socket
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -14,6 +15,8 @@ GROUND_STATION = (255, 190)
 ACCEPTED, UNSUPPORTED, FAILED = 0, 3, 4  # MAV_RESULT
 IGNORED, RELEASED = 65535, 0
 STREAM_S = 0.25
+SERVE_S = 0.01
+QUEUED_REQUESTS, ANSWERS, ANSWERS_S = 20, 5, 0.1
 
 
 def connect(serial: str) -> socket.socket:
@@ -37,7 +40,9 @@ class Link:
         self._mavlink.robust_parsing = True
         self._items: dict[int, tuple[float, float]] = {}
         self._expected = 0
-        self._next_beat = self._next_stream = 0.0
+        self._next_beat = self._next_stream = self._next_answers = 0.0
+        self._served = -1.0
+        self._requests: deque[str] = deque()
         self._streaming = True
         self._commands: dict[int, Callable[[Any], int]] = {
             mavlink.MAV_CMD_DO_SET_MODE: lambda message: self._change_mode(int(message.param2)),
@@ -59,7 +64,10 @@ class Link:
         self._connection.close()
 
     def serve(self) -> None:
-        """Do what a frame brings."""
+        """Do what a frame brings, at most a hundred times a second."""
+        if self._backend.time - self._served < SERVE_S - 1e-9:
+            return
+        self._served = self._backend.time
         try:
             data = self._connection.recv(65536)
         except OSError:
@@ -70,6 +78,10 @@ class Link:
 
     def _send_what_is_due(self) -> None:
         time = self._backend.time
+        if time >= self._next_answers:
+            self._next_answers += ANSWERS_S
+            for _ in range(min(len(self._requests), ANSWERS)):
+                self._tell_parameter(self._requests.popleft())
         if self._streaming and time >= self._next_stream:
             self._next_stream += STREAM_S
             angles, rates = self._backend.state.attitude, self._backend.state.gyro
@@ -96,8 +108,8 @@ class Link:
             self._override(message)
         elif kind == "REQUEST_DATA_STREAM":
             self._streaming = bool(message.start_stop)
-        elif kind == "PARAM_REQUEST_READ":
-            self._tell_parameter(message.param_id)
+        elif kind == "PARAM_REQUEST_READ" and len(self._requests) < QUEUED_REQUESTS:
+            self._requests.append(message.param_id)
 
     def _take_item(self, message: Any) -> None:
         if message.seq != len(self._items):

@@ -1,0 +1,207 @@
+"""ArduPilot Rover in one mission: the way into AUTO, and then a frame a decision."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from evoros.base.arrays import COMMAND_SIZE, DRIVE_SPEED, STEERING, Array
+from evoros.base.errors import InputError
+from evoros.base.rng import generator
+from evoros.bridge.mavlink import RELEASED, GroundStation
+from evoros.bridge.process import OutsideProcess
+from evoros.bridge.sitl import NO_PULSE, SitlFrames
+from evoros.controller.ardupilot_parameters import MAX_RANGE_FINDERS
+from evoros.controller.protocol import Briefing
+
+if TYPE_CHECKING:
+    from evoros.controller.ardupilot import ArduPilot
+
+HOME = (42.0, -83.0)
+"""Latitude and longitude [deg] of the origin of the world, whose x axis points north."""
+METRES_PER_DEGREE = 111318.84502145034  # of latitude, as ArduPilot counts
+MANUAL, AUTO = 0, 10
+CENTRE_US, SPAN_US = 1500, 500
+STEERING_SERVO, THROTTLE_SERVO = 0, 2
+AVOIDING, NAVIGATING = 1, 2
+BEYOND_M = 1.0
+"""A silent sonar is told this far beyond its range, because an absent value would stay."""
+ASKED_AT_ONCE, ANSWER_S = 5, 2.0
+"""How many parameters are asked for together, and how long the answers may take [simulated s].
+
+ArduPilot answers ten times a second, to five requests a time.
+"""
+
+
+class ArduPilotPilot:
+    """The autopilot and the avoidance layer beside it."""
+
+    def __init__(
+        self,
+        settings: "ArduPilot",
+        briefing: Briefing,
+        process: OutsideProcess,
+        station: GroundStation,
+    ) -> None:
+        robot, drive = briefing.robot, briefing.robot.drive
+        self._settings, self._briefing = settings, briefing
+        self._process, self._station = process, station
+        self._full_speed, self._full_lock = drive.max_speed_mps, drive.steering_limit
+        kinds = [robot.sensors[mount.sensor] for mount in robot.mounts[:MAX_RANGE_FINDERS]]
+        self._nothing_seen = [float(kind.range_max_m) for kind in kinds]
+        self._silent = [reading + BEYOND_M for reading in self._nothing_seen]
+        count, servos = len(kinds), process.sockets["servos"]
+        self._frames = SitlFrames(process, servos, -drive.rear_axle_x_m, count)
+        x, y, _, yaw = map(float, briefing.home)
+        self._at_home = (x, y, yaw)
+        self._frame = 0  # states told
+        self._tick = 0  # decisions taken
+        self._second = max(1, round(1.0 / settings.period_s))
+        self._avoid_every = round(settings.avoidance_period_s / settings.period_s)
+        rng = generator(str(briefing.seed), "avoidance")
+        self._rule = settings.avoidance.rule
+        started = settings.avoidance.start(robot, settings.avoidance_period_s, rng)
+        self._rule_parameters, self._rule_memory = started
+        self._wish = np.zeros(COMMAND_SIZE)
+        self._radio = (RELEASED, RELEASED)
+        self._avoiding = False
+
+    @property
+    def period_s(self) -> float:
+        """Time between two states."""
+        return self._settings.period_s
+
+    def warm_up(self) -> None:
+        """Bring the autopilot into AUTO, at rest at home, with nothing in sight.
+
+        Raises:
+            InputError: it does not arm, or refuses its route or a parameter.
+            PilotLost: it ended, or did not answer in time.
+        """
+        station, settings = self._station, self._settings
+        self._frames.connect(settings.start_limit_s)
+        self._frames.receive(settings.start_limit_s, None)
+        self._wait("send a heartbeat", lambda: station.mode is not None)
+        self._wait("tell that it is ready", lambda: station.ready)
+        self._check_parameters()
+        station.stop_streams()
+        station.send_route(list(self._convert_route()))
+        self._wait("answer to its route", lambda: station.route_result is not None)
+        if station.route_result != 0:
+            raise self._refused(f"take the route (MAV_MISSION_RESULT {station.route_result})")
+        self._wait("arm", station.has_armed, station.arm)
+        self._wait("enter AUTO", station.has_set_mode, lambda: station.set_mode(AUTO))
+
+    def exchange(
+        self, time: float, state: Array, leg: Array, readings: Array, command: Array
+    ) -> int:
+        """Speak while the autopilot waits, tell it the state, and take its servo outputs."""
+        self._station.read(time)
+        if self._tick % self._second == 0:
+            self._station.send_heartbeat()
+        if self._tick % self._avoid_every == 0:
+            self._avoid(time, state, leg, readings)
+        self._tick += 1
+        x, y, yaw, speed, rate, _ = state.tolist()
+        values = zip(readings.tolist(), self._silent, strict=False)
+        ranges = [value if value == value else silent for value, silent in values]
+        widths = self._advance((x, y, yaw), (speed, rate), ranges, time)
+        steering, throttle = widths[STEERING_SERVO], widths[THROTTLE_SERVO]
+        self._frames.check_widths((steering, throttle), time)
+        if NO_PULSE in (steering, throttle):
+            return 0
+        command[STEERING] = (CENTRE_US - steering) / SPAN_US * self._full_lock
+        command[DRIVE_SPEED] = (throttle - CENTRE_US) / SPAN_US * self._full_speed
+        return AVOIDING if self._avoiding else NAVIGATING
+
+    def _avoid(self, time: float, state: Array, leg: Array, readings: Array) -> None:
+        """Let the avoidance decide whether it drives, and how."""
+        station, wish = self._station, self._wish
+        avoiding = bool(
+            self._rule(self._rule_parameters, self._rule_memory, state, leg, readings, time, wish)
+        )
+        if avoiding != self._avoiding or not station.has_set_mode():
+            station.set_mode(MANUAL if avoiding else AUTO)
+        self._avoiding = avoiding
+        radio = (RELEASED, RELEASED)
+        if avoiding:
+            steering = _to_width(-float(wish[STEERING]) / self._full_lock)
+            radio = (steering, _to_width(float(wish[DRIVE_SPEED]) / self._full_speed))
+        if radio != self._radio or (avoiding and self._tick % self._second == 0):
+            station.override_radio(*radio)
+        self._radio = radio
+
+    def _advance(
+        self,
+        pose: Sequence[float],
+        motion: Sequence[float],
+        ranges: Sequence[float],
+        time: float | None,
+    ) -> tuple[int, ...]:
+        self._frame += 1
+        clock = self._frame * self.period_s
+        self._frames.send(clock, self.period_s, pose, motion, ranges)
+        return self._frames.receive(self._settings.answer_limit_s, time)
+
+    def rest(self) -> None:
+        """Spend a frame at rest at home."""
+        self._advance(self._at_home, (0.0, 0.0), self._nothing_seen, None)
+        self._station.read(None)
+
+    def _wait(
+        self, what: str, is_done: Callable[[], bool], ask: Callable[[], None] | None = None
+    ) -> None:
+        """Rest until it is done; send a heartbeat, and ask, once a simulated second."""
+        for frame in range(math.ceil(self._settings.warm_up_s / self.period_s)):
+            if frame % self._second == 0:
+                self._station.send_heartbeat()
+                if ask is not None:
+                    ask()
+            self.rest()
+            if is_done():
+                return
+        raise self._refused(f"{what} within {self._settings.warm_up_s:g} simulated s")
+
+    def _refused(self, what: str) -> InputError:
+        texts = "; ".join(self._station.texts) or "nothing"
+        return InputError(f"{self._process.name} must {what}, and did not; its last texts: {texts}")
+
+    def _check_parameters(self) -> None:
+        """Require that the autopilot knows the given parameters, which it would pass over.
+
+        One that answers to no request at all is not asked any further.
+
+        Raises:
+            InputError: it knows others, but not this one.
+        """
+        station, names = self._station, list(self._settings.parameters)
+        for first in range(0, len(names), ASKED_AT_ONCE):
+            asked = names[first : first + ASKED_AT_ONCE]
+            for name in asked:
+                station.ask_parameter(name)
+            for _ in range(math.ceil(ANSWER_S / self.period_s)):
+                if station.parameters.keys() >= set(asked):
+                    break
+                self.rest()
+            unknown = [name for name in asked if name not in station.parameters]
+            if unknown and station.parameters:
+                raise InputError(
+                    f"controller.parameters.{unknown[0]}: must be a parameter of "
+                    f"{self._process.name}, which knows none of this name; use the name that its "
+                    f"version has, or remove it"
+                )
+            if unknown:
+                return
+
+    def _convert_route(self) -> Sequence[tuple[float, float]]:
+        """Return home and the waypoints as latitudes and longitudes [deg]."""
+        latitude, longitude = HOME
+        scale = METRES_PER_DEGREE * math.cos(math.radians(latitude))
+        points = [self._briefing.home[:2], *self._briefing.route.tolist()]
+        return [(latitude + x / METRES_PER_DEGREE, longitude - y / scale) for x, y in points]
+
+
+def _to_width(demand: float) -> int:
+    """Return the width [us] of a channel's pulse for a demand from -1 to 1."""
+    return CENTRE_US + round(SPAN_US * max(-1.0, min(demand, 1.0)))

@@ -1,0 +1,141 @@
+"""ArduPilot, or what stands in for it, and short missions that it drives."""
+
+import os
+import shlex
+import signal
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from helpers import ROOT
+
+from evoros.base.arrays import Array
+from evoros.config.compose import compose
+from evoros.controller.ardupilot import ArduPilot
+from evoros.controller.protocol import Briefing, Layer, Pilot
+from evoros.design.design import Design
+from evoros.evolution.experiment import Experiment
+from evoros.filter.protocol import Filter
+from evoros.mission.mission import Mission
+from evoros.mission.scenario import Scenario
+from evoros.sensor.protocol import Mount
+
+REAL = os.environ.get("EVOROS_ARDUROVER")
+"""The path of a real ardurover, on which the tests then run."""
+VERSION = "ArduRover V4.7.5 (a1b2c3d4)"
+PERIOD_S = 0.02
+
+
+def make_binary(folder: Path) -> Path:
+    """The real ardurover, or an executable that runs the peer by this Python."""
+    if REAL:
+        return Path(REAL).absolute()
+    path = folder / "ardurover"
+    peer = shlex.join([sys.executable, str(ROOT / "tests" / "peer" / "ardurover")])
+    path.write_text(f'#!/bin/sh\n# {VERSION}\nexec {peer} "$@"\n')
+    path.chmod(0o755)
+    return path
+
+
+def compose_experiment(binary: Path, *more: str) -> Experiment:
+    """The case study's course in one world, driven by ArduPilot without a mission's start."""
+    overrides = ("world=boxes", "controller=ardupilot", f"controller.binary={binary}")
+    return compose([*overrides, "simulator.time_step=0.02", *more]).build()
+
+
+def open_field(experiment: Experiment, limit_s: float | None = None) -> Scenario:
+    """The scenario without obstacles, with another limit of the time."""
+    world = experiment.world["boxes"]
+    limit = world.course.time_limit_s if limit_s is None else limit_s
+    course = replace(world.course, time_limit_s=limit)
+    ground = tuple(body for body in world.bodies if body.is_ground)
+    return replace(
+        experiment.scenario, world={"boxes": replace(world, bodies=ground, course=course)}
+    )
+
+
+def with_settings(scenario: Scenario, **changes: object) -> Scenario:
+    """The scenario with other values of its controller."""
+    controller = scenario.controller
+    assert isinstance(controller, ArduPilot)
+    return replace(scenario, controller=replace(controller, **changes))  # type: ignore[arg-type]
+
+
+def with_fault(scenario: Scenario, fault: str) -> Scenario:
+    """The scenario with a fault of the peer (``tests/peer/rover_peer/faults.py``)."""
+    return with_settings(scenario, environment={"PEER_FAULT": fault}, answer_limit_s=1.5)
+
+
+def mission(sonars: int = 6, draws: str = "test") -> Mission:
+    """A mission with sonars all around."""
+    yaws = np.linspace(-90.0, 90.0, sonars) if sonars > 1 else np.zeros(sonars)
+    mounts = tuple(Mount("sonar", "base_link", 0.1, 0.0, 0.166, float(yaw), 12.5) for yaw in yaws)
+    return Mission(0, 0, Design(mounts), "boxes", 0, "evaluation", draws)
+
+
+def find_processes(binary: Path) -> list[int]:
+    """The processes that run the binary, or the peer for it, in any namespace below this one."""
+    names = {str(binary), str(ROOT / "tests" / "peer" / "ardurover")}
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            words = (folder / "cmdline").read_text().split("\0")
+            if names & set(words) and "keeper.py" not in words:
+                found.append(int(folder.name))
+    return found
+
+
+@dataclass(frozen=True)
+class Interrupted:
+    """An ArduPilot whose processes get a signal before one of its decisions."""
+
+    inner: ArduPilot
+    tick: int
+    number: signal.Signals
+
+    @property
+    def period_s(self) -> float:
+        return self.inner.period_s
+
+    @property
+    def localization(self) -> Mapping[str, Filter]:
+        return self.inner.localization
+
+    @property
+    def modes(self) -> Sequence[str]:
+        return self.inner.modes
+
+    @property
+    def files(self) -> Sequence[str]:
+        return self.inner.files
+
+    @property
+    def avoidance(self) -> Layer:
+        return self.inner.avoidance
+
+    @contextmanager
+    def launch(self, briefing: Briefing) -> Iterator[Pilot]:
+        with self.inner.launch(briefing) as pilot:
+            yield InterruptedPilot(pilot, self)
+
+
+class InterruptedPilot:
+    """Sends the signal, and lets the pilot go on."""
+
+    def __init__(self, pilot: Pilot, settings: Interrupted) -> None:
+        self._pilot, self._settings, self._tick = pilot, settings, 0
+
+    def exchange(
+        self, time: float, state: Array, leg: Array, readings: Array, command: Array
+    ) -> int:
+        if self._tick == self._settings.tick:
+            processes = find_processes(Path(self._settings.inner.binary))
+            assert processes
+            for process in processes:
+                with suppress(ProcessLookupError):
+                    os.kill(process, self._settings.number)
+        self._tick += 1
+        return self._pilot.exchange(time, state, leg, readings, command)

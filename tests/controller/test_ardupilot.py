@@ -1,0 +1,272 @@
+"""A real autopilot as the controller, or the peer that stands in for it."""
+
+import hashlib
+import math
+import multiprocessing
+import signal
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pytest
+from ardupilot_cases import (
+    PERIOD_S,
+    REAL,
+    VERSION,
+    Interrupted,
+    compose_experiment,
+    find_processes,
+    make_binary,
+    mission,
+    open_field,
+    with_fault,
+    with_settings,
+)
+from pybullet_cases import box
+
+from evoros.base.errors import InputError, LaunchError, PilotLost
+from evoros.bridge import mavlink
+from evoros.controller.ardupilot import ArduPilot
+from evoros.evolution.experiment import Experiment
+from evoros.mission.rollout import run_mission
+from evoros.mission.scenario import Scenario
+
+SHORT_S = 4.0
+LAST_TICK = round(SHORT_S / PERIOD_S) - 1
+of_the_peer = pytest.mark.skipif(REAL is not None, reason="only the peer has faults to inject")
+
+
+@pytest.fixture(scope="module")
+def binary(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    path = make_binary(tmp_path_factory.mktemp("a binary"))
+    yield path
+    assert not find_processes(path)
+
+
+@pytest.fixture(scope="module")
+def experiment(binary: Path) -> Experiment:
+    return compose_experiment(binary, "simulator=planar")
+
+
+@pytest.fixture(scope="module")
+def short(experiment: Experiment) -> Scenario:
+    """Four seconds in the open; the weaving blind rule of nothing in sight never avoids."""
+    return open_field(experiment, SHORT_S)
+
+
+@pytest.fixture(scope="module")
+def among_boxes(experiment: Experiment) -> Scenario:
+    """Thirty seconds with a box beside the first leg, which it avoids."""
+    scenario = open_field(experiment, 30.0)
+    world = scenario.world["boxes"]
+    (x, y), (to_x, to_y) = world.course.home[:2], world.course.route(True)[0]
+    obstacle = box("box", x + 0.5 * (to_x - x) + 0.3, y + 0.5 * (to_y - y) + 0.3)
+    return replace(scenario, world={"boxes": replace(world, bodies=(*world.bodies, obstacle))})
+
+
+def digest(scenario: Scenario) -> str:
+    outcome, track = run_mission(scenario, mission())
+    return hashlib.sha256(track.tobytes() + repr(outcome).encode()).hexdigest()
+
+
+@pytest.fixture(scope="module")
+def reference(among_boxes: Scenario) -> str:
+    return digest(among_boxes)
+
+
+@pytest.mark.parametrize("simulator", ["planar", "pybullet"])
+def test_all_ten_waypoints_count_in_the_open(binary: Path, simulator: str) -> None:
+    scenario = open_field(compose_experiment(binary, f"simulator={simulator}"))
+    outcome, _ = run_mission(scenario, mission())
+    assert (outcome.visited, outcome.ended, outcome.collisions) == (10, "completed", 0)
+    assert outcome.avoiding == 0.0
+
+
+def test_it_avoids_and_goes_on_with_its_route(among_boxes: Scenario) -> None:
+    outcome, track = run_mission(among_boxes, mission())
+    modes = track[:, 6]
+    changes = modes[np.flatnonzero(np.diff(modes, prepend=0.0))].tolist()
+    assert changes[:3] == [2.0, 1.0, 2.0]
+    assert 0.0 < outcome.avoiding < 1.0
+    assert outcome.collisions == 0
+    assert outcome.visited > 0
+
+
+def test_two_missions_have_the_same_bytes(among_boxes: Scenario, reference: str) -> None:
+    assert digest(among_boxes) == reference
+
+
+def test_missions_at_once_do_not_hear_each_other(among_boxes: Scenario, reference: str) -> None:
+    with ThreadPoolExecutor(2) as pool:
+        assert set(pool.map(digest, [among_boxes] * 2)) == {reference}
+
+
+def test_a_busy_machine_changes_no_byte(among_boxes: Scenario, reference: str) -> None:
+    with burn():
+        assert digest(among_boxes) == reference
+
+
+@of_the_peer
+@pytest.mark.parametrize("fault", ["miss@0", "miss@auto+70", "slow@auto+800:0.004", "noise@auto+9"])
+def test_a_fault_of_the_transport_changes_no_byte(
+    among_boxes: Scenario, reference: str, fault: str
+) -> None:
+    assert digest(with_settings(among_boxes, environment={"PEER_FAULT": fault})) == reference
+
+
+@contextmanager
+def burn() -> Iterator[None]:
+    """Keep every core busy."""
+    context = multiprocessing.get_context("spawn")
+    burners = [context.Process(target=_spin, daemon=True) for _ in range(4)]
+    for burner in burners:
+        burner.start()
+    try:
+        yield
+    finally:
+        for burner in burners:
+            burner.kill()
+            burner.join()
+
+
+def _spin() -> None:
+    while True:
+        math.sin(1.0)
+
+
+@pytest.mark.parametrize("tick", [0, 100, LAST_TICK])
+def test_a_killed_autopilot_is_lost_at_its_time(short: Scenario, tick: int) -> None:
+    with pytest.raises(PilotLost, match=rf"ended by signal 9 .*at {tick * PERIOD_S:g} simulated s"):
+        run_mission(interrupted(short, tick, signal.SIGKILL), mission())
+
+
+@pytest.mark.parametrize("tick", [0, LAST_TICK])
+def test_a_stopped_autopilot_is_lost_at_its_time(short: Scenario, tick: int) -> None:
+    slow = with_settings(short, answer_limit_s=0.5)
+    message = rf"sent no servo outputs within 0.5 s at {tick * PERIOD_S:g} simulated s"
+    with pytest.raises(PilotLost, match=message):
+        run_mission(interrupted(slow, tick, signal.SIGSTOP), mission())
+
+
+def interrupted(scenario: Scenario, tick: int, number: signal.Signals) -> Scenario:
+    inner = cast(ArduPilot, scenario.controller)
+    return replace(scenario, controller=Interrupted(inner, tick, number))
+
+
+@of_the_peer
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ("die@0", "ended with exit status 1 before the mission began; .*Floating point exception"),
+        ("die@30", "ended with exit status 1 before the mission began"),
+        ("die@auto+1", "ended with exit status 1 at 0 simulated s"),
+        (f"die@auto+{LAST_TICK + 1}", f"ended with exit status 1 at {SHORT_S - PERIOD_S:g} sim"),
+        ("crash@auto+51", r"ended by signal 11 \(Segmentation fault\) at 1 simulated s"),
+        ("hang@0", "sent no servo outputs within 2 s of its start before the mission began"),
+        ("hang@auto+1", "sent no servo outputs within 1.5 s at 0 simulated s"),
+        ("stop@auto+101", "sent no servo outputs within 1.5 s at 2 simulated s"),
+        ("unlink@auto+50", "closed MAVLink at 1 simulated s"),
+    ],
+)
+def test_a_lost_autopilot_is_told_with_time_status_and_last_words(
+    short: Scenario, fault: str, message: str
+) -> None:
+    with pytest.raises(PilotLost, match=message):
+        run_mission(with_settings(with_fault(short, fault), start_limit_s=2.0), mission())
+
+
+@of_the_peer
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ("rubbish@0", "sent a packet that begins with 0, not 18458 before the mission began"),
+        ("rubbish@auto+1", "sent a packet that begins with 0, not 18458 at 0 simulated s"),
+        ("short@auto+51", "sent a packet of 20 bytes at 1 simulated s"),
+        ("steering@auto+51:65535", "sent a servo pulse of 65535 us at 1 simulated s"),
+        (f"throttle@auto+{LAST_TICK + 1}:799", "sent a servo pulse of 799 us at 3.98 simulated s"),
+    ],
+)
+def test_what_cannot_be_used_fails_the_simulation_at_its_time(
+    short: Scenario, fault: str, message: str
+) -> None:
+    outcome, _ = run_mission(with_fault(short, fault), mission())
+    assert outcome.ended == "simulation_failure"
+    assert message in outcome.reason
+
+
+@of_the_peer
+def test_a_servo_without_pulse_leaves_the_last_command(short: Scenario) -> None:
+    outcome, track = run_mission(with_fault(short, "steering@auto+51:0"), mission())
+    assert outcome.ended == "time_limit"
+    assert set(track[:, 6].tolist()) <= {0.0, 2.0}
+
+
+@of_the_peer
+def test_one_that_is_never_ready_is_refused_with_what_it_said(short: Scenario) -> None:
+    deaf = with_settings(with_fault(short, "deaf@0"), warm_up_s=2.0)
+    with pytest.raises(InputError, match="must send a heartbeat within 2 simulated s"):
+        run_mission(deaf, mission())
+
+
+@of_the_peer
+def test_one_that_does_not_arm_is_refused_with_its_reason(short: Scenario) -> None:
+    controller = cast(ArduPilot, short.controller)
+    parameters = {**controller.parameters, "SCHED_LOOP_RATE": 200}
+    eager = with_settings(short, parameters=parameters, warm_up_s=6.0)
+    with pytest.raises(InputError, match=r"must arm within 6 .*Main loop slow \(50Hz < 200Hz\)"):
+        run_mission(eager, mission())
+
+
+def test_an_unknown_parameter_is_refused_by_its_name(short: Scenario) -> None:
+    controller = cast(ArduPilot, short.controller)
+    misspelt = with_settings(short, parameters={**controller.parameters, "WP_SPED": 0.3})
+    with pytest.raises(InputError, match=r"controller\.parameters\.WP_SPED: must be a parameter"):
+        run_mission(misspelt, mission())
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"period_s": 0.025}, "at most 0.02, because ArduPilot does not arm with fewer than 50"),
+        ({"avoidance_period_s": 0.05}, "must be a whole multiple of period_s .*set it to 0.04"),
+        ({"localization": {"late": None}}, "must be empty, because the autopilot has a loc"),
+        ({"parameters": {"wp_speed": 1}}, "must be a mapping from ArduPilot's names"),
+        ({"parameters": {"WP_SPEED": math.nan}}, "must be a mapping from ArduPilot's names"),
+        ({"binary": ""}, "must be a text that is not empty"),
+    ],
+)
+def test_a_bad_value_is_one_line(short: Scenario, changes: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        with_settings(short, **changes)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["missing", "no_program"])
+def test_a_binary_that_cannot_be_started_is_named(
+    short: Scenario, tmp_path: Path, name: str
+) -> None:
+    (tmp_path / "no_program").write_text("text")
+    with pytest.raises(LaunchError, match=f"{name}: must be a program that this system can exec"):
+        run_mission(with_settings(short, binary=str(tmp_path / name)), mission())
+
+
+def test_without_pymavlink_its_installation_is_told(
+    short: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mavlink.dialect.cache_clear()
+    monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
+    with pytest.raises(LaunchError, match=r"pip install evoros\[ardupilot\]"):
+        run_mission(short, mission())
+    mavlink.dialect.cache_clear()
+
+
+@of_the_peer
+def test_the_version_is_that_of_the_binary(short: Scenario) -> None:
+    controller = cast(ArduPilot, short.controller)
+    assert controller.version == VERSION
+    assert controller.files == (controller.binary,)
