@@ -49,7 +49,7 @@ def on_goal(message):
 for sensor in sensors:
     rospy.Subscriber("/" + sensor["name"], Range, on_range)
 rospy.Subscriber("/odom", Odometry, on_odometry)
-rospy.Subscriber("/goal", PoseStamped, on_goal)
+rospy.Subscriber("/move_base_simple/goal", PoseStamped, on_goal)
 if style == "timer":
     rospy.Timer(rospy.Duration(0.1), command)
 if style == "rate":

@@ -1,9 +1,11 @@
 """Tells when all processes of a mission are at rest. Standard library only; Linux.
 
-A thread that is woken is runnable before the call that woke it returns, and the kernel counts how
-often each thread began to run. If every thread sleeps in two looks, and none began to run from
-before the first until after the second, then between the looks all slept at once. Nobody works on
-a message any more, and nothing happens before the next message or the end of a wall-clock timeout.
+A thread that is woken counts as runnable before the call that woke it returns, and the CPU time of
+a process grows with each run of one of its threads. If all threads sleep, each at the moment when
+it is looked at, and no CPU time has grown from before the first look until after the last, then all
+slept before the first look: who ran then would have had to stop before it was looked at, and who
+was runnable would still be. So nobody works on a message any more, and nothing happens before the
+next message or the end of a wall-clock timeout.
 """
 
 from __future__ import annotations
@@ -12,20 +14,11 @@ import ctypes
 import os
 import resource
 import time
-from typing import NamedTuple
 
-ASLEEP = (b"S", b"Z", b"X")  # sleeping, or ended; a stopped process (T) is not at rest
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.00002, 0.0002
 
 # linux/prctl.h
 SET_TIMER_SLACK, SET_SUBREAPER = 29, 36
-
-
-class Files(NamedTuple):
-    """The open files of one thread in /proc."""
-
-    runs: int
-    state: int
 
 
 class Rest:
@@ -40,14 +33,13 @@ class Rest:
             OSError: the kernel does not tell what is needed.
         """
         self._isolated = isolated
-        self._files: dict[tuple[int, int], Files] = {}  # by process and thread
-        self._population: object = None  # for which _files was drawn up
+        self._states: dict[tuple[int, int], int] = {}  # open files, by process and thread
+        self._clocks: list[int] = []  # of CPU time
+        self._population: object = None  # for which these were drawn up
         self._newest = os.open("/proc/loadavg", os.O_RDONLY)
         if not isolated:  # who loses its parent becomes a child of this process, and stays in sight
             ctypes.CDLL(None).prctl(SET_SUBREAPER, 1, 0, 0, 0)
-        with open("/proc/thread-self/schedstat", "rb") as file:
-            if file.read().split()[2] == b"0":
-                raise OSError("this kernel does not count how often a thread runs")
+            os.stat(f"/proc/self/task/{os.getpid()}/children")
 
     def wait(self, limit_s: float) -> bool:
         """Return when all rest: True; False if they still work after ``limit_s`` of wall time."""
@@ -65,8 +57,8 @@ class Rest:
         self._draw_up()
         pids = {
             pid
-            for (pid, _), files in self._files.items()
-            if pid != os.getpid() and self._state(files) not in ASLEEP
+            for (pid, _), file in self._states.items()
+            if pid != os.getpid() and not _asleep(file)
         }
         return [_command(pid) for pid in sorted(pids)]
 
@@ -80,28 +72,18 @@ class Rest:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
     def _at_rest(self) -> bool:
-        """Look twice; the order of the four rows of reads is what makes the answer certain."""
         population = self._who()
         if population != self._population:
             self._draw_up()
-        files = list(self._files.values())
         try:
-            before = [os.pread(each.runs, 64, 0).split()[2] for each in files]
-            if not all(self._state(each) in ASLEEP for each in files):
+            before = list(map(time.clock_gettime_ns, self._clocks))
+            if not all(map(_asleep, self._states.values())):
                 return False
-            if not all(self._state(each) in ASLEEP for each in files):
-                return False
-            after = [os.pread(each.runs, 64, 0).split()[2] for each in files]
-        except ProcessLookupError:  # a thread has ended
+            after = list(map(time.clock_gettime_ns, self._clocks))
+        except OSError:  # a thread or process has ended
             self._population = None
             return False
         return before == after and self._who() == self._population
-
-    @staticmethod
-    def _state(files: Files) -> bytes:
-        text = os.pread(files.state, 128, 0)
-        at = text.rindex(b")") + 2  # the name in brackets may contain anything
-        return text[at : at + 1]
 
     def _who(self) -> object:
         """Return a value that changes whenever a process or thread of the mission begins."""
@@ -113,21 +95,17 @@ class Rest:
         """Open the files of new threads, and close those of threads that have ended."""
         self._population = self._who()
         threads = self._threads()
-        for thread in self._files.keys() - threads:
-            for file in self._files.pop(thread):
-                os.close(file)
-        for pid, tid in threads - self._files.keys():
-            path = f"/proc/{pid}/task/{tid}/"
+        for thread in self._states.keys() - threads:
+            os.close(self._states.pop(thread))
+        for pid, tid in threads - self._states.keys():
             try:
-                state = os.open(path + "stat", os.O_RDONLY)
+                self._states[pid, tid] = os.open(f"/proc/{pid}/task/{tid}/stat", os.O_RDONLY)
             except (FileNotFoundError, ProcessLookupError):  # ended meanwhile
                 continue
-            try:
-                runs = os.open(path + "schedstat", os.O_RDONLY)
-            except (FileNotFoundError, ProcessLookupError):
-                os.close(state)
-                continue
-            self._files[pid, tid] = Files(runs, state)
+        me = os.getpid()
+        # linux/posix-timers.h: how the CPU clock of a process and of a thread is numbered
+        self._clocks = [~pid << 3 | 2 for pid in {pid for pid, _ in self._states} - {me}]
+        self._clocks += [~tid << 3 | 6 for pid, tid in self._states if pid == me]
 
     def _threads(self) -> set[tuple[int, int]]:
         """Return the threads of all processes of the mission except this one's main thread."""
@@ -141,6 +119,13 @@ class Rest:
                 if not self._isolated:
                     pids += _children(pid, tid)
         return threads - {(me, me)}
+
+
+def _asleep(file: int) -> bool:
+    """Whether the thread of a stat file sleeps, or has ended; a stopped one (T) does neither."""
+    text = os.pread(file, 128, 0)
+    at = text.rindex(b")") + 2  # the name in brackets may contain anything
+    return text[at : at + 1] in b"SZX"
 
 
 def _numbers(folder: str) -> list[int]:

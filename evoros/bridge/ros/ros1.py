@@ -144,9 +144,8 @@ class Mission:
             for publisher, message in self._outgoing.messages(tick):
                 connections = sorted(publisher.impl.connections, key=self._graph.place)
                 for connection in connections:  # one node after the other
-                    self._require_rest(until)
                     publisher.impl.publish(message, connection_override=connection)
-            self._require_rest(until)
+                    self._require_rest(until)
             if self._options["answer"] == "each":
                 self._require_command(until)
             self._answer()

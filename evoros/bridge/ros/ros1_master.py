@@ -19,7 +19,7 @@ TOLD = ("sensors", "drive", "home", "route", "acceptance_m", "time_limit_s", "pe
 PROGRAM = """
 import sys, time
 from rosmaster.master import Master
-master = Master(int(sys.argv[1]))
+master = Master(int(sys.argv[1]), num_workers=1)
 master.start()
 while master.ok():
     time.sleep(0.5)

@@ -1,0 +1,83 @@
+"""The base of the controllers that are nodes of ROS: which nodes, on which topics."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+from evoros.base.checks import TEXT, Rule, checked, one_of
+from evoros.base.resources import PACKAGE
+from evoros.controller.line_controller import COMMAND, LineController, list_files, split_command
+from evoros.controller.protocol import Briefing, Pilot
+
+BRIDGES = PACKAGE / "bridge" / "ros"
+SENSOR = "{sensor}"
+ROLES = ("command", "goal", "mode", "odometry", "range", "route")
+
+NODES = Rule(
+    "a list of commands, at least one, each a text or a list of texts",
+    lambda v: isinstance(v, list | tuple) and bool(v) and all(map(COMMAND.holds, v)),
+)
+TOPICS = Rule(
+    f"the topics of {', '.join(ROLES)}, each a text that begins with /, that of range with {SENSOR}",
+    lambda v: (
+        isinstance(v, Mapping)
+        and sorted(v) == list(ROLES)
+        and all(isinstance(topic, str) and topic.startswith("/") for topic in v.values())
+        and SENSOR in v["range"]
+    ),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+@checked
+class RosController(LineController):
+    """Starts nodes of ROS for each mission, and a bridge between them and the mission.
+
+    The bridge is a script that runs in ``python``, the one that has ROS.
+
+    Raises:
+        InputError: a value breaks its rule.
+    """
+
+    bridge: ClassVar[str]  # the name of the script
+    python: Annotated[str, TEXT]
+    nodes: Annotated[Sequence[str | Sequence[str]], NODES]
+    topics: Annotated[Mapping[str, str], TOPICS]
+    frame: Annotated[str, TEXT] = "odom"  # the world's
+    twist: Annotated[str, one_of("yaw_rate", "steering")] = "yaw_rate"  # what angular.z is
+    answer: Annotated[str, one_of("rest", "each")] = "rest"
+
+    def __post_init__(self) -> None:
+        nodes = [split_command(node) for node in self.nodes]
+        files = [file for node in nodes for file in list_files(node, self.files)]
+        object.__setattr__(self, "nodes", nodes)
+        object.__setattr__(self, "files", tuple(dict.fromkeys(files)))
+
+    def launch(self, briefing: Briefing) -> AbstractContextManager[Pilot]:
+        """Start the bridge and the nodes for one mission.
+
+        Raises:
+            LaunchError: the bridge cannot be started, or refuses the briefing.
+            PilotLost: the nodes were not ready in time.
+        """
+        options = {
+            "nodes": self.nodes,
+            "topics": dict(self.topics),
+            "frame": self.frame,
+            "twist": self.twist,
+            "answer": self.answer,
+            "isolate": self.isolate,
+            "start_limit_s": self.start_limit_s,
+            "answer_limit_s": self.answer_limit_s,
+            "description": _describe_robot(briefing),
+        }
+        command = [*split_command([self.python]), str(BRIDGES / self.bridge)]
+        return self.fly(command, briefing, {"ros": options})
+
+
+def _describe_robot(briefing: Briefing) -> str:
+    """Return a URDF whose root link is the robot's frame, which is that of its poses."""
+    robot = briefing.robot
+    return robot.urdf if robot.engine_urdf is None else robot.loaded_urdf
