@@ -2,8 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from evoros.base.checks import TEXT, Rule, checked, one_of
@@ -20,7 +19,7 @@ NODES = Rule(
     lambda v: isinstance(v, list | tuple) and bool(v) and all(map(COMMAND.holds, v)),
 )
 TOPICS = Rule(
-    f"the topics of {', '.join(ROLES)}, each a text that begins with /, that of range with {SENSOR}",
+    f"texts that begin with / for {', '.join(ROLES)}, with {SENSOR} in that of range",
     lambda v: (
         isinstance(v, Mapping)
         and sorted(v) == list(ROLES)
