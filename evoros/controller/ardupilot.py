@@ -25,7 +25,11 @@ from evoros.base.checks import (
 )
 from evoros.bridge.mavlink import GroundStation, accept, dialect
 from evoros.bridge.process import start_process
-from evoros.controller.ardupilot_parameters import derive_parameters, write_parameters
+from evoros.controller.ardupilot_parameters import (
+    MAX_RANGE_FINDERS,
+    derive_parameters,
+    write_parameters,
+)
 from evoros.controller.ardupilot_pilot import HOME, ArduPilotPilot
 from evoros.controller.line_controller import split_command
 from evoros.controller.protocol import Briefing, Layer, Pilot
@@ -104,6 +108,11 @@ class ArduPilot:
     def files(self) -> tuple[str, ...]:
         """The binary."""
         return (self.binary,)
+
+    @property
+    def told_sensors(self) -> int:
+        """The number of range finders of the simulation."""
+        return MAX_RANGE_FINDERS
 
     @property
     def version(self) -> str:

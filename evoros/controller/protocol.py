@@ -151,6 +151,26 @@ class LiveController(Protocol):
         ...
 
 
+@runtime_checkable
+class LimitedController(Protocol):
+    """A live controller that can tell its program some sensors only, the first of a design."""
+
+    @property
+    def told_sensors(self) -> int:
+        """How many."""
+        ...
+
+
+@runtime_checkable
+class VersionedController(Protocol):
+    """A live controller whose program has a version, which the manifest records."""
+
+    @property
+    def version(self) -> str:
+        """As the program has it; empty if it is unknown."""
+        ...
+
+
 A_CONTROLLER = instance_of(
     Controller | LiveController,
     "a controller (period_s, localization, modes, and open or launch)",

@@ -16,6 +16,7 @@ from evoros.design.genes import check_genes
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.route_check import check_routes
 from evoros.evolution.sight_check import check_sight
+from evoros.evolution.told_check import check_told
 from evoros.mission.compiled_loop import explain_interpreted, prepare
 from evoros.mission.live_layers import open_layers
 from evoros.mission.loop import FilterStage
@@ -37,8 +38,8 @@ def preflight(experiment: Experiment) -> None:
 
     This tries the ends of all evolved ranges, starts the search, equips the robot, draws faults,
     starts the controllers and compiles the rules, which the workers then find on disk. It logs the
-    rules that cannot be compiled, and a warning for each doubt about the robot, its sensors and
-    the courses.
+    rules that cannot be compiled, and a warning for each doubt about the robot, its sensors,
+    the courses and what the controller is told.
 
     Raises:
         InputError: a part refuses what it is given.
@@ -53,7 +54,7 @@ def preflight(experiment: Experiment) -> None:
         except InputError as error:
             raise InputError(f"{key}{error}") from None
     _report_mount(experiment)
-    for check in (check_routes, check_sight):
+    for check in (check_routes, check_sight, check_told):
         for warning in check(experiment):
             LOGGER.warning("%s", warning)
     # Each pair of rules of motion and controller once.

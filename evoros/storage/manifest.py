@@ -15,7 +15,7 @@ from evoros import __version__
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER
 from evoros.base.resources import PACKAGE
-from evoros.controller.protocol import LiveController
+from evoros.controller.protocol import LiveController, VersionedController
 from evoros.evolution.experiment import Experiment
 from evoros.storage.mission_log import FORMAT_VERSION
 
@@ -48,6 +48,7 @@ def manifest(
         "choices": dict(sorted(choices.items())),
         "commit": _commit(),
         "packages": {name: _version(name) for name in (*mission_packages(experiment), *READING)},
+        "programs": _program_versions(experiment),
         "python": platform.python_version(),
         "platform": platform.platform(),
         "processor": processor(),
@@ -72,11 +73,22 @@ def hashes(
     }
 
 
+def _live_controllers(experiment: Experiment) -> list[LiveController]:
+    """List the live controllers of an experiment."""
+    controllers = (experiment.controller, experiment.confirming.controller)
+    return [each for each in controllers if isinstance(each, LiveController)]
+
+
 def _controller_files(experiment: Experiment) -> list[str]:
     """List the files of the live controllers of an experiment."""
-    controllers = (experiment.controller, experiment.confirming.controller)
-    live = (each for each in controllers if isinstance(each, LiveController))
+    live = _live_controllers(experiment)
     return list(dict.fromkeys(path for controller in live for path in controller.files))
+
+
+def _program_versions(experiment: Experiment) -> dict[str, str]:
+    """Return the versions of the live controllers' programs, by the first of their files."""
+    live = _live_controllers(experiment)
+    return {each.files[0]: each.version for each in live if isinstance(each, VersionedController)}
 
 
 def _sha256_of_file(path: str) -> str:

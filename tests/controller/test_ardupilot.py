@@ -1,6 +1,6 @@
 """A real autopilot as the controller, or the peer that stands in for it."""
 
-import hashlib
+import json
 import math
 import multiprocessing
 import signal
@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from typing import cast
 
@@ -27,12 +28,16 @@ from ardupilot_cases import (
     with_fault,
     with_settings,
 )
+from helpers import content
 from pybullet_cases import box
 
 from evoros.base.errors import InputError, LaunchError, PilotLost
 from evoros.bridge import mavlink
+from evoros.cli.run import evoros
 from evoros.controller.ardupilot import ArduPilot
 from evoros.evolution.experiment import Experiment
+from evoros.evolution.preflight import preflight
+from evoros.evolution.told_check import check_told
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
 
@@ -71,7 +76,7 @@ def among_boxes(experiment: Experiment) -> Scenario:
 
 def digest(scenario: Scenario) -> str:
     outcome, track = run_mission(scenario, mission())
-    return hashlib.sha256(track.tobytes() + repr(outcome).encode()).hexdigest()
+    return sha256(track.tobytes() + repr(outcome).encode()).hexdigest()
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +109,21 @@ def test_two_missions_have_the_same_bytes(among_boxes: Scenario, reference: str)
 def test_missions_at_once_do_not_hear_each_other(among_boxes: Scenario, reference: str) -> None:
     with ThreadPoolExecutor(2) as pool:
         assert set(pool.map(digest, [among_boxes] * 2)) == {reference}
+
+
+def test_one_and_two_workers_leave_the_same_bytes(binary: Path, tmp_path: Path) -> None:
+    run = ["world=boxes", "simulator=planar", "controller=ardupilot", f"controller.binary={binary}"]
+    search = ["optimizer.population_size=2", "optimizer.generations=1", "figures=[]"]
+    limits = ["course.time_limit_s=6", "optimizer.validation_trials=1"]
+    folders = [tmp_path / str(workers) for workers in (1, 2)]
+    for folder in folders:
+        options = [f"executor.workers={folder.name}", f"hydra.run.dir={folder}"]
+        assert evoros([*run, *search, *limits, *options]) == 0
+    one, two = map(content, folders)
+    assert one == two
+    manifest = json.loads((folders[0] / "manifest.json").read_text())
+    assert manifest["programs"][str(binary)].startswith("ArduRover V")
+    assert manifest["sha256"][f"file {binary}"] == sha256(binary.read_bytes()).hexdigest()
 
 
 def test_a_busy_machine_changes_no_byte(among_boxes: Scenario, reference: str) -> None:
@@ -270,3 +290,16 @@ def test_the_version_is_that_of_the_binary(short: Scenario) -> None:
     controller = cast(ArduPilot, short.controller)
     assert controller.version == VERSION
     assert controller.files == (controller.binary,)
+
+
+def test_more_than_six_sonars_are_said_once_before_the_run(
+    experiment: Experiment, binary: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert list(check_told(experiment)) == []
+    caplog.set_level("INFO", "evoros")
+    preflight(compose_experiment(binary, "simulator=planar", "design.number=4"))
+    told = [line for line in caplog.messages if "sensors are told" in line]
+    assert told == [
+        "controller: 6 sensors are told to its program, the first of each design, and designs have "
+        "up to 8; its layers see all"
+    ]
