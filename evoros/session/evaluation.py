@@ -14,6 +14,7 @@ from evoros.config.configuration import Configuration
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.drive_check import report_drive
 from evoros.evolution.experiment import Experiment
+from evoros.evolution.repeatability import report_repeatability
 from evoros.executor.protocol import Executor
 from evoros.session.design_tables import (
     DESIGN_FILE,
@@ -67,6 +68,9 @@ class Evaluation:
                 display.begin(0, record.wanted, record.known)
                 with opener(self.executor) as pool:
                     report_drive(experiment, pool)
+                    if not record.known:
+                        first = next(record.list_missions())
+                        report_repeatability(experiment.scenario, first, pool)
                     workers, lost = self.executor.workers, experiment.lost_missions
                     dispatcher = Dispatcher(pool, workers, lost, record.keep_log)
                     dispatcher.run_missing(

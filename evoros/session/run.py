@@ -14,9 +14,11 @@ from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation
 from evoros.evolution.loop import evolve
 from evoros.evolution.preflight import preflight
-from evoros.executor.protocol import Executor
+from evoros.evolution.repeatability import report_repeatability
+from evoros.executor.protocol import Executor, Pool
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
+from evoros.mission.plan import CONFIRMATION, SELECTION
 from evoros.session.figures import check_figures, discard_figures, draw_figures
 from evoros.session.resume import rebuild
 from evoros.session.status import FINISHED, RUNNING, Display, Status, log_start
@@ -56,10 +58,25 @@ class Session:
             display.start(generations)
             with opener(self.executor) as pool:
                 report_drive(self.experiment, pool)
+                self._report_repeatability(pool)
                 last = evolve(self.experiment, record, observer, generations, pool)
                 observer.status.write(FINISHED)  # first: figures are drawn of finished runs
                 draw_figures(record.path, figures, pool)
         return last
+
+    def _report_repeatability(self, pool: Pool) -> None:
+        """Check the first mission of a new run, with each of its controllers."""
+        experiment = self.experiment
+        if self.record.outcomes:
+            return
+        individual = experiment.start_search().ask()[0]
+        design = experiment.space.decode(individual.genome)
+        scenarios = {SELECTION: experiment.scenario}
+        if experiment.confirming.controller is not experiment.controller:
+            scenarios[CONFIRMATION] = experiment.confirming
+        for purpose, scenario in scenarios.items():
+            first = experiment.plan.missions(purpose, 0, individual.id, design)[0]
+            report_repeatability(scenario, first, pool)
 
 
 @dataclass
