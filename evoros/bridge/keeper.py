@@ -1,6 +1,6 @@
 """Starts one command for a mission, and ends it with all that it started. A script.
 
-``process.py`` runs it with the options ``-I -S``, which spare it the import of ``site``. The
+``process.py`` runs it without ``site``, which spares it half of its start. The
 argument is the descriptor of a socket. Through it come one line of JSON, the order, and then the
 sockets of the mission and the news of the command go back, a line of JSON each. When the other end
 of the socket closes, whatever closed it, the command and its descendants are killed.
@@ -14,9 +14,6 @@ does, and because a thread would keep a process out of a user namespace of its o
 """
 
 import array
-import ctypes
-import errno
-import fcntl
 import json
 import os
 import select
@@ -27,18 +24,16 @@ import struct
 import sys
 import tempfile
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-# linux/sched.h, linux/prctl.h, linux/mount.h, linux/sockios.h, linux/if.h
-MOUNTS, IPC, PIDS, NETWORK = 0x20000, 0x8000000, 0x20000000, 0x40000000
-NAMESPACES, NEW_USER = MOUNTS | IPC | PIDS | NETWORK, 0x10000000
-SET_DEATH_SIGNAL, SET_SUBREAPER = 1, 36
-RECURSIVE, PRIVATE = 0x4000, 0x40000
-GET_FLAGS, SET_FLAGS, UP_AND_MULTICAST = 0x8913, 0x8914, 0x1 | 0x1000
+if TYPE_CHECKING:
+    from evoros.bridge.namespaces import call, isolate, make_sockets, mount
+else:  # a script finds what lies beside it
+    from namespaces import call, isolate, make_sockets, mount
+
+SET_DEATH_SIGNAL, SET_SUBREAPER = 1, 36  # linux/prctl.h
 SHARED_MEMORY = "/dev/shm"
 HOME = f"{SHARED_MEMORY}/mission"
-
-LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 def main() -> None:
@@ -48,8 +43,7 @@ def main() -> None:
         order = json.loads(stream.readline())
     try:
         if order["isolate"]:
-            unshare()
-            raise_loopback()
+            isolate()
         else:
             call("prctl", SET_SUBREAPER, 1, 0, 0, 0)
         sockets, ports = make_sockets(order["sockets"])
@@ -70,80 +64,6 @@ def main() -> None:
             end_orphans()
             shutil.rmtree(folder, ignore_errors=True)
     tell(control, ended=code)
-
-
-def call(name: str, *arguments: object) -> None:
-    """Call a function of the C library.
-
-    Raises:
-        OSError: it failed; its file name is that of the function.
-    """
-    if getattr(LIBC, name)(*arguments) != 0:
-        number = ctypes.get_errno()
-        raise OSError(number, os.strerror(number), name)
-
-
-def unshare() -> None:
-    """Enter new namespaces, of a new user with the same number if there is no other way.
-
-    Raises:
-        OSError: the system allows neither.
-    """
-    user, group = os.geteuid(), os.getegid()
-    try:
-        call("unshare", NAMESPACES)
-    except OSError as error:
-        if error.errno != errno.EPERM:
-            raise
-        call("unshare", NAMESPACES | NEW_USER)
-        write("/proc/self/setgroups", "deny")
-        write("/proc/self/uid_map", f"{user} {user} 1")
-        write("/proc/self/gid_map", f"{group} {group} 1")
-    mount(b"none", b"/", None, RECURSIVE | PRIVATE)
-
-
-def mount(source: bytes, target: bytes, kind: bytes | None, flags: int = 0) -> None:
-    """Mount a file system in the namespace.
-
-    Raises:
-        OSError: it failed; its file name is the place.
-    """
-    if LIBC.mount(source, target, kind, flags, None) != 0:
-        number = ctypes.get_errno()
-        raise OSError(number, os.strerror(number), f"mount {target.decode()}")
-
-
-def write(path: str, text: str) -> None:
-    """Write a text to a file."""
-    with open(path, "w") as file:
-        file.write(text)
-
-
-def raise_loopback() -> None:
-    """Bring up the loopback interface, with multicast, by which ROS 2 discovers nodes."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
-        request = struct.pack("16sh", b"lo", 0)
-        flags = struct.unpack("16sh", fcntl.ioctl(any_socket, GET_FLAGS, request))[1]
-        fcntl.ioctl(any_socket, SET_FLAGS, struct.pack("16sh", b"lo", flags | UP_AND_MULTICAST))
-
-
-def make_sockets(kinds: dict[str, str]) -> tuple[dict[str, socket.socket], dict[str, int]]:
-    """Make sockets in the command's network; return those to keep, and the ports of all."""
-    kept, ports, free = {}, {}, []
-    for name, kind in kinds.items():
-        stream = kind == "tcp"
-        item = socket.socket(socket.AF_INET, socket.SOCK_STREAM if stream else socket.SOCK_DGRAM)
-        item.bind(("127.0.0.1", 0))
-        ports[name] = item.getsockname()[1]
-        if stream:
-            item.listen()
-        if kind == "port":
-            free.append(item)  # closed after all are bound, so that all differ
-        else:
-            kept[name] = item
-    for item in free:
-        item.close()
-    return kept, ports
 
 
 def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str | None]:
@@ -188,7 +108,7 @@ def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str |
 
 def die_with_keeper(failing: int) -> None:
     """Let the kernel kill this process when its parent ends, which holds the pipe's other end."""
-    LIBC.prctl(SET_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
+    call("prctl", SET_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
     broken = select.poll()
     broken.register(failing, 0)  # poll always reports an error, here that nobody reads the pipe
     if broken.poll(0):
@@ -199,7 +119,8 @@ def prepare_folder(folder: str, files: dict[str, str]) -> None:
     """Enter the command's folder and write the files that it shall find there."""
     os.chdir(folder)
     for name, text in files.items():
-        write(name, text)
+        with open(name, "w") as file:
+            file.write(text)
 
 
 def lead(order: dict[str, Any], ports: dict[str, int], failing: int, reporting: int) -> None:

@@ -125,7 +125,7 @@ def _start_keeper(
     """Start the keeper in a session of its own, so that no signal of a terminal reaches it."""
     inherited = {name: value for name, value in os.environ.items() if name not in PERSONAL}
     return subprocess.Popen(
-        [sys.executable, "-I", "-S", str(KEEPER), str(control.fileno())],
+        [sys.executable, "-E", "-s", "-S", str(KEEPER), str(control.fileno())],
         env={**inherited, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONHASHSEED": "0", **environment},
         stdin=subprocess.DEVNULL,
         stdout=log,
