@@ -20,6 +20,7 @@ from .ardupilot import (
     write_parameters,
 )
 from .champion import Champion, Triple
+from .clashes import list_clashes
 from .meshes import MeshFiles
 from .ros_parameters import (
     RANGE_TOPIC,
@@ -82,7 +83,7 @@ def write_package(
     name = _simplify(champion.name)
     meshes = MeshFiles(options.name)
     meshes.move(champion.robot)
-    notes = [*meshes.notes, *_list_left_out(champion)]
+    notes = [*list_clashes(champion.sensors), *meshes.notes, *_list_left_out(champion)]
     files = {f"urdf/{name}.urdf": etree.tostring(champion.robot, encoding="unicode") + "\n"}
     files |= _write_parameters(champion, options)
     values = {

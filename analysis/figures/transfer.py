@@ -18,8 +18,10 @@ from ..drawing.columns import Layout, table_height, write_table
 from ..drawing.style import COLUMN_IN, STYLE, assign_colours, figure_width
 from ..measures.statistics import LEVEL, mean_interval, spearman
 from ..product import Product, to_csv
+from ..tables.ladder import climb
 from ..tables.paired_scores import pair_scores
 from ..tables.study import Study
+from .ladder import draw_ladder
 
 HELP = "the same designs under two simulators, failures, worlds ...: rank correlation and loss"
 NUMBERS = ("n", "spearman", "spearman_low", "spearman_high", "loss", "loss_low", "loss_high")
@@ -45,16 +47,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the part that differs between the axes, if evaluations differ in several parts: "
         "simulator, failure ...",
     )
+    parser.add_argument(
+        "--ladder",
+        action="store_true",
+        help="the evaluations are rungs, in this order, each of which is compared with the next",
+    )
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the pairs; the tables have a row for each design and for each panel and group."""
-    table = pair_scores(study, options.between)
+    table = climb(study) if options.ladder else pair_scores(study, options.between)
     summary = summarize(table)
-    width = figure_width(options.columns, 1 if table.groupby(["x", "y"]).ngroups == 1 else 2)
+    pairs = table.groupby(["x", "y"]).ngroups
+    width = figure_width(options.columns, 1 if pairs == 1 or options.ladder else 2)
     messages = [_conclude(row) for row in summary.to_dict("records")]
     files = {"transfer_summary.csv": to_csv(summary)}
-    return Product(table, draw_transfer(table, summary, width), messages, files)
+    figure = (_draw_ladder if options.ladder else draw_transfer)(table, summary, width)
+    return Product(table, figure, messages, files)
+
+
+def _draw_ladder(table: pd.DataFrame, summary: pd.DataFrame, width: float) -> Figure:
+    """Draw the designs over the rungs, with the table of the steps below."""
+
+    def describe(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
+        _, *numbers = _table_row(row)
+        return "*" if row["n"] < MIN_DESIGNS else "", *numbers
+
+    note = NOTE if bool((summary["n"] < MIN_DESIGNS).any()) else ""
+    return draw_ladder(table, summary, describe, note, width)
 
 
 def summarize(table: pd.DataFrame) -> pd.DataFrame:

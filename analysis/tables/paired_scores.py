@@ -71,10 +71,10 @@ def _pair_evaluations(study: "Study") -> Iterator[Row]:
     choices = [apply_confirmation(evaluation.choices) for evaluation, _ in evaluations]
     treatments = _champion_treatments(study)
     for i, j in combinations(range(len(evaluations)), 2):
-        parts = dict.fromkeys(map(_part, find_differences(conditions[i], conditions[j])))
+        parts = dict.fromkeys(map(first_key, find_differences(conditions[i], conditions[j])))
         if len(parts) != 1 and len(evaluations) > 2:
             continue
-        others = {_part(key) for values in conditions for key in values} - set(parts)
+        others = {first_key(key) for values in conditions for key in values} - set(parts)
         names = label_treatments([_only(values, parts) for values in conditions], choices)
         groups = label_treatments([_only(values, others) for values in conditions], choices)
         if not parts:  # the evaluations differ in their draws or trials
@@ -82,12 +82,12 @@ def _pair_evaluations(study: "Study") -> Iterator[Row]:
         if names.index(names[i]) > names.index(names[j]):  # all pairs have the same axes
             i, j = j, i
         pair = {"between": " and ".join(parts) or "draws", "x": names[i], "y": names[j]}
-        for row in _join_designs(evaluations[i][1], evaluations[j][1]):
+        for row in join_designs(evaluations[i][1], evaluations[j][1]):
             group = treatments.get(row["content"], "") if groups[i] == SINGLE else groups[i]
             yield {**pair, "group": group, **row}
 
 
-def _join_designs(x: pd.DataFrame, y: pd.DataFrame) -> Iterator[Row]:
+def join_designs(x: pd.DataFrame, y: pd.DataFrame) -> Iterator[Row]:
     """Join the scores of the designs that are in both tables."""
     scores = {row["content"]: row for row in y.to_dict("records")}
     for row in x.drop_duplicates("content").to_dict("records"):
@@ -142,9 +142,10 @@ def _read_confirmed(record: "Record") -> pd.DataFrame:
     )
 
 
-def _part(key: str) -> str:
+def first_key(key: str) -> str:
+    """Return the part of the configuration that a dotted key is in."""
     return key.split(".")[0]
 
 
 def _only(values: Values, parts: Collection[str]) -> dict[str, Any]:
-    return {key: value for key, value in values.items() if _part(key) in parts}
+    return {key: value for key, value in values.items() if first_key(key) in parts}

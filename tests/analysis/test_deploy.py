@@ -16,7 +16,8 @@ import pytest
 import yaml
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.deploy.ardupilot import INSTANCES
-from evoros.analysis.deploy.champion import Champion, read_champion
+from evoros.analysis.deploy.champion import Champion, MountedSensor, read_champion
+from evoros.analysis.deploy.clashes import list_clashes
 from evoros.analysis.deploy.mounting_plan import plan_mounting
 from evoros.analysis.deploy.ros_package import PackageOptions, name_package, write_package
 from evoros.analysis.deploy.ros_parameters import write_parameter_file
@@ -38,6 +39,7 @@ from evoros.design.design import Design
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
+from evoros.storage.figure_context import Beam
 from evoros.storage.tables import design_table, gene_table
 
 OPTIONS = PackageOptions("a_champion", "A B <a.b@example.org>", "MIT", None)
@@ -314,6 +316,33 @@ def test_only_evolved_parameters_of_ardupilot_take_effect(record: Record, tmp_pa
         assert "# in the simulation: FS_ACTION 0" in lines
     tree = yaml.safe_load(texts["config/controller.yaml"])["/**"]["ros__parameters"]
     assert tree == {"controller": {"avoidance": {"range_m": 2.0}}}
+
+
+def body(x: float, yaw: float, pitch: float = 0.0, y: float = 0.0) -> MountedSensor:
+    """A sensor whose body is 2 cm long, 4 cm wide and 2 cm high."""
+    size, beam = (0.02, 0.04, 0.02), Beam(30.0, 0.06, 4.5)
+    return MountedSensor(f"at_{x}", "sonar", (x, y, 0.1), yaw, pitch, beam, 0.1, size)
+
+
+@pytest.mark.parametrize(
+    ("other", "depth_mm"),
+    [
+        (body(0.015, 0.0), 5.0),
+        (body(0.021, 0.0), None),
+        (body(0.025, 90.0), 5.0),  # across: it is 4 cm long
+        (body(0.031, 90.0), None),
+        (body(0.022, 0.0, pitch=45.0), 10.0 + 10.0 * math.sqrt(2.0) - 22.0),
+        (body(0.03, 45.0, y=0.03), None),  # only along an axis of the other
+        (body(0.0, 0.0, y=0.039), 1.0),
+    ],
+)
+def test_bodies_that_overlap_are_told(other: MountedSensor, depth_mm: float | None) -> None:
+    for pair in ((body(0.0, 0.0), other), (other, body(0.0, 0.0))):
+        (line,) = list(list_clashes(pair)) or [None]
+        assert (line is None) == (depth_mm is None)
+        if line is not None:
+            assert line.endswith(f"overlap; move one of them by {depth_mm:.1f} mm or more")
+            assert all(sensor.link in line for sensor in pair)
 
 
 # Names, meshes, folders ---------------------------------------------------------------------

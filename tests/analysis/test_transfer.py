@@ -1,6 +1,9 @@
 """The same designs under two conditions: which pairs are made, their numbers and their picture."""
 
+import re
 import shutil
+import sys
+from itertools import pairwise
 from math import nan, sqrt
 from pathlib import Path
 
@@ -8,8 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.figures.ladder import draw_ladder
 from evoros.analysis.figures.transfer import draw_transfer, summarize
 from evoros.analysis.measures.statistics import mean_interval, spearman
+from evoros.analysis.tables.ladder import climb
 from evoros.analysis.tables.paired_scores import pair_scores
 from evoros.analysis.tables.study import load_study
 from helpers import scored, texts, tiny
@@ -160,6 +165,119 @@ def test_runs_alone_are_one_clear_line(
     warning, error = capsys.readouterr().err.splitlines()
     assert warning.endswith("left out")
     assert "give two finished evaluations of the same designs" in error
+
+
+# Controllers, and the ladder -------------------------------------------------------------------
+
+
+PROGRAM = """
+import json, os
+lines = os.fdopen(int(os.environ["EVOROS_IN"]))
+answers = os.fdopen(int(os.environ["EVOROS_OUT"]), "w")
+lines.readline()
+answer = {"ready": True}
+while True:
+    print(json.dumps(answer), file=answers, flush=True)
+    line = lines.readline()
+    if not line:
+        break
+    *_, readings = json.loads(line)
+    answer = [1, 0.1 + 0.05 * sum(reading or 0.0 for reading in readings), 0.0]
+"""
+
+
+@pytest.fixture(scope="module")
+def rungs(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Five designs: with the rover's rules, with a program outside, and with other failures."""
+    top = tmp_path_factory.mktemp("rungs")
+    (top / "drive.py").write_text(PROGRAM)
+    parts = ("controller=program", f"controller.command=[{sys.executable},{top}/drive.py]")
+    return [
+        folder / "random",
+        scored(top / "middle", folder / "reversed.csv", *parts),
+        folder / "spatial",
+    ]
+
+
+def test_evaluations_are_told_apart_by_controller(rungs: list[Path]) -> None:
+    table = pairs(*rungs[:2])
+    assert set(table["between"]) == {"controller"}
+    assert (set(table["x"]), set(table["y"])) == ({"rover"}, {"program"})
+    low, middle = map(fitness, rungs[:2])
+    for _, row in table.iterrows():
+        assert (row["x_fitness"], row["y_fitness"]) == (low[row["design"]], middle[row["design"]])
+    assert low != middle
+
+
+def test_each_rung_is_compared_with_the_next(rungs: list[Path]) -> None:
+    """Whatever they differ in, in the order given; a design keeps its name."""
+    for order in (rungs, rungs[::-1]):
+        table = climb(load_study(order))
+        assert len(table) == 2 * len(ANGLES)
+        for (lower, upper), (_, step) in zip(
+            pairwise(order), table.groupby(["x", "y"], sort=False), strict=True
+        ):
+            names = step["design"].tolist()
+            assert sorted(names) == sorted(ANGLES)
+            assert step["x_fitness"].tolist() == [fitness(lower)[name] for name in names]
+            assert step["y_fitness"].tolist() == [fitness(upper)[name] for name in names]
+            assert step["loss"].tolist() == (step["x_fitness"] - step["y_fitness"]).tolist()
+    between = [set(parts.split(" and ")) for parts in table["between"].unique()]
+    assert between == [{"controller", "failure"}, {"controller"}]
+    labels = list(dict.fromkeys([*table["x"], *table["y"]]))
+    assert [set(label.split(", ")) for label in labels] == [
+        {"rover", "spatial"},
+        {"program", "random"},
+        {"rover", "random"},
+    ]
+    assert table["source"].nunique() == 1  # a design has one name on all rungs
+
+
+def test_the_command_draws_the_ladder(
+    rungs: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    chosen = ["--ladder", "--format", "svg", "--output", str(tmp_path)]
+    assert evoros_analyze(["transfer", *map(str, rungs), *chosen]) == DONE
+    said = capsys.readouterr().out.splitlines()
+    assert "5 designs: order" in said[0]
+    (_, end), (begin, _) = (re.findall('"([^"]+)"', line) for line in said[:2])
+    assert begin == end  # each step begins where the last has ended
+    assert len(pd.read_csv(tmp_path / "transfer.csv")) == 10
+    assert len(pd.read_csv(tmp_path / "transfer_summary.csv")) == 2
+
+
+def test_a_ladder_needs_two_rungs_with_the_same_designs(
+    rungs: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "other.csv").write_text(f"{HEADER}\nz,0,0.2,0.05,61")
+    other = scored(tmp_path / "other", tmp_path / "other.csv")
+    for given, problem in (([rungs[0]], "two or more"), ([rungs[0], other], "no design")):
+        capsys.readouterr()
+        arguments = ["transfer", "--ladder", f"--output={tmp_path / 'out'}", *map(str, given)]
+        assert evoros_analyze(arguments) == INPUT
+        err = capsys.readouterr().err
+        assert err.count("\n") == 1
+        assert err.startswith("evoros-analyze: --ladder: ")
+        assert problem in err
+
+
+def test_lines_and_bars_of_a_ladder_are_those_of_its_table(rungs: list[Path]) -> None:
+    table = climb(load_study(rungs))
+    figure = draw_ladder(table, summarize(table), lambda row: ("", "5", "1", "0"), "")
+    (axes,) = figure.axes
+    shown = [np.asarray(each.lines[0].get_ydata()).tolist() for each in axes.containers]
+    expected = [
+        [step["x_fitness"].iloc[0], *step["y_fitness"]]
+        for _, step in table.groupby(["source", "design"], sort=False)
+    ]
+    assert shown == expected
+    (mean,) = (line for line in axes.get_lines() if line.get_label() == "mean")
+    np.testing.assert_allclose(mean.get_ydata(), np.mean(expected, axis=0))
+    rungs_drawn = [label.get_text() for label in axes.get_xticklabels()]
+    assert rungs_drawn == [
+        table["x"].iloc[0].replace(", ", "\n"),
+        *(y.replace(", ", "\n") for y in table["y"].unique()),
+    ]
 
 
 # The numbers ---------------------------------------------------------------------------------
