@@ -62,7 +62,7 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
 
 
 def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:
-    """Write the files of a product into the output, and return their paths, or their folder's."""
+    """Write the files of a product into the output, and return their paths, or their folders'."""
     if product.folder:
         folder: Path = options.output / product.folder
         write_folder(folder, f"{NAME} {options.subcommand}", product.files)
@@ -70,8 +70,9 @@ def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:
     files = _render(options.subcommand, product, getattr(options, "format", ""))
     options.output.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
+        (options.output / name).parent.mkdir(exist_ok=True)
         _write(options.output / name, content)
-    return [options.output / name for name in files]
+    return list(dict.fromkeys(options.output / Path(name).parts[0] for name in files))
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -37,10 +37,11 @@ SUBCOMMANDS: Mapping[str, str] = {
     "report": ".report.page",
     "replay": ".video.replay",
     "deploy": ".deploy.subcommand",
+    "bag": ".bags.bag",
 }
 """The module of each subcommand."""
-EXPORTS = frozenset({"deploy"})
-"""The subcommands that write a folder for other software, and draw no figure."""
+EXPORTS = frozenset({"deploy", "bag"})
+"""The subcommands that write files for other software, and draw no figure."""
 
 
 class Subcommand(Protocol):

@@ -33,7 +33,6 @@ class MountedSensor:
     yaw_deg: float  # left positive
     pitch_deg: float  # nose up positive
     beam: Beam
-    period_s: float | None  # None: the configuration does not say
     size_m: Triple  # of its body, along the axes of its frame
 
 
@@ -114,7 +113,7 @@ def _read_sensors(record: Record, urdf: Urdf, values: Mapping[str, Any]) -> Iter
         if link not in urdf.poses:
             raise urdf.error(f"must have the link {link} of a sensor", "restore the file")
         beam = record.context.beams[kind]
-        period, body = values.get(f"{settings}period_s"), urdf.visuals[link][:1]
+        body = urdf.visuals[link][:1]
         yield MountedSensor(
             link=link,
             type=kind,
@@ -125,8 +124,8 @@ def _read_sensors(record: Record, urdf: Urdf, values: Mapping[str, Any]) -> Iter
                 float(values.get(f"{settings}fov_deg", beam.fov_deg)),
                 float(values.get(f"{settings}range_min_m", beam.range_min_m)),
                 float(values.get(f"{settings}range_max_m", beam.range_max_m)),
+                float(values.get(f"{settings}period_s", beam.period_s)),
             ),
-            period_s=float(period) if isinstance(period, int | float) else None,
             size_m=_body_size(body[0]) if body else (0.0, 0.0, 0.0),
         )
 

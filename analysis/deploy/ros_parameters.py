@@ -62,7 +62,7 @@ def sensor_parameters(
             ("field_of_view", math.radians(sensor.beam.fov_deg)),
             ("min_range", sensor.beam.range_min_m),
             ("max_range", sensor.beam.range_max_m),
-            ("period", sensor.period_s),
+            ("period", sensor.beam.period_s),
             ("xyz", [x, y, z]),
             ("rpy", [0.0, -math.radians(sensor.pitch_deg), math.radians(sensor.yaw_deg)]),
         ):

@@ -40,11 +40,12 @@ class Part:
 
 @dataclass(frozen=True)
 class Beam:
-    """The field of view and range of a type of sensor."""
+    """The field of view, range and period of a type of sensor."""
 
     fov_deg: float  # between its outermost rays, horizontally
     range_min_m: float
     range_max_m: float
+    period_s: float  # between two readings
 
 
 @dataclass(frozen=True)
@@ -158,7 +159,8 @@ def _parts(robot: Robot) -> Iterator[Part]:
 def _beam(sensor: Sensor) -> Beam:
     rays = np.asarray(sensor.rays())
     opening = math.degrees(float(np.ptp(np.arctan2(rays[:, 1], rays[:, 0]))))
-    return Beam(round(opening, 9), float(sensor.range_min_m), float(sensor.range_max_m))
+    limits = float(sensor.range_min_m), float(sensor.range_max_m)
+    return Beam(round(opening, 9), *limits, float(sensor.period_s))
 
 
 def _rings(failure: Failure) -> Iterator[Ring]:

@@ -39,7 +39,7 @@ SETTING = FigureContext(
         Part("wheel", ((0.1, 0.12),), 0.05, 0.1, True),
     ),
     places={"base": (0.0, 0.0, 0.0, 0.0)},
-    beams={"sonar": Beam(30.0, 0.06, 1.0)},
+    beams={"sonar": Beam(30.0, 0.06, 1.0, 0.1)},
     regions={
         "left": Area(
             "base_link",

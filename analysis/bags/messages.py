@@ -1,0 +1,188 @@
+"""The messages of a mission, as plain values: what was recorded, under the names that ROS uses.
+
+The content of a message maps the names of its fields to values; fields that are left out are zero
+or empty.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from evoros.base.arrays import Array
+from evoros.geometry.shapes import Pose
+from evoros.storage.figure_context import Beam
+
+from ..tables.tracks import NONE
+from .markers import list_markers
+from .missions import RecordedMission
+
+START_NS = 1_000_000_000
+"""The stamp at the start of a mission: to ROS, time 0 is no time."""
+WORLD_FRAME = "odom"
+ULTRASOUND, INFRARED = 0, 1  # of sensor_msgs/Range
+_SAME_TIME = 1e-6  # share of a period within which two times are the same
+
+Content = Mapping[str, Any]
+
+
+class Topic(NamedTuple):
+    """A topic of a bag."""
+
+    name: str
+    type: str
+    latched: bool = False  # its last message is also for those that listen later
+
+
+class Message(NamedTuple):
+    """A message of a bag; ``topic`` is a name."""
+
+    stamp_ns: int
+    topic: str
+    content: Content
+
+
+TOPICS = (
+    Topic("/robot_description", "std_msgs/msg/String", True),
+    Topic("/tf_static", "tf2_msgs/msg/TFMessage", True),
+    Topic("/obstacles", "visualization_msgs/msg/MarkerArray", True),
+    Topic("/route", "nav_msgs/msg/Path", True),
+    Topic("/goal", "geometry_msgs/msg/PoseStamped", True),
+    Topic("/tf", "tf2_msgs/msg/TFMessage"),
+    Topic("/odom", "nav_msgs/msg/Odometry"),
+    Topic("/ackermann_cmd", "ackermann_msgs/msg/AckermannDriveStamped"),
+    Topic("/mode", "std_msgs/msg/String"),
+    Topic("/contact", "std_msgs/msg/Bool"),
+)
+"""The topics besides those of the sensors."""
+
+
+def list_topics(mission: RecordedMission) -> list[Topic]:
+    """List the topics of a mission's bag; those of the sensors have the names of their links."""
+    ranges = [Topic(f"/{link}", "sensor_msgs/msg/Range") for link, _ in mission.sensors]
+    return [*TOPICS, *ranges]
+
+
+def list_messages(mission: RecordedMission) -> list[Message]:
+    """List the messages of a mission in the order of their stamps."""
+    messages = [*_describe(mission), *_move(mission), *_decide(mission)]
+    times = mission.trajectory["time_s"].to_numpy(float)
+    for number, (link, beam) in enumerate(mission.sensors):
+        readings = mission.trajectory[f"range_{number}_m"].to_numpy(float)
+        messages += _measure(link, beam, times, readings)
+    return sorted(messages, key=lambda message: message.stamp_ns)
+
+
+def to_stamp(time_s: float) -> int:
+    """Return the stamp [ns] of a time of a mission [s]."""
+    return START_NS + round(time_s * 1e9)
+
+
+def _describe(mission: RecordedMission) -> Iterator[Message]:
+    """Yield what does not change: the robot, its frames, the obstacles and the route."""
+    yield Message(START_NS, "/robot_description", {"data": mission.urdf})
+    joints = mission.tree.joints.values()
+    fixed = [_transform(START_NS, joint.parent, joint.child, joint.origin) for joint in joints]
+    yield Message(START_NS, "/tf_static", {"transforms": fixed})
+    header = _header(START_NS, WORLD_FRAME)
+    markers = [{"header": header, **marker} for marker in list_markers(mission.world)]
+    yield Message(START_NS, "/obstacles", {"markers": markers})
+    course = mission.world.course
+    places = [course.home[:2], *mission.route.tolist()]
+    poses = [{"header": header, "pose": _pose(_at(x, y))} for x, y in places]
+    yield Message(START_NS, "/route", {"header": header, "poses": poses})
+
+
+def _move(mission: RecordedMission) -> Iterator[Message]:
+    """Yield pose, speed and contact of the robot, and its goals."""
+    rows, root = mission.trajectory, mission.tree.root
+    rates = _yaw_rates(rows)
+    goal = -1
+    for row, rate in zip(rows.to_dict("records"), rates, strict=True):
+        stamp = to_stamp(row["time_s"])
+        if row["visited"] != goal and row["visited"] < len(mission.route):
+            goal = int(row["visited"])
+            yield Message(stamp, "/goal", _goal(stamp, mission.route[goal]))
+        pose = _at(row["x_m"], row["y_m"], row["yaw_rad"]) @ mission.root
+        yield Message(stamp, "/tf", {"transforms": [_transform(stamp, WORLD_FRAME, root, pose)]})
+        twist = {"linear": {"x": row["speed_mps"]}, "angular": {"z": rate}}
+        odometry = {
+            "header": _header(stamp, WORLD_FRAME),
+            "child_frame_id": root,
+            "pose": {"pose": _pose(pose)},
+            "twist": {"twist": twist},
+        }
+        yield Message(stamp, "/odom", odometry)
+        yield Message(stamp, "/contact", {"data": bool(row["contact"])})
+
+
+def _decide(mission: RecordedMission) -> Iterator[Message]:
+    """Yield commands and modes; the last record, the end of the mission, has no decision."""
+    names = (NONE, *mission.modes)
+    for row in mission.trajectory.iloc[:-1].to_dict("records"):
+        stamp = to_stamp(row["time_s"])
+        drive = {"steering_angle": row["steering_rad"], "speed": row["speed_mps"]}
+        command = {"header": _header(stamp, mission.tree.root), "drive": drive}
+        yield Message(stamp, "/ackermann_cmd", command)
+        yield Message(stamp, "/mode", {"data": names[int(row["mode"])]})
+
+
+def _measure(link: str, beam: Beam, times: Array, readings: Array) -> Iterator[Message]:
+    """Yield the readings that a sensor took, each once, stamped with the time of its sampling.
+
+    A record has the last reading of each sensor, which may be older than the record. At the end of
+    a mission no sensor is sampled.
+    """
+    samples = np.floor(times / beam.period_s + _SAME_TIME)
+    samples[-1] = math.ceil(times[-1] / beam.period_s - _SAME_TIME) - 1
+    before = np.concatenate([[-1.0], samples[:-1]])
+    fixed = {
+        "radiation_type": ULTRASOUND if beam.fov_deg else INFRARED,
+        "field_of_view": math.radians(beam.fov_deg),
+        "min_range": beam.range_min_m,
+        "max_range": beam.range_max_m,
+    }
+    for row in np.flatnonzero((samples > before) & np.isfinite(readings)).tolist():
+        stamp = to_stamp(float(samples[row]) * beam.period_s)
+        content = {"header": _header(stamp, link), **fixed, "range": float(readings[row])}
+        yield Message(stamp, f"/{link}", content)
+
+
+def _yaw_rates(rows: pd.DataFrame) -> list[float]:
+    """Return the yaw rates [rad/s] from the headings of the records around each record."""
+    time, yaw = rows["time_s"].to_numpy(float), np.unwrap(rows["yaw_rad"].to_numpy(float))
+    after, before = (np.clip(np.arange(len(rows)) + i, 0, len(rows) - 1) for i in (1, -1))
+    turned, elapsed = yaw[after] - yaw[before], time[after] - time[before]
+    rates: list[float] = (turned / np.where(elapsed > 0.0, elapsed, 1.0)).tolist()
+    return rates
+
+
+def _goal(stamp_ns: int, place: Sequence[float]) -> Content:
+    return {"header": _header(stamp_ns, WORLD_FRAME), "pose": _pose(_at(*place))}
+
+
+def _at(x: float, y: float, yaw: float = 0.0) -> Pose:
+    return Pose.from_rpy((float(x), float(y), 0.0), 0.0, 0.0, float(yaw))
+
+
+def _header(stamp_ns: int, frame: str) -> Content:
+    sec, nanosec = divmod(stamp_ns, 1_000_000_000)
+    return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame}
+
+
+def _transform(stamp_ns: int, parent: str, child: str, pose: Pose) -> Content:
+    placed = _pose(pose)
+    return {
+        "header": _header(stamp_ns, parent),
+        "child_frame_id": child,
+        "transform": {"translation": placed["position"], "rotation": placed["orientation"]},
+    }
+
+
+def _pose(pose: Pose) -> Content:
+    return {
+        "position": dict(zip("xyz", pose.position, strict=True)),
+        "orientation": dict(zip("xyzw", pose.quaternion, strict=True)),
+    }

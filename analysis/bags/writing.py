@@ -1,0 +1,151 @@
+"""Writes messages as rosbag2 with MCAP, or as a ROS 1 bag, by the library rosbags."""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from evoros.base.errors import InputError
+
+from .messages import Message, Topic
+
+try:
+    from rosbags import rosbag1, rosbag2
+    from rosbags.interfaces import (
+        Nodetype,
+        Qos,
+        QosDurability,
+        QosHistory,
+        QosLiveliness,
+        QosReliability,
+        QosTime,
+    )
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    from rosbags.typesys.store import Typestore
+except ImportError as error:
+    raise InputError(
+        "evoros-analyze bag: needs the package rosbags, which is not installed; type: "
+        "pip install 'evoros[bags]'"
+    ) from error
+
+DISTROS = {"humble": Stores.ROS2_HUMBLE, "jazzy": Stores.ROS2_JAZZY}
+"""Definitions of messages; those of jazzy are also those of iron, kilted and later."""
+METADATA_VERSION: Literal[8] = 8
+"""Of rosbag2: the latest that humble reads too."""
+OTHER_TYPES = {
+    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "ackermann_msgs/msg/AckermannDrive": "float32 steering_angle\n"
+    "float32 steering_angle_velocity\nfloat32 speed\nfloat32 acceleration\nfloat32 jerk",
+    "ackermann_msgs/msg/AckermannDriveStamped": "std_msgs/Header header\n"
+    "ackermann_msgs/AckermannDrive drive",
+}
+"""Definitions that some collections of the library lack."""
+_ZERO: Mapping[str, Any] = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
+
+
+def write_mcap(
+    name: str, topics: Sequence[Topic], messages: Sequence[Message], distro: str
+) -> dict[str, bytes]:
+    """Return the files of a bag of rosbag2: ``metadata.yaml`` and the MCAP file in a folder.
+
+    ``distro`` is one of ``DISTROS``.
+    """
+    store = _complete(DISTROS[distro])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        writer = rosbag2.Writer(
+            path, version=METADATA_VERSION, storage_plugin=rosbag2.StoragePlugin.MCAP
+        )
+        writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
+        with writer:
+            connections = {
+                topic.name: writer.add_connection(
+                    topic.name,
+                    topic.type,
+                    typestore=store,
+                    offered_qos_profiles=[_quality(topic.latched)],
+                )
+                for topic in topics
+            }
+            for stamp, topic_name, content in messages:
+                connection = connections[topic_name]
+                message = _build(store, connection.msgtype, content)
+                data = store.serialize_cdr(message, connection.msgtype)
+                writer.write(connection, stamp, data)
+        return {f"{name}/{file.name}": file.read_bytes() for file in sorted(path.iterdir())}
+
+
+def write_ros1(name: str, topics: Sequence[Topic], messages: Sequence[Message]) -> dict[str, bytes]:
+    """Return the file of a ROS 1 bag."""
+    store = _complete(Stores.ROS1_NOETIC)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{name}.bag"
+        writer = rosbag1.Writer(path)
+        writer.set_compression(rosbag1.Writer.CompressionFormat.BZ2)
+        with writer:
+            connections = {
+                topic.name: writer.add_connection(
+                    topic.name,
+                    topic.type,
+                    typestore=store,
+                    callerid="/evoros",
+                    latching=int(topic.latched),
+                )
+                for topic in topics
+            }
+            for stamp, topic_name, content in messages:
+                connection = connections[topic_name]
+                message = _build(store, connection.msgtype, content)
+                writer.write(
+                    connection, stamp, bytes(store.serialize_ros1(message, connection.msgtype))
+                )
+        return {path.name: path.read_bytes()}
+
+
+@cache
+def _complete(collection: Stores) -> Typestore:
+    """Return a collection of definitions with those that it may lack."""
+    store = get_typestore(collection)
+    for name, text in OTHER_TYPES.items():
+        if name not in store.types:
+            store.register(get_types_from_msg(text, name))
+    return store
+
+
+def _quality(latched: bool) -> Qos:
+    """Return the quality of service of a reliable publisher."""
+    never = QosTime(9223372036, 854775807)
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=1 if latched else 10,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+        deadline=never,
+        lifespan=never,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=never,
+        avoid_ros_namespace_conventions=False,
+    )
+
+
+def _build(store: Typestore, name: str, content: Mapping[str, Any]) -> Any:
+    """Make a message of the library; fields that ``content`` lacks are zero or empty."""
+    fields = store.fielddefs[name][1]
+    return store.types[name](
+        **{field: _fill(store, kind, content.get(field)) for field, kind in fields}
+    )
+
+
+def _fill(store: Typestore, kind: Any, value: Any) -> Any:
+    node, description = kind
+    if node == Nodetype.BASE:
+        return _ZERO.get(description[0], 0) if value is None else value
+    if node == Nodetype.NAME:
+        return _build(store, description, value or {})
+    (node, inner), size = description
+    if node == Nodetype.BASE:  # of numbers alone
+        return np.zeros(size, dtype=inner[0]) if value is None else np.array(value, dtype=inner[0])
+    return [_build(store, inner, item) for item in value or ()]
