@@ -1,7 +1,7 @@
 """Missions as rosbags, for rviz, Foxglove and ROS's own tools."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
 
 from evoros.base.errors import InputError
@@ -12,12 +12,13 @@ from ..tables.records import Record
 from ..tables.study import Study
 from .layout import make_layout
 from .messages import list_messages, list_topics
-from .missions import RecordedMission, read_champion_missions
+from .missions import RecordedMission, list_rows, read_champion_mission, read_mission
 
 HELP = "recorded missions as rosbags, with a layout for Foxglove"
 FORMATS = ("mcap", "ros1")
 OUTPUT = "bags"
 DISTRO = "jazzy"
+LAYOUT = "bag.foxglove.json"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--world", metavar="NAME", action="append", help="only this world; may be repeated"
     )
+    every = "of a run with record=all: the missions"
+    parser.add_argument("--design", type=int, metavar="ID", help=f"{every} of this individual")
+    parser.add_argument("--generation", type=int, metavar="N", help=f"{every} of this generation")
+    parser.add_argument("--trial", type=int, metavar="N", help=f"{every} of this trial")
     parser.add_argument(
         "--distro",
         choices=("humble", "jazzy"),
@@ -34,12 +39,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make a bag of each mission, and a layout beside it."""
+    """Make a bag of each mission, and a layout beside them."""
     if options.format == "ros1" and options.distro:
         raise InputError("--distro: is for mcap, not for ros1; leave it out")
     study.check_worlds(options.world or [])
-    record, missions = study.choose(options.run, partial(_read, wanted=options.world))
-    files: dict[str, bytes] = {}
+    record, missions = study.choose(options.run, partial(_read, options=options))
+    files = {LAYOUT: make_layout(list_topics(missions[0]), missions[0].tree.root).encode()}
     for mission in missions:
         files |= _write(mission, options.format, options.distro or DISTRO)
     return Product(messages=[f"{record.name}: {len(missions)} missions"], files=files)
@@ -49,24 +54,39 @@ def _write(mission: RecordedMission, kind: str, distro: str) -> dict[str, bytes]
     from .writing import write_mcap, write_ros1
 
     name, topics, messages = mission.name, list_topics(mission), list_messages(mission)
-    layout = {f"{name}.foxglove.json": make_layout(topics, mission.tree.root).encode()}
     if kind == "ros1":
-        return {**write_ros1(name, topics, messages), **layout}
-    return {**write_mcap(name, topics, messages, distro), **layout}
+        return write_ros1(name, topics, messages)
+    return write_mcap(name, topics, messages, distro)
 
 
-def _read(record: Record, wanted: Sequence[str] | None) -> list[RecordedMission]:
-    """Read the champion's missions; report and skip those that cannot be read."""
+def _read(record: Record, options: argparse.Namespace) -> list[RecordedMission]:
+    """Read the missions of one design; report and skip those that cannot be read."""
+    record.run.require_trajectories()
     missions: list[RecordedMission] = []
-    for world in record.context.courses:
-        if wanted and world not in wanted:
-            continue
+    for read in _list_readers(record, options):
         try:
-            missions += read_champion_missions(record, [world])
+            missions.append(read())
         except InputError as error:
-            LOGGER.warning("%s; %s is left out", error, world)
+            LOGGER.warning("%s; left out", error)
     if not missions:
         raise InputError(
-            f"{record.path}: must have a complete mission of its champion, but has none; restore it"
+            f"{record.path}: must have a complete mission as chosen, but has none; choose others, "
+            f"or restore the run"
         )
     return missions
+
+
+def _list_readers(
+    record: Record, options: argparse.Namespace
+) -> Iterator[Callable[[], RecordedMission]]:
+    wanted = options.world or list(record.context.courses)
+    numbers = (options.generation, options.design, options.trial)
+    if numbers == (None, None, None):
+        for world in record.context.courses:
+            if world in wanted:
+                yield partial(read_champion_mission, record, world)
+        return
+    record.run.require_trajectories(of_all=True)
+    for row in list_rows(record, *numbers):
+        if row["world"] in wanted:
+            yield partial(read_mission, record, row)

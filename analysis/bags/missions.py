@@ -14,6 +14,13 @@ from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.shapes import Pose
 from evoros.storage.figure_context import Beam, FigureContext
 from evoros.storage.mission_log import ROBOT_AS_LOADED
+from evoros.storage.trajectory_files import (
+    loaded_robot_file,
+    robot_file,
+    trajectory_file,
+    world_file,
+)
+from evoros.world.loading import load_world
 from evoros.world.model import World
 
 from ..tables.records import Record
@@ -35,51 +42,78 @@ class RecordedMission:
     modes: Sequence[str]  # by their number in the trajectory, from 1
 
 
-def read_champion_missions(record: Record, worlds: Sequence[str]) -> Iterator[RecordedMission]:
-    """Read the champion's mission in each of these worlds.
+def read_champion_mission(record: Record, world: str) -> RecordedMission:
+    """Read the champion's first mission in a world.
 
     Raises:
-        InputError: a file is missing or damaged, or a mission could not be run.
+        InputError: a file is missing or damaged, or the mission could not be run.
     """
     folder = record.path / "champion"
-    for name in worlds:
-        world = load_champion_world(record.run, record.context, name)
-        row = find_champion_mission(record.run, name)
-        trajectory = record.run.trajectory(name)
-        source = folder / f"trajectory_{name}.csv"
-        yield assemble(f"bag_{name}", row, trajectory, source, folder, world, record.context)
+    return _assemble(
+        f"bag_{world}",
+        find_champion_mission(record.run, world),
+        record.run.trajectory(world),
+        folder / f"trajectory_{world}.csv",
+        (folder / "robot.urdf", folder / ROBOT_AS_LOADED),
+        load_champion_world(record.run, record.context, world),
+        record.context,
+    )
 
 
-def assemble(
+def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
+    """Read the mission in a row of ``missions.csv`` of a run that keeps all trajectories.
+
+    Raises:
+        InputError: a file is missing or damaged, or the mission could not be run.
+    """
+    generation, design, trial = (int(row[name]) for name in ("generation", "design", "trial"))
+    key = (generation, design, str(row["world"]), trial)
+    file = trajectory_file(key)
+    return _assemble(
+        f"bag_{generation:05d}_{file.stem}",
+        row,
+        record.run.mission_trajectory(*key),
+        record.path / file,
+        (record.path / robot_file(design), record.path / loaded_robot_file(design)),
+        _load_world(record, key[2], str(row["draws"])),
+        record.context,
+    )
+
+
+def _load_world(record: Record, world: str, draws: str) -> World:
+    """Load the world of a mission; it is the same in all missions unless each has its own."""
+    own, shared = (record.path / world_file(world, key) for key in (draws, None))
+    path = own if own.is_file() else shared
+    if not path.is_file():
+        raise InputError(f"{path}: must exist, but is missing; restore it")
+    return load_world(str(path.resolve()), record.context.courses[world])
+
+
+def _assemble(
     name: str,
     row: "pd.Series[str]",
     trajectory: pd.DataFrame,
     source: Path,
-    robot_folder: Path,
+    robot: tuple[Path, Path],
     world: World,
     context: FigureContext,
 ) -> RecordedMission:
-    """Put a mission together from its row of ``missions.csv`` and its files.
-
-    Raises:
-        InputError: the files do not fit each other.
-    """
+    """Put a mission together; ``robot`` is as described and, if it differs, as engines load it."""
     _check(trajectory, source, context)
-    urdf = _read_text(robot_folder / "robot.urdf")
-    tree = read_tree(parse(urdf.encode(), "robot.urdf"), str(robot_folder / "robot.urdf"))
+    described, loaded = robot
+    urdf = _read_text(described)
+    tree = read_tree(parse(urdf.encode(), described.name), str(described))
     columns = [column for column in trajectory if str(column).startswith("range_")]
-    forward = world.course.goes_forward(
-        int(row["generation"]), generator(str(row["draws"]), "course")
-    )
+    rng = generator(str(row["draws"]), "course")
     return RecordedMission(
         name=name,
         trajectory=trajectory,
         urdf=urdf,
         tree=tree,
-        root=_find_root(tree, robot_folder / ROBOT_AS_LOADED),
+        root=_find_root(tree, loaded),
         sensors=_find_sensors(tree, context, len(columns)),
         world=world,
-        route=world.course.route(forward),
+        route=world.course.route(world.course.goes_forward(int(row["generation"]), rng)),
         modes=context.modes,
     )
 
@@ -136,3 +170,29 @@ def _find_sensors(tree: Urdf, context: FigureContext, count: int) -> list[tuple[
             "restore the file",
         )
     return links
+
+
+def list_rows(
+    record: Record, generation: int | None, design: int | None, trial: int | None
+) -> Iterator["pd.Series[str]"]:
+    """Yield the rows of ``missions.csv`` of a design, in order; of the champion without one.
+
+    Raises:
+        InputError: no mission matches.
+    """
+    missions = record.run.missions
+    if design is None:
+        design = int(
+            find_champion_mission(record.run, next(iter(record.context.courses)))["design"]
+        )
+    chosen = missions[missions["design"] == design]
+    for column, number in (("generation", generation), ("trial", trial)):
+        if number is not None:
+            chosen = chosen[chosen[column] == number]
+    if chosen.empty:
+        raise InputError(
+            f"{record.path / 'missions.csv'}: must have a mission of design {design} with the "
+            f"given generation and trial, but has none; correct --design, --generation or --trial"
+        )
+    for _, row in chosen.iterrows():
+        yield row

@@ -125,6 +125,7 @@ def _read(
     record: Record, wanted: Sequence[str] | None
 ) -> tuple[list[pd.DataFrame], dict[str, World]]:
     """Read tracks and worlds; report and skip those that cannot be read."""
+    record.run.require_trajectories()
     tracks, worlds = [], {}
     for name in record.context.courses:
         if wanted and name not in wanted:

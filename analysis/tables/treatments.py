@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-IGNORED = ("seed", "executor", "figures")
+IGNORED = ("seed", "executor", "figures", "record")
 """Keys, or first parts of keys, in which replicates of one treatment may differ."""
 TARGET = "_target_"
 SINGLE = "all runs"

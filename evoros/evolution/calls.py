@@ -16,6 +16,9 @@ from evoros.mission.outcome import Outcome
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
 
+CallResult = tuple[Outcome, Array | None]
+"""The outcome of a mission, and its trajectory if that is kept."""
+
 CALL_S = 0.1
 """After this time [s] a worker starts no further mission of a call; they go into another call.
 
@@ -55,22 +58,25 @@ def _unpack(packed: PackedScenario) -> Scenario:
     return scenario
 
 
-def run_for_outcomes(packed: PackedScenario, missions: Sequence[Mission]) -> list[Outcome]:
+def run_for_outcomes(
+    packed: PackedScenario, missions: Sequence[Mission], keep: bool = False
+) -> list[CallResult]:
     """Run missions in order until ``CALL_S`` is over; return the outcomes of those that ran.
 
-    A mission that loses its pilot ends the call if others came before it.
+    With ``keep``, their trajectories are returned, too. A mission that loses its pilot ends the
+    call if others came before it.
 
     Raises:
         PilotLost: the first mission lost its pilot.
     """
     scenario, end = _unpack(packed), perf_counter() + CALL_S
-    outcomes = [run_mission(scenario, missions[0])[0]]
+    results = [run_mission(scenario, missions[0])]
     with suppress(PilotLost):
         for mission in missions[1:]:
             if perf_counter() > end:
                 break
-            outcomes.append(run_mission(scenario, mission)[0])
-    return outcomes
+            results.append(run_mission(scenario, mission))
+    return [(outcome, trajectory if keep else None) for outcome, trajectory in results]
 
 
 def run_for_trajectory(packed: PackedScenario, mission: Mission) -> Array:

@@ -13,7 +13,7 @@ from typing import Any, Protocol, TypeVar
 
 from evoros.base.arrays import Array
 from evoros.base.errors import EvorosError, PilotLost, RunStopped, WorkerLost
-from evoros.evolution.calls import pack, run_for_outcomes, run_for_trajectory
+from evoros.evolution.calls import CallResult, pack, run_for_outcomes, run_for_trajectory
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import LOST, Outcome
@@ -63,6 +63,8 @@ class Dispatcher:
     workers: int  # of the pool
     lost: str  # a mission that crashes or hangs: STOP the run, or WORST
     keep_log: Callable[[Mission, str], None] = _discard_log  # of a mission that lost its pilot
+    keep_trajectory: Callable[[Scenario, Mission, Array], None] | None = None
+    """Gets the trajectory of each mission of ``run`` before its outcome is yielded."""
 
     def run_missing(
         self,
@@ -97,6 +99,7 @@ class Dispatcher:
             RunStopped: a mission crashed or hung despite its retries, and ``lost`` is ``STOP``.
         """
         batch = _Batch(scenario, self.pool, self.workers, list(reversed(missions)))
+        batch.keeps = self.keep_trajectory is not None
         try:
             while batch.submit():
                 results, error = batch.collect(self)
@@ -151,14 +154,16 @@ class _Batch:
     workers: int
     waiting: list[Mission]
     alone: list[Mission] = field(default_factory=list)  # from calls that failed
-    calls: dict[Future[list[Outcome]], list[Mission]] = field(default_factory=dict)
+    calls: dict[Future[list[CallResult]], list[Mission]] = field(default_factory=dict)
     size: int = 1  # how many missions a call has time for, as far as known
+    keeps: bool = False  # whether calls return trajectories
 
     def submit(self) -> bool:
         """Keep the workers busy; return whether any call is running."""
         while (self.alone or self.waiting) and len(self.calls) < self.workers * CALLS_PER_WORKER:
             missions = self._pop_missions()
-            future = self.pool.submit(run_for_outcomes, pack(self.scenario), missions)
+            packed = pack(self.scenario)
+            future = self.pool.submit(run_for_outcomes, packed, missions, self.keeps)
             self.calls[future] = missions
             if future.done():  # the pool is this process: record before the next mission starts
                 break
@@ -185,13 +190,16 @@ class _Batch:
                 continue
             worst = partial(_lost_outcome, self.scenario, missions[0])
             try:
-                outcomes = dispatcher.take_result(missions[0], future, worst)
+                outputs = dispatcher.take_result(missions[0], future, worst)
             except EvorosError as problem:
                 first_error = first_error or problem
                 continue
-            results += zip(missions, outcomes, strict=False)
+            for mission, (outcome, trajectory) in zip(missions, outputs, strict=False):
+                if dispatcher.keep_trajectory is not None and trajectory is not None:
+                    dispatcher.keep_trajectory(self.scenario, mission, trajectory)
+                results.append((mission, outcome))
             if error is None:
-                self._adapt_size(missions, len(outcomes))
+                self._adapt_size(missions, len(outputs))
         return results, first_error
 
     def _adapt_size(self, missions: Sequence[Mission], finished: int) -> None:
@@ -212,8 +220,8 @@ def _lost_trajectory(mission: Mission, reason: str) -> Array:
     return empty_trajectory(mission)
 
 
-def _lost_outcome(scenario: Scenario, mission: Mission, reason: str) -> list[Outcome]:
-    return [failed_mission(scenario, mission, LOST, reason)]
+def _lost_outcome(scenario: Scenario, mission: Mission, reason: str) -> list[CallResult]:
+    return [(failed_mission(scenario, mission, LOST, reason), empty_trajectory(mission))]
 
 
 def _error_of(future: "Future[Any]") -> BaseException | None:

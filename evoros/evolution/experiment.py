@@ -22,6 +22,9 @@ from evoros.simulator.protocol import Simulator
 from evoros.world.course import A_COURSE, Course
 from evoros.world.model import World
 
+CHAMPION, ALL, NONE = "champion", "all", "none"
+"""Whose trajectories a run keeps."""
+
 
 @dataclass(frozen=True)
 @checked
@@ -50,6 +53,7 @@ class Experiment:
     trials: Annotated[int, COUNT] = 1  # missions of a design in each world
     draws: Annotated[str, one_of(*POLICIES)] = "generation"  # where missions share random draws
     lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # if a mission crashes or hangs
+    record: Annotated[str, one_of(CHAMPION, ALL, NONE)] = CHAMPION  # whose trajectories are kept
     confirmation: Annotated[Confirmation | None, A_CONFIRMATION] = None
     figures: Sequence[str] = ()
     course: Annotated[Course | None, A_COURSE] = None

@@ -11,6 +11,7 @@ from evoros.design.design import Design
 from evoros.evolution.dispatch import MissionRecord
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
+from evoros.mission.scenario import Scenario
 from evoros.optimizer.protocol import Candidate
 from evoros.robot.model import Robot
 from evoros.world.model import World
@@ -65,6 +66,7 @@ class Champion:
     gene_names: Mapping[str, str]  # by the key of the value in ``design.values``
     robot: Robot | None  # with the design's sensors and values; None if a part refuses these
     worlds: Mapping[str, World]  # by name
+    tracks: Sequence[str]  # names of the worlds whose trajectories are kept
 
 
 class Observer(Protocol):
@@ -102,10 +104,18 @@ class Journal(MissionRecord, Protocol):
         """
         ...
 
+    def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
+        """Keep the trajectory of a mission that was run, before it is recorded."""
+        ...
+
+    def read_trajectory(self, mission: Mission) -> Array:
+        """Return the trajectory of a mission, which was kept."""
+        ...
+
     def has_champion(self, champion: Champion) -> bool:
         """Whether the journal has this champion, with its trajectories."""
         ...
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
-        """Record the champion in place of any other, with a trajectory for each of its worlds."""
+        """Record the champion in place of any other, with a trajectory for each of its tracks."""
         ...

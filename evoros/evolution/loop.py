@@ -4,7 +4,7 @@ from contextlib import suppress
 
 from evoros.base.errors import InputError
 from evoros.evolution.dispatch import Dispatcher
-from evoros.evolution.experiment import Experiment
+from evoros.evolution.experiment import ALL, CHAMPION, NONE, Experiment
 from evoros.evolution.journal import Champion, Generation, Journal, Observer
 from evoros.evolution.scores import Scores
 from evoros.executor.protocol import Pool
@@ -24,7 +24,8 @@ def evolve(
         RunStopped: a mission crashed or hung, and the experiment stops at that.
     """
     workers, lost = experiment.executor.workers, experiment.lost_missions
-    dispatcher = Dispatcher(pool, workers, lost, journal.keep_log)
+    keep = journal.keep_trajectory if experiment.record == ALL else None
+    dispatcher = Dispatcher(pool, workers, lost, journal.keep_log, keep)
     scores = Scores(experiment, journal, observer, dispatcher)
     search = experiment.start_search()
     for number in range(generations):
@@ -46,7 +47,7 @@ def _record_champion(
     individual: Individual,
     born: int,
 ) -> None:
-    """Run the champion's first mission in each world again, and record both.
+    """Record the champion, with the trajectories of its first mission in each world.
 
     These are missions that gave the champion its fitness, confirming ones if there are any.
     """
@@ -63,7 +64,12 @@ def _record_champion(
         gene_names={gene.key: name for name, gene in experiment.design.genes.items()},
         robot=robot,
         worlds={each.world: scenario.world[each.world].at(each.draws) for each in missions},
+        tracks=[] if experiment.record == NONE else [each.world for each in missions],
     )
     if not journal.has_champion(champion):
-        tracks = dispatcher.run_for_trajectories(scenario, missions)
-        journal.write_champion(champion, dict(zip(champion.worlds, tracks, strict=True)))
+        if experiment.record == CHAMPION:
+            tracks = dispatcher.run_for_trajectories(scenario, missions)
+        else:
+            kept = missions[: len(champion.tracks)]
+            tracks = [journal.read_trajectory(mission) for mission in kept]
+        journal.write_champion(champion, dict(zip(champion.tracks, tracks, strict=True)))

@@ -13,7 +13,7 @@ from evoros.base.log import collect_messages
 from evoros.config.configuration import Configuration
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.drive_check import report_drive
-from evoros.evolution.experiment import Experiment
+from evoros.evolution.experiment import ALL, Experiment
 from evoros.evolution.repeatability import report_repeatability
 from evoros.executor.protocol import Executor
 from evoros.session.design_tables import (
@@ -72,7 +72,8 @@ class Evaluation:
                         first = next(record.list_missions())
                         report_repeatability(experiment.scenario, first, pool)
                     workers, lost = self.executor.workers, experiment.lost_missions
-                    dispatcher = Dispatcher(pool, workers, lost, record.keep_log)
+                    keep = record.keep_trajectory if experiment.record == ALL else None
+                    dispatcher = Dispatcher(pool, workers, lost, record.keep_log, keep)
                     dispatcher.run_missing(
                         experiment.scenario, record.list_missions(), record, status.mission
                     )

@@ -6,15 +6,18 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.evolution.dispatch import MissionResult
 from evoros.evolution.experiment import Experiment
 from evoros.fitness.scoring import name_score_columns, summarize_scores
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
+from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import NamedDesign
 from evoros.storage.mission_log import MISSIONS, MissionLog
 from evoros.storage.tables import OUTCOME_COLUMNS, outcome_cells, read_outcome, to_csv
+from evoros.storage.trajectory_files import TrajectoryFiles
 
 SCORES = "designs.csv"
 HEADER = ("source", "design", "world", "trial", "draws", *OUTCOME_COLUMNS)
@@ -71,6 +74,10 @@ class EvaluationRecord(MissionLog):
         """Whether the mission is on disk."""
         number = mission.design_id
         return number in self._scores or mission.key in self._start(number).outcomes
+
+    def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
+        """Write the trajectory of a mission, before its row."""
+        TrajectoryFiles(self.path).keep(scenario, mission, trajectory)
 
     def record(self, results: Sequence[MissionResult]) -> None:
         """Put finished missions on disk."""

@@ -45,6 +45,7 @@ def manifest(
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "working_directory": str(Path.cwd()),
         "seed": experiment.seed,
+        "record": experiment.record,
         "choices": dict(sorted(choices.items())),
         "commit": _commit(),
         "packages": {name: _version(name) for name in (*mission_packages(experiment), *READING)},

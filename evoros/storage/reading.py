@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from evoros.base.errors import InputError
+from evoros.storage.trajectory_files import trajectory_file
 
 FILES = {"config.yaml", "manifest.json", "status.json", "missions.csv"}
 MISSION_NUMBERS = ("generation", "design", "trial", "progress", "time_s")
@@ -60,8 +61,39 @@ class Run:
         return read_table(self.path / "champion" / "genes.csv", ("value",))
 
     def trajectory(self, world: str) -> pd.DataFrame:
-        """Read the champion's first mission in the world; the run must be finished."""
+        """Read the champion's first mission in the world; the run must be finished.
+
+        Raises:
+            InputError: the run keeps no trajectories, or the file is missing or damaged.
+        """
+        self.require_trajectories()
         return read_table(self.path / "champion" / f"trajectory_{world}.csv", RECORD_NUMBERS)
+
+    def require_trajectories(self, of_all: bool = False) -> None:
+        """Require that the run keeps trajectories: the champion's, or those of all missions.
+
+        Raises:
+            InputError: it does not keep them.
+        """
+        recorded = self.manifest.get("record")
+        if recorded == "none" or (of_all and recorded != "all"):
+            kind, fix = (" of all missions", "all") if of_all else ("", "champion")
+            raise InputError(
+                f"{self.path}: must have trajectories{kind}, but does not keep them "
+                f"(record={recorded}); start a run with record={fix}"
+            )
+
+    def mission_trajectory(
+        self, generation: int, design: int, world: str, trial: int
+    ) -> pd.DataFrame:
+        """Read the trajectory of any mission of a run that keeps them all.
+
+        Raises:
+            InputError: the run keeps none or those of the champion alone, or the file is damaged.
+        """
+        self.require_trajectories(of_all=True)
+        file = trajectory_file((generation, design, world, trial))
+        return read_table(self.path / file, RECORD_NUMBERS)
 
     def _json(self, name: str) -> dict[str, Any]:
         def read(path: Path) -> Any:

@@ -8,9 +8,11 @@ from typing import Any
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.evolution.dispatch import MissionResult
+from evoros.evolution.experiment import ALL
 from evoros.evolution.journal import Champion, Generation
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
+from evoros.mission.scenario import Scenario
 from evoros.storage.figure_context import SETTING, FigureContext
 from evoros.storage.mission_log import (
     CONFIG,
@@ -19,6 +21,7 @@ from evoros.storage.mission_log import (
     ROBOT_AS_LOADED,
     MissionLog,
     create_folder,
+    read_json,
     require_unused,
     write_atomically,
 )
@@ -28,10 +31,12 @@ from evoros.storage.tables import (
     gene_table,
     generation_table,
     mission_row,
+    outcome_cells,
     read_mission,
     to_csv,
     trajectory_table,
 )
+from evoros.storage.trajectory_files import TrajectoryFiles
 
 GENERATIONS, CHAMPION = "generations", "champion"
 ROBOT = "robot.urdf"  # of the champion, as it was described
@@ -41,10 +46,13 @@ class RunFolder(MissionLog):
     """An open run folder.
 
     ``outcomes`` maps the key of each finished mission to the key of its draws and its outcome.
+    ``keeps_all`` says whether it has the trajectory of each of them in ``trajectories``.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, MISSIONS_HEADER)
+        self.keeps_all = read_json(path / MANIFEST).get("record") == ALL
+        self.trajectories = TrajectoryFiles(path)
         self.outcomes: dict[MissionKey, tuple[str, Outcome]] = {}
         try:
             for key, draws, outcome in self.read(read_mission):
@@ -69,17 +77,48 @@ class RunFolder(MissionLog):
         return cls(path)
 
     def record(self, results: Sequence[MissionResult]) -> None:
-        """Write finished missions."""
-        self.append([mission_row(mission, outcome) for mission, outcome in results])
-        self.outcomes |= {mission.key: (mission.draws, outcome) for mission, outcome in results}
+        """Write finished missions.
+
+        Raises:
+            InputError: a mission whose trajectory was missing has another outcome than recorded.
+        """
+        new = [result for result in results if not self._repeats(*result)]
+        self.append([mission_row(mission, outcome) for mission, outcome in new])
+        self.outcomes |= {mission.key: (mission.draws, outcome) for mission, outcome in new}
+
+    def _repeats(self, mission: Mission, outcome: Outcome) -> bool:
+        """Whether the mission has a row, which must be that of this outcome."""
+        recorded = self.find(mission)
+        if recorded is None:
+            return False
+        if to_csv([outcome_cells(recorded)]) != to_csv([outcome_cells(outcome)]):
+            raise InputError(
+                f"{self.path / MISSIONS}: running the mission {mission.key} again, because its "
+                f"trajectory was missing, gives another outcome than the recorded one: the run was "
+                f"made by another version or has been edited; start a new run"
+            )
+        return True
 
     def has(self, mission: Mission) -> bool:
-        """Whether the mission has been recorded.
+        """Whether the mission has been recorded, with its trajectory if the run keeps all.
 
         Raises:
             InputError: it was recorded under other draws.
         """
-        return self.find(mission) is not None
+        recorded = self.find(mission) is not None
+        return recorded and (self.trajectories.has(mission) or not self.keeps_all)
+
+    def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
+        """Write the trajectory of a mission, before its row."""
+        self.trajectories.keep(scenario, mission, trajectory)
+
+    def read_trajectory(self, mission: Mission) -> Array:
+        """Read the trajectory of a mission that the run has kept.
+
+        Raises:
+            InputError: the file is missing or damaged.
+        """
+        return self.trajectories.read(mission)
 
     def find(self, mission: Mission) -> Outcome | None:
         """Return the recorded outcome of the mission; None if there is none.
@@ -107,9 +146,9 @@ class RunFolder(MissionLog):
         self.sync()
 
     def has_champion(self, champion: Champion) -> bool:
-        """Whether the champion on disk is this one, with a trajectory in each world."""
+        """Whether the champion on disk is this one, with the trajectories that are kept."""
         folder = self.path / CHAMPION
-        tracks = (folder / _trajectory_file(world) for world in champion.worlds)
+        tracks = (folder / _trajectory_file(world) for world in champion.tracks)
         return all(track.is_file() for track in tracks) and all(
             (folder / name).is_file() and (folder / name).read_bytes() == content
             for name, content in _champion_files(champion).items()

@@ -18,7 +18,7 @@ import pytest
 import yaml
 from bag_readers import ReadMessage, channels, has_rosbag, read_mcap, read_rosbag
 from evoros.analysis.bags.messages import START_NS, TOPICS, Message, list_messages, list_topics
-from evoros.analysis.bags.missions import RecordedMission, read_champion_missions
+from evoros.analysis.bags.missions import RecordedMission, read_champion_mission
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.tables.records import Record, read_record
 from helpers import copied, everything, tiny
@@ -47,8 +47,7 @@ def record(run: Path) -> Record:
 
 @pytest.fixture(scope="module")
 def mission(record: Record) -> RecordedMission:
-    (mission,) = read_champion_missions(record, ["near"])
-    return mission
+    return read_champion_mission(record, "near")
 
 
 @pytest.fixture(scope="module")
@@ -226,7 +225,7 @@ def test_a_root_link_above_the_ground_is_where_it_was(
     )
     loaded = folder / "champion" / "robot_as_loaded.urdf"
     loaded.write_text(urdf.replace("</robot>", ground))
-    (raised,) = read_champion_missions(read_record(folder, "run"), ["near"])
+    raised = read_champion_mission(read_record(folder, "run"), "near")
     on_ground, above = (
         [m.content["pose"]["pose"]["position"] for m in list_messages(each) if m.topic == "/odom"]
         for each in (mission, raised)
@@ -316,7 +315,7 @@ def test_rosbag2_metadata_counts_the_messages_and_keeps_latched_topics(
 
 
 def test_the_layout_shows_topics_of_the_bag(folder: Path, mission: RecordedMission) -> None:
-    layout = json.loads((folder / "bag_near.foxglove.json").read_text())
+    layout = json.loads((folder / "bag.foxglove.json").read_text())
     bag = channels(folder / "bag_near" / "bag_near.mcap")
     assert bag == {topic.name for topic in list_topics(mission)}
     panels = layout["configById"]
@@ -383,8 +382,8 @@ def test_a_mission_that_could_not_be_run_is_left_out_in_one_line(
     assert evoros_analyze(["bag", str(folder), "--output", str(tmp_path / "out")]) == DONE
     (line,) = capsys.readouterr().err.splitlines()
     assert "trajectory_far.csv: must have rows" in line
-    assert line.endswith("far is left out")
+    assert line.endswith("left out")
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "bag_near",
-        "bag_near.foxglove.json",
+        "bag.foxglove.json",
     }

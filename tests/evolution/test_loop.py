@@ -16,6 +16,7 @@ from evoros.evolution.journal import Champion, Generation
 from evoros.evolution.loop import evolve
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
+from evoros.mission.scenario import Scenario
 
 
 @dataclass
@@ -26,6 +27,7 @@ class Memory:
     generations: list[Generation] = field(default_factory=list)
     champion: Champion | None = None
     tracks: Mapping[str, Array] = field(default_factory=dict)
+    trajectories: dict[MissionKey, Array] = field(default_factory=dict)
     events: list[str] = field(default_factory=list)
 
     def has(self, mission: Mission) -> bool:
@@ -40,6 +42,12 @@ class Memory:
 
     def keep_log(self, mission: Mission, log: str) -> None:
         self.events.append("log kept")
+
+    def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
+        self.trajectories[mission.key] = trajectory
+
+    def read_trajectory(self, mission: Mission) -> Array:
+        return self.trajectories[mission.key]
 
     def write_generation(self, generation: Generation) -> None:
         self.generations.append(generation)

@@ -1,0 +1,237 @@
+"""The key ``record``: whose trajectories a folder keeps, whatever happens to the run."""
+
+import csv
+import os
+import shutil
+import signal
+from collections.abc import Hashable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from bag_readers import channels, read_mcap
+from evoros.analysis.bags.messages import list_messages
+from evoros.analysis.bags.missions import list_rows, read_mission
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.tables.records import read_record
+from helpers import (
+    TINY,
+    content,
+    copied,
+    everything,
+    resume,
+    scored,
+    start,
+    tiny,
+    wait_for_missions,
+)
+
+import evoros
+from evoros.base.console import DONE, INPUT
+from evoros.config.compose import compose
+from evoros.evolution.dispatch import Dispatcher
+from evoros.storage.tables import trajectory_columns, trajectory_table
+from evoros.storage.trajectory_files import TrajectoryFiles, trajectory_file, world_file
+
+ALL = ("record=all", "optimizer.generations=2", "failure.latest_s=3.0")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run that keeps all, in which no mission is run for its trajectory."""
+    folder = tmp_path_factory.mktemp("kept") / "run"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Dispatcher, "run_for_trajectories", None)
+        assert tiny(folder, *ALL) == DONE
+    return folder
+
+
+def keys(folder: Path) -> list[tuple[int, int, str, int]]:
+    with (folder / "missions.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    return [(int(r["generation"]), int(r["design"]), r["world"], int(r["trial"])) for r in rows]
+
+
+def place_of(row: Mapping[Hashable, Any]) -> tuple[int, int, str, int]:
+    return int(row["generation"]), int(row["design"]), str(row["world"]), int(row["trial"])
+
+
+def kept(folder: Path) -> dict[str, bytes]:
+    return everything(folder / "trajectories")
+
+
+def test_each_mission_has_its_trajectory(run: Path) -> None:
+    loaded = evoros.load_run(run)
+    files = sorted(path.relative_to(run) for path in (run / "trajectories").glob("0*/*.csv"))
+    assert files == [trajectory_file(key) for key in sorted(keys(run))]
+    for row in loaded.missions.to_dict("records"):
+        last = loaded.mission_trajectory(*place_of(row)).iloc[-1]
+        assert (last.time_s, last.visited) == (row["time_s"], row["visited"])
+
+
+def test_a_kept_trajectory_is_that_of_the_mission_run_again(run: Path) -> None:
+    place = keys(run)[-1]
+    _, again = evoros.replay(
+        run, *place, config_dir=str(Path(__file__).parent.parent / "user_parts")
+    )
+    table = evoros.load_run(run).mission_trajectory(*place)
+    assert list(table) == list(again)
+    np.testing.assert_array_equal(table.to_numpy(float), again.to_numpy(float))
+
+
+def test_the_champion_and_the_missions_are_those_of_any_run(run: Path, tmp_path: Path) -> None:
+    assert tiny(tmp_path / "run", *ALL[1:]) == DONE
+    assert content(tmp_path / "run") == content(run)
+    assert not (tmp_path / "run" / "trajectories").exists()
+
+
+def test_a_run_that_was_killed_goes_on_to_the_same_bytes_on_two_workers(
+    run: Path, tmp_path: Path
+) -> None:
+    """The kill is real; one trajectory is lost besides, as a loss of power can do."""
+    folder = tmp_path / "run"
+    given = [*TINY, *ALL, "executor=serial", "simulator.pause_s=0.1", f"hydra.run.dir={folder}"]
+    process = start(given, tmp_path)
+    wait_for_missions(folder, 6)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    assert 6 <= len(keys(folder)) < len(keys(run))
+    (folder / trajectory_file(keys(folder)[0])).unlink()
+    assert resume(folder, "executor=processes", "executor.workers=2") == DONE
+    assert content(folder) == content(run)
+    assert {name: text for name, text in kept(folder).items() if ".part" not in name} == kept(run)
+
+
+def test_a_deleted_trajectory_comes_back_alone(run: Path, tmp_path: Path) -> None:
+    folder = copied(run, tmp_path / "run")
+    (folder / trajectory_file(keys(folder)[3])).unlink()
+    before = (folder / "missions.csv").read_bytes()
+    assert resume(folder) == DONE
+    assert kept(folder) == kept(run)
+    assert (folder / "missions.csv").read_bytes() == before
+
+
+def test_a_mission_that_comes_back_otherwise_is_refused(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = copied(run, tmp_path / "run")
+    (folder / trajectory_file(keys(folder)[0])).unlink()
+    with (folder / "missions.csv").open() as file:
+        header, first, *rest = csv.reader(file)
+    first[header.index("max_speed_mps")] = "9.75"
+    with (folder / "missions.csv").open("w") as file:
+        csv.writer(file, lineterminator="\n").writerows([header, first, *rest])
+    assert resume(folder) == INPUT
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert "another outcome than the recorded one" in line
+
+
+def test_a_run_may_keep_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "run"
+    assert tiny(folder, "record=none", "optimizer.generations=1", "figures=[mission]") == DONE
+    assert not [name for name in everything(folder) if "trajector" in name]
+    warnings = [line for line in capsys.readouterr().err.splitlines() if "record=none" in line]
+    assert len(warnings) == 1
+    for subcommand in ("mission", "replay", "bag"):
+        assert evoros_analyze([subcommand, str(folder), "--output", str(tmp_path)]) == INPUT
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.endswith("keep them (record=none); start a run with record=champion")
+    before = everything(folder / "champion")
+    assert resume(folder) == DONE
+    assert everything(folder / "champion") == before
+
+
+def test_an_evaluation_keeps_all_if_told(run: Path, tmp_path: Path) -> None:
+    """Its folder of trajectories has the same layout; designs are numbered as they are given."""
+    folder = scored(tmp_path / "all", run, "record=all", "trials=2")
+    wanted = [(0, 0, world, trial) for world in ("far", "near") for trial in (0, 1)]
+    assert all((folder / trajectory_file(key)).is_file() for key in wanted)
+    urdf = (run / "champion" / "robot.urdf").read_bytes()
+    assert (folder / "trajectories" / "robots" / "000000.urdf").read_bytes() == urdf
+
+
+def test_a_world_of_its_own_in_each_mission_is_kept_with_it(tmp_path: Path) -> None:
+    given = ["world=generated", "world.generated.renew=true", "simulator=planar"]
+    experiment = compose([*given, "executor=serial"]).build()
+    scenario, files = experiment.scenario, TrajectoryFiles(tmp_path)
+    design = experiment.space.decode(np.full(experiment.space.size, 0.5))
+    missions = experiment.plan.selection(0, 7, design), experiment.plan.selection(1, 7, design)
+    trajectory = np.array([[0.0] * 9 + [np.nan, 1.5], [0.25] * 6 + [2.0, 0.0, 1.0, 0.5, 1.0 / 3]])
+    for (mission,) in missions:
+        files.keep(scenario, mission, trajectory)
+        sdf = (tmp_path / world_file("generated", mission.draws)).read_text()
+        assert sdf == scenario.world["generated"].at(mission.draws).sdf
+        assert files.has(mission)
+        np.testing.assert_array_equal(files.read(mission), trajectory)
+    assert len(list((tmp_path / "trajectories" / "worlds").iterdir())) == 2
+
+
+# Bags of any mission --------------------------------------------------------------------------
+
+
+def test_bags_of_a_design_are_those_of_its_missions(run: Path, tmp_path: Path) -> None:
+    missions = evoros.load_run(run).missions
+    design = next(i for i in missions.design.unique() if i != missions.design.iloc[-1])
+    given = ["bag", str(run), "--design", str(design), "--output", str(tmp_path)]
+    assert evoros_analyze(given) == DONE
+    rows = [row for row in missions.to_dict("records") if row["design"] == design]
+    folders = sorted(path.name for path in tmp_path.iterdir() if path.is_dir())
+    names = [f"bag_{place[0]:05d}_{trajectory_file(place).stem}" for place in map(place_of, rows)]
+    assert folders == sorted(names)
+    loaded = evoros.load_run(run)
+    for row, name in zip(rows, names, strict=True):
+        messages = read_mcap(tmp_path / name / f"{name}.mcap")
+        odometry = (m.content for m in messages if m.topic == "/odom")
+        driven = [content["pose"]["pose"]["position"]["x"] for content in odometry]
+        assert driven == list(loaded.mission_trajectory(*place_of(row)).x_m)
+        (urdf,) = (m.content["data"] for m in messages if m.topic == "/robot_description")
+        robot = run / "trajectories" / "robots" / f"{design:06d}.urdf"
+        assert urdf == robot.read_text()
+        assert "/sonar_5" in channels(tmp_path / name / f"{name}.mcap")
+
+
+def test_the_champions_bag_is_the_same_by_its_number(run: Path) -> None:
+    record = read_record(run, "run")
+    row = next(iter(list_rows(record, None, None, 0)))
+    by_number = read_mission(record, row)
+    champion = evoros.load_run(run).trajectory(str(row["world"]))
+    pd.testing.assert_frame_equal(by_number.trajectory, champion)
+    assert by_number.urdf == (run / "champion" / "robot.urdf").read_text()
+    assert list_messages(by_number)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--design", "999"), "must have a mission of design 999"),
+        (("--trial", "77"), "correct --design, --generation or --trial"),
+    ],
+)
+def test_missions_that_do_not_exist(
+    options: Sequence[str], said: str, run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert evoros_analyze(["bag", str(run), *options]) == INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+
+
+def test_a_run_that_kept_only_the_champions_says_so(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = copied(run, tmp_path / "run")
+    shutil.rmtree(folder / "trajectories")
+    manifest = folder / "manifest.json"
+    manifest.write_text(manifest.read_text().replace('"record": "all"', '"record": "champion"'))
+    assert evoros_analyze(["bag", str(folder), "--design", "1"]) == INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith("keep them (record=champion); start a run with record=all")
+
+
+def test_a_table_read_back_is_written_the_same(run: Path) -> None:
+    """So the champion's files are those of its missions, byte for byte."""
+    for path in sorted((run / "trajectories").glob("0*/*.csv"))[:3]:
+        table = pd.read_csv(path)
+        assert list(table) == trajectory_columns(table.to_numpy(float))
+        assert trajectory_table(table.to_numpy(float)) == path.read_text()
