@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from evoros.base.errors import InputError
 from evoros.controller.protocol import Briefing
 from evoros.robot.model import Robot
 
@@ -16,9 +17,18 @@ EVEN_THROTTLE = 50
 
 
 def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str, float]:
-    """Return the parameters that follow from the robot and the mission, without those given."""
+    """Return the parameters that follow from the robot and the mission, without those given.
+
+    Raises:
+        InputError: the given speed on the route is not positive.
+    """
     drive = briefing.robot.drive
     speed = float(given.get("WP_SPEED", drive.max_speed_mps))
+    if speed <= 0.0:
+        raise InputError(
+            f"controller.parameters.WP_SPEED: must be greater than 0, not {speed:g}; set it to the "
+            f"speed on the route [m/s], for example 0.3"
+        )
     curvature = drive.turn_ratio * math.tan(drive.steering_limit) / drive.wheelbase_m
     derived = {
         "WP_SPEED": speed,

@@ -35,6 +35,7 @@ from evoros.base.errors import InputError, LaunchError, PilotLost
 from evoros.bridge import mavlink
 from evoros.cli.run import evoros
 from evoros.controller.ardupilot import ArduPilot
+from evoros.design.genes import replace_values
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.preflight import preflight
 from evoros.evolution.told_check import check_told
@@ -60,14 +61,14 @@ def experiment(binary: Path) -> Experiment:
 
 @pytest.fixture(scope="module")
 def short(experiment: Experiment) -> Scenario:
-    """Four seconds in the open; the weaving blind rule of nothing in sight never avoids."""
+    """Four seconds in the open."""
     return open_field(experiment, SHORT_S)
 
 
 @pytest.fixture(scope="module")
 def among_boxes(experiment: Experiment) -> Scenario:
-    """Thirty seconds with a box beside the first leg, which it avoids."""
-    scenario = open_field(experiment, 30.0)
+    """Forty seconds with a box beside the first leg, which it avoids."""
+    scenario = open_field(experiment, 40.0)
     world = scenario.world["boxes"]
     (x, y), (to_x, to_y) = world.course.home[:2], world.course.route(True)[0]
     obstacle = box("box", x + 0.5 * (to_x - x) + 0.3, y + 0.5 * (to_y - y) + 0.3)
@@ -102,8 +103,26 @@ def test_it_avoids_and_goes_on_with_its_route(among_boxes: Scenario) -> None:
     assert outcome.visited > 0
 
 
+def test_a_parameter_may_evolve(short: Scenario) -> None:
+    slower = replace_values(short, {"controller.parameters.WP_SPEED": 0.2})
+    slow, fast = (run_mission(scenario, mission())[0] for scenario in (slower, short))
+    assert slow.max_speed_mps < 0.25 < fast.max_speed_mps
+
+
+@pytest.mark.parametrize("robot", ["two_wheeler", "mule"])
+def test_a_robot_without_steering_is_a_car_to_it(binary: Path, robot: str) -> None:
+    choices = ["simulator=planar", f"robot={robot}", "design=around", "robot.mount=null"]
+    scenario = open_field(compose_experiment(binary, *choices), 60.0)
+    outcome, _ = run_mission(scenario, mission(0))
+    assert outcome.visited >= 1
+
+
 def test_two_missions_have_the_same_bytes(among_boxes: Scenario, reference: str) -> None:
     assert digest(among_boxes) == reference
+
+
+def test_without_isolation_the_bytes_are_the_same(among_boxes: Scenario, reference: str) -> None:
+    assert digest(with_settings(among_boxes, isolate=False)) == reference
 
 
 def test_missions_at_once_do_not_hear_each_other(among_boxes: Scenario, reference: str) -> None:
@@ -240,6 +259,20 @@ def test_one_that_does_not_arm_is_refused_with_its_reason(short: Scenario) -> No
     eager = with_settings(short, parameters=parameters, warm_up_s=6.0)
     with pytest.raises(InputError, match=r"must arm within 6 .*Main loop slow \(50Hz < 200Hz\)"):
         run_mission(eager, mission())
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"arguments": ("--nonsense",)}, PilotLost, "ended with exit status .* before the mission"),
+        ({"parameters": {"WP_SPEED": 0.0}}, InputError, "WP_SPEED: must be greater than 0, not 0"),
+    ],
+)
+def test_what_it_cannot_start_with_is_told(
+    short: Scenario, changes: dict[str, object], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        run_mission(with_settings(short, **changes), mission())
 
 
 def test_an_unknown_parameter_is_refused_by_its_name(short: Scenario) -> None:
