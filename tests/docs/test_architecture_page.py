@@ -18,6 +18,7 @@ ROS = {
     "genpy",
     "geometry_msgs",
     "nav_msgs",
+    "rcl_interfaces",
     "rclpy",
     "rosgraph",
     "rosgraph_msgs",

@@ -45,8 +45,8 @@ STEADY = 10
 """How often in a row all must be at rest before the mission begins: nodes that start sleep now and
 then by the wall clock."""
 PAUSE_S, GRAPH_PAUSE_S, LOOK_S = 0.005, 0.05, 0.0002
-"""Between two of these looks. Nobody but the two nodes knows whether they are connected; they
-retry what went wrong after at most a third of a second."""
+"""Between two of these looks. Whether two nodes are connected with each other only they know; Fast
+DDS repeats what got lost of their introduction after a third of a second."""
 OWN_SHARE = 0.9
 """The part of a wall-clock limit after which this process ends by itself, to tell why."""
 
@@ -142,10 +142,10 @@ class Mission:
                 self._reports = self._graph.receive(topics["mode"], ("String",))
         except ValueError as error:
             self._conversation.refuse(str(error))
-        connected = all(
-            each is None or each.connected() for each in (self._commands, self._reports)
-        )
-        return None if connected else "the node that commands does not connect"
+        for each in (self._commands, self._reports):
+            if each is not None and not each.connected():
+                return "a node that publishes to evoros is not yet connected"
+        return self._graph.unanswered()
 
     def _steady(self) -> bool:
         alone = len(self._options["nodes"]) == 1 and takes_arguments(self._options["nodes"][0])

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import rclpy
 from builtin_interfaces.msg import Time
+from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ else:
 
 NAME = "evoros"  # of this process in the graph
 DEPTH = 100  # commands of one tick that are kept
+ANSWER_LIMIT_S = 1.0
 EACH = QoSProfile(depth=10)  # reliable and volatile, which best-effort subscriptions take too
 KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Qualities of service, the second one for the goal and the route, which are published rarely."""
@@ -129,6 +131,7 @@ class Graph:
         self._node = rclpy.create_node(
             NAME, use_global_arguments=False, enable_rosout=False, start_parameter_services=False
         )
+        self._answered: set[str] = set()  # names of nodes
         self._topics = sorted(kinds.keys() - {CLOCK})  # to which every node listens
         # Nodes also tell each other transforms, so that all know that topic by its own name.
         shared = {topic: kind for topic, kind in kinds.items() if topic == TRANSFORMS}
@@ -147,6 +150,35 @@ class Graph:
         if not any(outlet.hears(topic) for outlet in self.outlets for topic in self._topics):
             return f"no node listens to {', '.join(self._topics)}"
         return None
+
+    def unanswered(self) -> str | None:
+        """Ask each node for a parameter; return what is missing until all have answered.
+
+        This process knows when it is connected with a node, but only an answer proves that the
+        node is too. A node learns of connections in the order in which they were made, and those
+        by which it is asked are the last ones.
+        """
+        for name, namespace in self._node.get_node_names_and_namespaces():
+            place = f"{namespace.rstrip('/')}/{name}"
+            if name == NAME or place in self._answered:
+                continue
+            services = dict(self._node.get_service_names_and_types_by_node(name, namespace))
+            if f"{place}/get_parameters" in services and not self._ask(place):
+                return f"the node {place} did not answer a request for a parameter; it must spin"
+            self._answered.add(place)
+        return None
+
+    def _ask(self, place: str) -> bool:
+        """Whether a node answers."""
+        client = self._node.create_client(GetParameters, f"{place}/get_parameters")
+        try:
+            if not client.wait_for_service(ANSWER_LIMIT_S):
+                return False
+            future = client.call_async(GetParameters.Request(names=["use_sim_time"]))
+            rclpy.spin_until_future_complete(self._node, future, timeout_sec=ANSWER_LIMIT_S)
+            return bool(future.done())
+        finally:
+            self._node.destroy_client(client)
 
     def receive(self, topic: str, kinds: tuple[str, ...]) -> Incoming | None:
         """Connect with the node that publishes on a topic; None if there is none.
