@@ -26,6 +26,7 @@ else:
 NAME = "evoros"  # of this process in the graph
 DEPTH = 100  # commands of one tick that are kept
 ANSWER_LIMIT_S = 1.0
+UNKNOWN = "_NODE_NAME_UNKNOWN_"  # rmw_dds_common
 EACH = QoSProfile(depth=10)  # reliable and volatile, which best-effort subscriptions take too
 KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Qualities of service, the second one for the goal and the route, which are published rarely."""
@@ -96,6 +97,10 @@ class Outlet:
         publisher = self._publishers.get(topic)
         return publisher is not None and publisher.get_subscription_count() > 0
 
+    def names(self) -> list[str]:
+        """Return the topics as the nodes of the group know them."""
+        return [publisher.topic_name for publisher in self._publishers.values()]
+
     def publish(self, topic: str, message: Any) -> None:
         """Publish to this group only."""
         self._publishers[topic].publish(message)
@@ -158,15 +163,26 @@ class Graph:
         node is too. A node learns of connections in the order in which they were made, and those
         by which it is asked are the last ones.
         """
-        for name, namespace in self._node.get_node_names_and_namespaces():
+        for name, namespace in sorted(self._listeners()):
+            if name == UNKNOWN:
+                return "a node has not told its name"
             place = f"{namespace.rstrip('/')}/{name}"
-            if name == NAME or place in self._answered:
-                continue
-            services = dict(self._node.get_service_names_and_types_by_node(name, namespace))
-            if f"{place}/get_parameters" in services and not self._ask(place):
-                return f"the node {place} did not answer a request for a parameter; it must spin"
-            self._answered.add(place)
+            services = self._node.get_service_names_and_types_by_node(name, namespace)
+            if place not in self._answered and f"{place}/get_parameters" in dict(services):
+                if not self._ask(place):
+                    return f"the node {place} does not answer, as a node does that spins"
+                self._answered.add(place)
         return None
+
+    def _listeners(self) -> set[tuple[str, str]]:
+        """Return name and namespace of all nodes that listen to this process.
+
+        The graph knows a connection before the name of its node, and the services of a node,
+        which are created before its connections, before both.
+        """
+        topics = [topic for outlet in self.outlets for topic in outlet.names()]
+        listening = [self._node.get_subscriptions_info_by_topic(topic) for topic in topics]
+        return {(each.node_name, each.node_namespace) for group in listening for each in group}
 
     def _ask(self, place: str) -> bool:
         """Whether a node answers."""
