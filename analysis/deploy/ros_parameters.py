@@ -14,6 +14,8 @@ PARAMETERS = "controller.parameters"
 """The key of what a program outside of evoros was given."""
 RANGE_TOPIC = "controller.topics.range"
 """The key of the topic on which nodes got the readings of a sensor, whose name is a field of it."""
+_LAYERS = ("controller.avoidance.", "controller.avoidance_period_s")
+"""What decides beside ArduPilot; the other values start it, and some may be secret."""
 _SCALARS = (bool, int, float, str)
 
 
@@ -31,8 +33,8 @@ def controller_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]
         for key, value in values.items()
         if key.startswith(start) and not key.endswith("_target_")
     }
-    if is_ardupilot(champion):  # whose own parameters are in files of their own
-        named = {key: v for key, v in named.items() if not key.startswith(PARAMETERS)}
+    if is_ardupilot(champion):  # its own parameters are in files of their own
+        named = {key: v for key, v in named.items() if key.startswith(_LAYERS)}
     return _nest(named)
 
 

@@ -35,6 +35,7 @@ from robot_cases import independent, rover, some_mounts
 from evoros.base.arrays import Array
 from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
+from evoros.controller.ardupilot import ArduPilot
 from evoros.design.design import Design
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
@@ -304,8 +305,9 @@ def test_nodes_get_the_parameters_of_the_missions(record: Record, tmp_path: Path
 def test_only_evolved_parameters_of_ardupilot_take_effect(record: Record, tmp_path: Path) -> None:
     champion = champion_of(record, rover(), [], tmp_path)
     values = {
-        "controller._target_": "evoros.controller.ardupilot.ArduPilot",
+        "controller._target_": f"{ArduPilot.__module__}.{ArduPilot.__qualname__}",
         "controller.avoidance.range_m": 2.0,
+        "controller.environment.TOKEN": "secret",
         "controller.parameters.FS_ACTION": 0,
         "controller.parameters.WP_SPEED": 0.3,
     }
@@ -316,12 +318,13 @@ def test_only_evolved_parameters_of_ardupilot_take_effect(record: Record, tmp_pa
         assert "# in the simulation: FS_ACTION 0" in lines
     tree = yaml.safe_load(texts["config/controller.yaml"])["/**"]["ros__parameters"]
     assert tree == {"controller": {"avoidance": {"range_m": 2.0}}}
+    assert not [name for name, text in texts.items() if "secret" in text]
 
 
 def body(x: float, yaw: float, pitch: float = 0.0, y: float = 0.0) -> MountedSensor:
     """A sensor whose body is 2 cm long, 4 cm wide and 2 cm high."""
-    size, beam = (0.02, 0.04, 0.02), Beam(30.0, 0.06, 4.5)
-    return MountedSensor(f"at_{x}", "sonar", (x, y, 0.1), yaw, pitch, beam, 0.1, size)
+    size, beam = (0.02, 0.04, 0.02), Beam(30.0, 0.06, 4.5, 0.1)
+    return MountedSensor(f"at_{x}", "sonar", (x, y, 0.1), yaw, pitch, beam, size)
 
 
 @pytest.mark.parametrize(
