@@ -19,6 +19,8 @@ FORMATS = ("mcap", "ros1")
 OUTPUT = "bags"
 DISTRO = "jazzy"
 LAYOUT = "bag.foxglove.json"
+GOALS = {"mcap": "/goal_pose", "ros1": "/move_base_simple/goal"}
+"""The topic of the next waypoint, which rviz and the navigation of each ROS use."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +46,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         raise InputError("--distro: is for mcap, not for ros1; leave it out")
     study.check_worlds(options.world or [])
     record, missions = study.choose(options.run, partial(_read, options=options))
-    files = {LAYOUT: make_layout(list_topics(missions[0]), missions[0].tree.root).encode()}
+    topics = list_topics(missions[0], GOALS[options.format])
+    files = {LAYOUT: make_layout(topics, missions[0].tree.root).encode()}
     for mission in missions:
         files |= _write(mission, options.format, options.distro or DISTRO)
     return Product(messages=[f"{record.name}: {len(missions)} missions"], files=files)
@@ -53,7 +56,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def _write(mission: RecordedMission, kind: str, distro: str) -> dict[str, bytes]:
     from .writing import write_mcap, write_ros1
 
-    name, topics, messages = mission.name, list_topics(mission), list_messages(mission)
+    name, goal = mission.name, GOALS[kind]
+    topics, messages = list_topics(mission, goal), list_messages(mission, goal)
     if kind == "ros1":
         return write_ros1(name, topics, messages)
     return write_mcap(name, topics, messages, distro)

@@ -6,8 +6,12 @@ from typing import Any
 
 from .messages import WORLD_FRAME, Topic
 
-SHOWN = ("/obstacles", "/route", "/goal", "/robot_description")
-"""The topics of the three-dimensional view besides the frames, which it always shows."""
+SHOWN = (
+    "visualization_msgs/msg/MarkerArray",
+    "nav_msgs/msg/Path",
+    "geometry_msgs/msg/PoseStamped",
+)
+"""Types that the three-dimensional view shows besides the frames and the robot."""
 SPEED = {"/odom.twist.twist.linear.x": "speed [m/s]"}
 STEERING = {"/ackermann_cmd.drive.steering_angle": "steering command [rad]"}
 STATES = {"/mode.data": "mode", "/contact.data": "contact"}
@@ -25,7 +29,7 @@ def make_layout(topics: Sequence[Topic], robot_frame: str) -> str:
         if topic.type == "sensor_msgs/msg/Range"
     }
     panels = {
-        "3D!scene": _scene(robot_frame),
+        "3D!scene": _scene(robot_frame, topics),
         "Plot!ranges": _plot("Readings [m]", ranges),
         "Plot!motion": _plot("Speed and steering", {**SPEED, **STEERING}),
         "StateTransitions!mode": {"isSynced": True, "paths": _paths(STATES)},
@@ -50,7 +54,8 @@ def _split(direction: str, first: Any, second: Any, percentage: int) -> Mapping[
     }
 
 
-def _scene(robot_frame: str) -> Mapping[str, Any]:
+def _scene(robot_frame: str, topics: Sequence[Topic]) -> Mapping[str, Any]:
+    shown = ["/robot_description", *(topic.name for topic in topics if topic.type in SHOWN)]
     grid = {
         "instanceId": "ground",
         "layerId": "foxglove.Grid",
@@ -81,7 +86,7 @@ def _scene(robot_frame: str) -> Mapping[str, Any]:
         },
         "scene": {"transforms": {"showLabel": False, "axisScale": 0.2, "enablePreloading": True}},
         "transforms": {},
-        "topics": {name: {"visible": True} for name in SHOWN},
+        "topics": {name: {"visible": True} for name in shown},
         "layers": {"ground": grid},
     }
 

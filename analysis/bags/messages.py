@@ -5,7 +5,8 @@ or empty.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from .missions import RecordedMission
 START_NS = 1_000_000_000
 """The stamp at the start of a mission: to ROS, time 0 is no time."""
 WORLD_FRAME = "odom"
-ULTRASOUND, INFRARED = 0, 1  # of sensor_msgs/Range
+ULTRASOUND = 0  # of sensor_msgs/Range
 _SAME_TIME = 1e-6  # share of a period within which two times are the same
 
 Content = Mapping[str, Any]
@@ -49,25 +50,28 @@ TOPICS = (
     Topic("/tf_static", "tf2_msgs/msg/TFMessage", True),
     Topic("/obstacles", "visualization_msgs/msg/MarkerArray", True),
     Topic("/route", "nav_msgs/msg/Path", True),
-    Topic("/goal", "geometry_msgs/msg/PoseStamped", True),
     Topic("/tf", "tf2_msgs/msg/TFMessage"),
     Topic("/odom", "nav_msgs/msg/Odometry"),
     Topic("/ackermann_cmd", "ackermann_msgs/msg/AckermannDriveStamped"),
     Topic("/mode", "std_msgs/msg/String"),
     Topic("/contact", "std_msgs/msg/Bool"),
 )
-"""The topics besides those of the sensors."""
+"""The topics besides those of the goal and of the sensors."""
 
 
-def list_topics(mission: RecordedMission) -> list[Topic]:
-    """List the topics of a mission's bag; those of the sensors have the names of their links."""
+def list_topics(mission: RecordedMission, goal: str) -> list[Topic]:
+    """List the topics of a mission's bag; those of the sensors have the names of their links.
+
+    ``goal`` is the topic of the next waypoint.
+    """
     ranges = [Topic(f"/{link}", "sensor_msgs/msg/Range") for link, _ in mission.sensors]
-    return [*TOPICS, *ranges]
+    return [*TOPICS, Topic(goal, "geometry_msgs/msg/PoseStamped", True), *ranges]
 
 
-def list_messages(mission: RecordedMission) -> list[Message]:
-    """List the messages of a mission in the order of their stamps."""
-    messages = [*_describe(mission), *_move(mission), *_decide(mission)]
+def list_messages(mission: RecordedMission, goal: str) -> list[Message]:
+    """List the messages of a mission in the order of their stamps; see ``list_topics``."""
+    goals = _aim(mission, goal)
+    messages = [*_describe(mission), *goals, *_move(mission), *_decide(mission)]
     times = mission.trajectory["time_s"].to_numpy(float)
     for number, (link, beam) in enumerate(mission.sensors):
         readings = mission.trajectory[f"range_{number}_m"].to_numpy(float)
@@ -89,22 +93,27 @@ def _describe(mission: RecordedMission) -> Iterator[Message]:
     header = _header(START_NS, WORLD_FRAME)
     markers = [{"header": header, **marker} for marker in list_markers(mission.world)]
     yield Message(START_NS, "/obstacles", {"markers": markers})
-    course = mission.world.course
-    places = [course.home[:2], *mission.route.tolist()]
-    poses = [{"header": header, "pose": _pose(_at(x, y))} for x, y in places]
+    poses = [{"header": header, "pose": _pose(goal)} for goal in _goals(mission)]
     yield Message(START_NS, "/route", {"header": header, "poses": poses})
 
 
+def _aim(mission: RecordedMission, topic: str) -> Iterator[Message]:
+    """Yield the next waypoint, whenever it changes."""
+    rows, goals = mission.trajectory, _goals(mission)
+    changes = rows[rows["visited"].diff() != 0]
+    for time, visited in zip(changes["time_s"], changes["visited"], strict=True):
+        if visited < len(goals):
+            stamp = to_stamp(time)
+            header = _header(stamp, WORLD_FRAME)
+            yield Message(stamp, topic, {"header": header, "pose": _pose(goals[int(visited)])})
+
+
 def _move(mission: RecordedMission) -> Iterator[Message]:
-    """Yield pose, speed and contact of the robot, and its goals."""
+    """Yield pose, speed and contact of the robot."""
     rows, root = mission.trajectory, mission.tree.root
     rates = _yaw_rates(rows)
-    goal = -1
     for row, rate in zip(rows.to_dict("records"), rates, strict=True):
         stamp = to_stamp(row["time_s"])
-        if row["visited"] != goal and row["visited"] < len(mission.route):
-            goal = int(row["visited"])
-            yield Message(stamp, "/goal", _goal(stamp, mission.route[goal]))
         pose = _at(row["x_m"], row["y_m"], row["yaw_rad"]) @ mission.root
         yield Message(stamp, "/tf", {"transforms": [_transform(stamp, WORLD_FRAME, root, pose)]})
         twist = {"linear": {"x": row["speed_mps"]}, "angular": {"z": rate}}
@@ -139,7 +148,7 @@ def _measure(link: str, beam: Beam, times: Array, readings: Array) -> Iterator[M
     samples[-1] = math.ceil(times[-1] / beam.period_s - _SAME_TIME) - 1
     before = np.concatenate([[-1.0], samples[:-1]])
     fixed = {
-        "radiation_type": ULTRASOUND if beam.fov_deg else INFRARED,
+        "radiation_type": ULTRASOUND,
         "field_of_view": math.radians(beam.fov_deg),
         "min_range": beam.range_min_m,
         "max_range": beam.range_max_m,
@@ -159,11 +168,16 @@ def _yaw_rates(rows: pd.DataFrame) -> list[float]:
     return rates
 
 
-def _goal(stamp_ns: int, place: Sequence[float]) -> Content:
-    return {"header": _header(stamp_ns, WORLD_FRAME), "pose": _pose(_at(*place))}
+def _goals(mission: RecordedMission) -> list[Pose]:
+    """Return the poses of the waypoints, each of which looks along the way to it."""
+    places = [mission.world.course.home[:2], *mission.route.tolist()]
+    return [
+        _at(x, y, math.atan2(y - from_y, x - from_x))
+        for (from_x, from_y), (x, y) in pairwise(places)
+    ]
 
 
-def _at(x: float, y: float, yaw: float = 0.0) -> Pose:
+def _at(x: float, y: float, yaw: float) -> Pose:
     return Pose.from_rpy((float(x), float(y), 0.0), 0.0, 0.0, float(yaw))
 
 

@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 import yaml
 from bag_readers import ReadMessage, channels, has_rosbag, read_mcap, read_rosbag
+from evoros.analysis.bags.bag import GOALS
 from evoros.analysis.bags.messages import START_NS, TOPICS, Message, list_messages, list_topics
 from evoros.analysis.bags.missions import RecordedMission, read_champion_mission
 from evoros.analysis.command import evoros_analyze
@@ -29,7 +30,8 @@ from evoros.base.console import DONE, INPUT
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.storage.reading import load_run
 
-LATCHED = {topic.name for topic in TOPICS if topic.latched}
+GOAL = GOALS["mcap"]
+LATCHED = {topic.name for topic in TOPICS if topic.latched} | {GOAL}
 ACKERMANN_MD5 = "1fd5d7f58889cefd44d29f6653240d0c"  # of ackermann_msgs 1.0
 
 
@@ -177,13 +179,19 @@ def test_goals_are_the_waypoints_in_the_order_of_the_mission(
 ) -> None:
     (route,) = on("/route", mcap)
     places = [tuple(pose["pose"]["position"].values())[:2] for pose in route["poses"]]
-    goals = [tuple(goal["pose"]["position"].values())[:2] for goal in on("/goal", mcap)]
+    goals = [tuple(goal["pose"]["position"].values())[:2] for goal in on(GOAL, mcap)]
+    home = json.loads((run / "setting.json").read_text())["courses"]["near"]
+    before = [(home["home_x_m"], home["home_y_m"]), *places]
+    for (x, y), (to_x, to_y), pose in zip(before, places, route["poses"], strict=False):
+        turn = pose["pose"]["orientation"]
+        ahead = 2 * math.atan2(turn["z"], turn["w"])
+        assert math.cos(ahead - math.atan2(to_y - y, to_x - x)) == pytest.approx(1.0)
     recorded = rows(run)
-    assert goals == places[1:][: len(goals)]
-    assert len(goals) == min(len(places) - 1, 1 + int(recorded[-1]["visited"]))
+    assert goals == places[: len(goals)]
+    assert len(goals) == min(len(places), 1 + int(recorded[-1]["visited"]))
     # A waypoint counts within its acceptance, so the direction of the route is the one flown.
     for row, after in pairwise(recorded):
-        if after["visited"] > row["visited"] and after["visited"] < len(places) - 1:
+        if after["visited"] > row["visited"] and after["visited"] < len(places):
             goal = goals[int(row["visited"])]
             assert math.dist(goal, (after["x_m"], after["y_m"])) <= 1.0
 
@@ -199,7 +207,7 @@ def test_obstacles_are_markers_of_their_shape_and_place(mission: RecordedMission
     )
     bodies = (*mission.world.bodies, Body("solids", turned, shapes))
     changed = replace(mission, world=replace(mission.world, bodies=bodies))
-    (content,) = (m.content for m in list_messages(changed) if m.topic == "/obstacles")
+    (content,) = (m.content for m in list_messages(changed, "/goal") if m.topic == "/obstacles")
     own = [marker for marker in content["markers"] if marker["ns"] == "solids"]
     assert [marker["type"] for marker in own] == [1, 3, 2, 11]
     sizes = [list(marker["scale"].values()) for marker in own]
@@ -227,7 +235,11 @@ def test_a_root_link_above_the_ground_is_where_it_was(
     loaded.write_text(urdf.replace("</robot>", ground))
     raised = read_champion_mission(read_record(folder, "run"), "near")
     on_ground, above = (
-        [m.content["pose"]["pose"]["position"] for m in list_messages(each) if m.topic == "/odom"]
+        [
+            m.content["pose"]["pose"]["position"]
+            for m in list_messages(each, "/goal")
+            if m.topic == "/odom"
+        ]
         for each in (mission, raised)
     )
     yaws = mission.trajectory["yaw_rad"]
@@ -264,7 +276,7 @@ def test_a_sensor_of_any_period_has_each_recorded_reading_once_at_its_time(
     flown = replace(
         mission, trajectory=table, sensors=[(link, replace(beam, period_s=sense * tick))]
     )
-    messages: list[Message] = [m for m in list_messages(flown) if m.topic == f"/{link}"]
+    messages: list[Message] = [m for m in list_messages(flown, "/goal") if m.topic == f"/{link}"]
     assert [m.stamp_ns for m in messages] == [10**9 + round(t * tick * 1e9) for t in expected]
     assert [m.content["range"] for m in messages] == [t * tick for t in expected]
 
@@ -283,7 +295,8 @@ def test_debians_rosbag_reads_the_same_messages(folder: Path, mcap: list[ReadMes
         if message.topic == "/obstacles":
             markers = [{k: m[k] for k in m if k not in lacking} for m in content["markers"]]
             content = {"markers": markers}
-        return message._replace(content=content)
+        topic = GOAL if message.topic == GOALS["ros1"] else message.topic
+        return message._replace(topic=topic, content=content)
 
     order = [(message.stamp, message.topic) for message in messages]
     assert [stamp for stamp, _ in order] == sorted(stamp for stamp, _ in order)
@@ -292,7 +305,8 @@ def test_debians_rosbag_reads_the_same_messages(folder: Path, mcap: list[ReadMes
         return sorted(map(common, each), key=lambda message: (message.topic, message.stamp))
 
     assert by_topic(messages) == by_topic(mcap)
-    assert {topic for topic, _, _, latching in connections if latching} == LATCHED
+    latched = {topic for topic, _, _, latching in connections if latching}
+    assert latched == {*LATCHED, GOALS["ros1"]} - {GOAL}
     hashes = {kind: md5 for _, kind, md5, _ in connections}
     assert hashes["ackermann_msgs/AckermannDriveStamped"] == ACKERMANN_MD5
 
@@ -317,12 +331,12 @@ def test_rosbag2_metadata_counts_the_messages_and_keeps_latched_topics(
 def test_the_layout_shows_topics_of_the_bag(folder: Path, mission: RecordedMission) -> None:
     layout = json.loads((folder / "bag.foxglove.json").read_text())
     bag = channels(folder / "bag_near" / "bag_near.mcap")
-    assert bag == {topic.name for topic in list_topics(mission)}
+    assert bag == {topic.name for topic in list_topics(mission, GOAL)}
     panels = layout["configById"]
     named = set(re.findall(r'"(/\w+)[."]', json.dumps(panels)))
     assert named <= bag
     assert {f"/sonar_{number}" for number in range(6)} < named
-    assert {"/obstacles", "/robot_description", "/route", "/goal", "/mode", "/odom"} < named
+    assert {"/obstacles", "/robot_description", "/route", GOAL, "/mode", "/odom"} < named
     placed = re.findall(r'"(?:first|second)": "([^"]+)"', json.dumps(layout["layout"]))
     assert Counter(placed) == dict.fromkeys(panels, 1)
     scene = next(config for panel, config in panels.items() if panel.startswith("3D!"))

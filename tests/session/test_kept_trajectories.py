@@ -199,7 +199,7 @@ def test_the_champions_bag_is_the_same_by_its_number(run: Path) -> None:
     champion = evoros.load_run(run).trajectory(str(row["world"]))
     pd.testing.assert_frame_equal(by_number.trajectory, champion)
     assert by_number.urdf == (run / "champion" / "robot.urdf").read_text()
-    assert list_messages(by_number)
+    assert list_messages(by_number, "/goal")
 
 
 @pytest.mark.parametrize(
