@@ -1,5 +1,6 @@
 """The base of the controllers that are nodes of ROS: which nodes, on which topics."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -49,7 +50,7 @@ class RosController(LineController):
     answer: Annotated[str, one_of("rest", "each")] = "rest"
 
     def __post_init__(self) -> None:
-        nodes = [split_command(node) for node in self.nodes]
+        nodes = [_split_node(node) for node in self.nodes]
         files = [file for node in nodes for file in list_files(node, self.files)]
         object.__setattr__(self, "nodes", nodes)
         object.__setattr__(self, "files", tuple(dict.fromkeys(files)))
@@ -74,6 +75,13 @@ class RosController(LineController):
         }
         command = [*split_command([self.python]), str(BRIDGES / self.bridge)]
         return self.fly(command, briefing, {"ros": options})
+
+
+def _split_node(command: str | Sequence[str]) -> list[str]:
+    """Return the words of a command; ``python3`` is that of ROS, not that of evoros."""
+    program = (shlex.split(command) if isinstance(command, str) else command)[0]
+    words = split_command(command)
+    return words if "/" in program else [program, *words[1:]]
 
 
 def _describe_robot(briefing: Briefing) -> str:

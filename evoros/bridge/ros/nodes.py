@@ -5,8 +5,10 @@ Standard library only, as Python 3.8 has it.
 
 from __future__ import annotations
 
+import os
 import shlex
 import subprocess
+import sys
 from collections.abc import Collection
 
 
@@ -21,12 +23,15 @@ class Nodes:
     ) -> None:
         """Start all, ``completed`` with arguments that messages leave out.
 
+        ``python3`` in a command or in the first line of a node is the Python of this process.
+
         Raises:
             OSError: a command cannot be executed.
         """
         self._commands = commands
+        path = os.pathsep.join([os.path.dirname(sys.executable), environment.get("PATH", "")])
         self._processes = [
-            subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL)
+            subprocess.Popen(command, env={**environment, "PATH": path}, stdin=subprocess.DEVNULL)
             for command in completed or commands
         ]
 

@@ -31,7 +31,7 @@ STEADY = 10
 """How often in a row all must be at rest before the mission begins: nodes that start sleep now and
 then by the wall clock."""
 PAUSE_S = 0.005
-OWN_SHARE = 0.9
+OWN_SHARE = 0.8
 """The part of a wall-clock limit after which this process ends by itself, to tell why."""
 
 
@@ -83,53 +83,56 @@ class Mission:
     def __init__(self, conversation: Conversation, rest: Rest, nodes: Nodes) -> None:
         """Join the graph. The imports take a while, as those of the nodes do."""
         logging.disable(logging.CRITICAL)
-        graph, messages = import_module("ros1_graph"), import_module("ros1_messages")
-        graph.join()
+        self._module, messages = import_module("ros1_graph"), import_module("ros1_messages")
+        self._module.join()
         briefing = conversation.briefing
         self._conversation, self._rest, self._nodes = conversation, rest, nodes
         self._options: dict[str, Any] = briefing["ros"]
         self._wheels = Wheels(briefing["drive"], self._options["twist"])
         self._modes = Modes(briefing["modes"])
         self._outgoing: ros1_messages.Outgoing = messages.Outgoing(briefing)
-        self._graph: ros1_graph.Graph = graph.Graph(nodes, self._outgoing.publishers())
-        self._commands: ros1_graph.Incoming | None = None
-        self._reports: ros1_graph.Incoming | None = None  # of the mode
+        self._graph: ros1_graph.Graph = self._module.Graph(nodes, self._outgoing.publishers())
+        topics: dict[str, str] = self._options["topics"]
+        self._command, self._mode = topics["command"], topics["mode"]
+        self._incoming: dict[str, ros1_graph.Incoming] = {}  # by topic
 
     def connect(self, until: float) -> None:
         """Return when every connection stands and all are at rest.
 
         What nodes have said until then has not been said in the mission.
         """
-        missing: str | None = ""
-        while missing is not None or not self._steady():
+        while not self._steady():
             if time.monotonic() > until:
                 self._conversation.refuse(
-                    f"controller.nodes: {missing or self._unrest()} in "
+                    f"controller.nodes: {self._missing() or self._unrest()}, after "
                     f"{self._options['start_limit_s']:g} s; correct the nodes or start_limit_s"
                 )
             time.sleep(PAUSE_S)
-            self._require_nodes()
-            missing = self._graph.missing(self._options["topics"]["command"])
-            if missing is None:
-                missing = self._listen()
         self._rest.prepare()
+        self._require_rest(until + PAUSE_S)  # after the last questions to the nodes
         self._hear()
 
     def _steady(self) -> bool:
+        """Whether nothing is missing, before and after all have been at rest for a while."""
+        if self._missing() is not None:
+            return False
         for _ in range(STEADY):
             if not self._rest.wait(1.0):
                 return False
             time.sleep(PAUSE_S)
-        return self._graph.missing(self._options["topics"]["command"]) is None
+        return self._missing() is None
 
-    def _listen(self) -> str | None:
+    def _missing(self) -> str | None:
         """Connect with the nodes that publish commands and modes; return what is missing."""
-        topics = self._options["topics"]
+        self._require_nodes()
+        missing = self._graph.missing(self._command)
+        if missing is not None:
+            return missing
         try:
-            if self._commands is None:
-                self._commands = self._graph.receive(topics["command"], tuple(COMMANDS))
-            if self._reports is None:
-                self._reports = self._graph.receive(topics["mode"], ("String",))
+            for topic, kinds in ((self._command, tuple(COMMANDS)), (self._mode, ("String",))):
+                publisher = self._graph.publisher(topic, kinds)
+                if publisher is not None and topic not in self._incoming:
+                    self._incoming[topic] = self._module.Incoming(topic, *publisher)
         except ValueError as error:
             self._conversation.refuse(str(error))
         except OSError as error:
@@ -146,7 +149,8 @@ class Mission:
                 for connection in connections:  # one node after the other
                     publisher.impl.publish(message, connection_override=connection)
                     self._require_rest(until)
-            if self._options["answer"] == "each":
+            # Nodes that answer poses cannot while the localization is silent.
+            if self._options["answer"] == "each" and tick.state[0] is not None:
                 self._require_command(until)
             self._answer()
 
@@ -162,9 +166,10 @@ class Mission:
     def _hear(self) -> list[Any]:
         """Return the commands that have arrived, and note the mode."""
         try:
-            for message in self._reports.fetch() if self._reports is not None else ():
-                self._modes.report(message.data)
-            return self._commands.fetch() if self._commands is not None else []
+            if self._mode in self._incoming:
+                for message in self._incoming[self._mode].fetch():
+                    self._modes.report(message.data)
+            return self._incoming[self._command].fetch()
         except ConnectionError as error:
             time.sleep(10 * PAUSE_S)  # perhaps its process is about to end
             self._require_nodes()
@@ -184,7 +189,7 @@ class Mission:
 
     def _require_command(self, until: float) -> None:
         """Wait for a command, and for rest after it."""
-        while self._commands is not None and not self._commands.wait(PAUSE_S):
+        while not self._incoming[self._command].wait(PAUSE_S):
             self._require_nodes()
             if time.monotonic() > until:
                 end("no node commanded; answer=each needs a command at each tick, answer=rest none")

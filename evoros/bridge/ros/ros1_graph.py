@@ -48,14 +48,14 @@ def ask_node(address: str, method: str, *arguments: Any) -> Any:
 class Incoming:
     """The messages of one publisher, which no thread receives: the bridge fetches them."""
 
-    def __init__(self, topic: str, kind: str, publisher: str) -> None:
-        """Connect to the publisher, the address of a node.
+    def __init__(self, topic: str, publisher: str, kind: str) -> None:
+        """Connect with the node at an address.
 
         Raises:
             OSError: the node does not accept the connection.
             ValueError: this Python has no messages of this kind.
         """
-        self.kind, self._topic = kind, topic
+        self._topic = topic
         self._class: Any = roslib.message.get_message_class(kind)
         if self._class is None:
             raise ValueError(f"{sys.executable} cannot import the messages {kind} of {topic}")
@@ -120,12 +120,11 @@ class Graph:
         except (OSError, Error, MasterException) as error:  # a node comes or goes
             return f"a node does not answer: {error}"
 
-    def receive(self, topic: str, kinds: tuple[str, ...]) -> Incoming | None:
-        """Connect with the node that publishes on a topic; None if there is none.
+    def publisher(self, topic: str, kinds: tuple[str, ...]) -> tuple[str, str] | None:
+        """Return the address of the node that publishes on a topic, and the kind of its messages.
 
         Raises:
-            OSError: the node does not accept the connection.
-            ValueError: there are several, or their messages are not of these kinds.
+            ValueError: there are several nodes, or their messages are not of these kinds.
         """
         names = self._published.get(topic, [])
         if not names:
@@ -141,7 +140,7 @@ class Graph:
                 f"{topic}: its messages must be {' or '.join(kinds)}, not {kind}; correct the node "
                 f"{names[0]} or controller.topics"
             )
-        return Incoming(topic, kind, self._addresses[names[0]])
+        return self._addresses[names[0]], kind
 
     def place(self, connection: Any) -> tuple[int, str]:
         """Return the place of a node: that of its command, because its name may be a random one."""
