@@ -14,6 +14,8 @@ SIMULATED = 100
 """The type of a range finder that the simulation feeds."""
 OCTANTS = 8
 EVEN_THROTTLE = 50
+DEFAULT_GAIN, GREATEST_GAIN = 1.0, 6.0
+"""Of the velocity: what ArduPilot has by default, and at most."""
 
 
 def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str, float]:
@@ -39,6 +41,8 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
         "TURN_RADIUS": 1.0 / curvature,
         # The part of full lock that a rate needs; the default of 0.2 turns slow robots too wide.
         "ATC_STR_RAT_FF": 1.0 / (speed * curvature),
+        # ArduPilot divides the lateral acceleration by 1 m/s at least, and a slow robot is slower.
+        "PSC_VEL_P": min(max(1.0 / speed, DEFAULT_GAIN), GREATEST_GAIN),
         **dict(_describe_range_finders(briefing.robot)),
     }
     return {name: value for name, value in derived.items() if name not in given}

@@ -35,6 +35,8 @@ from evoros.base.errors import InputError, LaunchError, PilotLost
 from evoros.bridge import mavlink
 from evoros.cli.run import evoros
 from evoros.controller.ardupilot import ArduPilot
+from evoros.controller.ardupilot_parameters import derive_parameters
+from evoros.controller.protocol import Briefing
 from evoros.design.genes import replace_values
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.preflight import preflight
@@ -316,6 +318,28 @@ def test_without_pymavlink_its_installation_is_told(
     with pytest.raises(LaunchError, match=r"pip install evoros\[ardupilot\]"):
         run_mission(short, mission())
     mavlink.dialect.cache_clear()
+
+
+def test_parameters_follow_from_the_robot_and_the_mission(short: Scenario) -> None:
+    robot = short.with_design(mission(7).design).robot
+    robot = replace(robot, mounts=robot.mounts[::-1])  # the first one looks to the left
+    route, drive = np.zeros((1, 2)), robot.drive
+    briefing = Briefing(robot, (0.0, 0.0, 0.0, 0.0), route, 1.0, 10.0, 0)
+    derived = derive_parameters(briefing, {"WP_SPEED": 0.25, "WP_RADIUS": 2.0})
+    lock_rate = 0.25 * math.tan(drive.steering_limit) / drive.wheelbase_m
+    assert derived["ATC_STR_RAT_FF"] == pytest.approx(1.0 / lock_rate)
+    assert derived["PSC_VEL_P"] == pytest.approx(4.0)
+    assert derived["TURN_RADIUS"] == pytest.approx(0.25 / lock_rate)
+    full = 100.0 / derived["CRUISE_THROTTLE"] * derived["CRUISE_SPEED"]
+    assert full == pytest.approx(drive.max_speed_mps)
+    assert not {"WP_SPEED", "WP_RADIUS", "RNGFND7_TYPE"} & derived.keys()
+    left, forward, half_right = 6, 0, 1
+    assert derived["RNGFND1_ORIENT"] == left
+    assert derived["RNGFND4_ORIENT"] == forward
+    assert derived["RNGFND5_ORIENT"] == half_right
+    x, y, z = robot.sensor_poses()[0, :3].tolist()
+    assert [derived[f"RNGFND1_POS_{axis}"] for axis in "XYZ"] == [x, -y, -z]
+    assert derived["RNGFND1_MAX_CM"] == 100.0 * derived["RNGFND1_MAX"]
 
 
 @of_the_peer

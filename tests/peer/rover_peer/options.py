@@ -22,6 +22,7 @@ DEFAULTS: Mapping[str, float] = {
     "MIS_DONE_BEHAVE": 0,
     "MIS_RESTART": 0,
     "MOT_SLEWRATE": 100,
+    "PSC_VEL_P": 1,
     "RC_OVERRIDE_TIME": 3,
     "SCHED_LOOP_RATE": 50,
     "TURN_RADIUS": 0.9,

@@ -135,8 +135,11 @@ class Rover:
         bearing = math.atan2(east - state.position[1], north - state.position[0])
         error = math.remainder(bearing - state.attitude[2], 2.0 * math.pi)
         value = self.parameters
+        aside = math.sin(max(-0.5 * math.pi, min(error, 0.5 * math.pi)))
+        # As the original, it takes the lateral acceleration for a rate at 1 m/s at least.
+        rate = value["PSC_VEL_P"] * value["WP_SPEED"] * aside / max(value["WP_SPEED"], 1.0)
         throttle = value["WP_SPEED"] / value["CRUISE_SPEED"] * int(value["CRUISE_THROTTLE"]) / 100
-        return value["ATC_STR_RAT_FF"] * 1.5 * error, throttle
+        return value["ATC_STR_RAT_FF"] * rate, throttle
 
     def _input(self, channel: int) -> float:
         """Return what a channel of the radio demands, from -1 to 1."""
