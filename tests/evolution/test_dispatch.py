@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import pytest
 from helpers import USER_PARTS
 from numpy.random import Generator
 
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError, RunStopped, SimulationError, WorkerLost
 from evoros.config.compose import compose
 from evoros.design.design import Design
@@ -213,13 +214,23 @@ def test_an_attempt_at_a_call_is_one_at_each_mission_alone(tmp_path: Path) -> No
     assert len((tmp_path / "tally").read_text().splitlines()) in (6, 8)
 
 
+def note_rows(
+    rows: dict[MissionKey, int], scenario: Scenario, mission: Mission, trajectory: Array
+) -> None:
+    rows[mission.key] = len(trajectory)
+
+
 def test_lost_missions_stop_or_are_the_worst() -> None:
     wanted = experiment().plan.selection(3, 4, DESIGN)
     scenario = experiment().scenario
     for error in (WorkerLost("it hung"), ValueError("no\nluck")):
         with pytest.raises(RunStopped, match=r"design 4 in \w+, generation 3, trial 0: "):
             list(Dispatcher(Broken(error), 1, STOP).run(scenario, wanted))
-        (*batches,) = Dispatcher(Broken(error), 1, WORST).run(scenario, wanted)
+        rows: dict[MissionKey, int] = {}
+        keep = partial(note_rows, rows)
+        dispatcher = Dispatcher(Broken(error), 1, WORST, keep_trajectory=keep)
+        (*batches,) = dispatcher.run(scenario, wanted)
+        assert rows == {mission.key: 0 for mission in wanted}
         outcomes = [outcome for batch in batches for _, outcome in batch]
         assert {outcome.ended for outcome in outcomes} == {LOST}
         assert {outcome.progress for outcome in outcomes} == {0.0}
