@@ -33,7 +33,7 @@ from evoros.controller.ardupilot_parameters import (
 from evoros.controller.ardupilot_pilot import HOME, ArduPilotPilot
 from evoros.controller.line_controller import split_command
 from evoros.controller.protocol import Briefing, Layer, Pilot
-from evoros.filter.protocol import Filter
+from evoros.filter.protocol import FILTERS, Filter
 
 MAX_PERIOD_S = 0.02
 PARAMETERS_FILE = "evoros.parm"
@@ -54,10 +54,6 @@ PARAMETERS = Rule(
         and all(map(is_number, v.values()))
     ),
 )
-NO_FILTERS = Rule(
-    "empty, because the autopilot has a localization of its own",
-    lambda v: isinstance(v, Mapping) and not v,
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +72,7 @@ class ArduPilot:
     avoidance: Annotated[Layer, instance_of(Layer, "a layer of a controller")]
     period_s: Annotated[float, PERIOD] = MAX_PERIOD_S  # between two states
     avoidance_period_s: Annotated[float, POSITIVE] = 0.1
-    localization: Annotated[Mapping[str, Filter], NO_FILTERS] = field(default_factory=dict)
+    localization: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)
     parameters: Annotated[Mapping[str, float], PARAMETERS] = field(default_factory=dict)
     arguments: Annotated[Sequence[str], sequence_of(str, "texts")] = ()
     environment: Annotated[Mapping[str, str], mapping_of(str, "texts")] = field(
@@ -89,6 +85,14 @@ class ArduPilot:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "binary", split_command([self.binary])[0])
+        if self.localization:
+            raise invalid(
+                self,
+                "localization",
+                list(self.localization),
+                "must be empty, because the autopilot has a localization of its own",
+                "choose controller/localization=exact",
+            )
         count = round(self.avoidance_period_s / self.period_s)
         if count < 1 or abs(count * self.period_s - self.avoidance_period_s) > 1e-9:
             raise invalid(

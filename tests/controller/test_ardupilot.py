@@ -41,6 +41,7 @@ from evoros.design.genes import replace_values
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.preflight import preflight
 from evoros.evolution.told_check import check_told
+from evoros.filter.delay import Delay
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
 
@@ -289,7 +290,7 @@ def test_an_unknown_parameter_is_refused_by_its_name(short: Scenario) -> None:
     [
         ({"period_s": 0.025}, "at most 0.02, because ArduPilot does not arm with fewer than 50"),
         ({"avoidance_period_s": 0.05}, "must be a whole multiple of period_s .*set it to 0.04"),
-        ({"localization": {"late": None}}, "must be empty, because the autopilot has a loc"),
+        ({"localization": {"late": Delay()}}, r"must be empty, .* not \['late'\]; choose .*=exact"),
         ({"parameters": {"wp_speed": 1}}, "must be a mapping from ArduPilot's names"),
         ({"parameters": {"WP_SPEED": math.nan}}, "must be a mapping from ArduPilot's names"),
         ({"binary": ""}, "must be a text that is not empty"),
