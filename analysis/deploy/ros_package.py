@@ -22,12 +22,7 @@ from .ardupilot import (
 from .champion import Champion, Triple
 from .clashes import list_clashes
 from .meshes import MeshFiles
-from .ros_parameters import (
-    RANGE_TOPIC,
-    controller_parameters,
-    sensor_parameters,
-    write_parameter_file,
-)
+from .ros_parameters import controller_parameters, robot_parameters, write_parameter_file
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 _MAINTAINER = re.compile(r"(?P<name>[^<>]*\S)\s*<(?P<email>[\w.+-]+@[\w-]+(\.[\w-]+)+)>")
@@ -107,10 +102,9 @@ def _render(template: str, values: Mapping[str, Any]) -> str:
 
 def _write_parameters(champion: Champion, options: PackageOptions) -> dict[str, str]:
     controller = write_parameter_file(*controller_parameters(champion), [champion.title])
-    topic = champion.values.get(RANGE_TOPIC)
-    sensors = write_parameter_file(*sensor_parameters(champion.sensors, topic), [champion.title])
+    robot = write_parameter_file(*robot_parameters(champion), [champion.title])
     finders = list_range_finders(champion.sensors, _choose_origin(champion, options))
-    files = {"config/controller.yaml": controller, "config/sensors.yaml": sensors}
+    files = {"config/controller.yaml": controller, "config/robot.yaml": robot}
     for version, metres in (("4.7", True), ("4.6", False)):
         bound = "or later" if metres else "or earlier"
         head = [

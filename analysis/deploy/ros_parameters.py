@@ -1,17 +1,19 @@
-"""Parameter files of ROS 2: the controller's values and the sensors of a champion."""
+"""Parameter files of ROS 2: the controller's values, and the sensors and drive of a champion."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import yaml
 
 from .ardupilot import is_ardupilot
-from .champion import Champion, MountedSensor
+from .champion import Champion
 
 CONTROLLER = "controller."
 PARAMETERS = "controller.parameters"
 """The key of what a program outside of evoros was given."""
+MAX_SPEED, STEERING_LIMIT = "robot.drive.max_speed_mps", "robot.drive.steering_limit_rad"
+"""The keys of a drive that may evolve."""
 RANGE_TOPIC = "controller.topics.range"
 """The key of the topic on which nodes got the readings of a sensor, whose name is a field of it."""
 _LAYERS = ("controller.avoidance.", "controller.avoidance_period_s")
@@ -45,30 +47,31 @@ def has_own_parameters(champion: Champion) -> bool:
     return given and not is_ardupilot(champion)
 
 
-def sensor_parameters(
-    sensors: Sequence[MountedSensor], topic: str | None
-) -> tuple[dict[str, Any], list[str]]:
-    """Return the parameters of the sensors, in the terms of ``sensor_msgs/Range`` where it has any.
+def robot_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
+    """Return the parameters that tell nodes of the sensors and the drive, as in a mission.
 
-    Poses are in the robot's frame: x forward, y left, z up from the ground; a positive rotation
-    about y lowers the nose, as in the description. ``topic`` is that of the readings, with
-    ``{sensor}`` in place of a name; None: nodes of ROS were not the controller.
+    Poses are x, y, z [m], yaw and pitch [rad] in the robot's frame: left and nose up positive.
     """
-    named: dict[str, Any] = {"sensors.names": [sensor.link for sensor in sensors]}
+    sensors, topic = champion.sensors, champion.values.get(RANGE_TOPIC)
+    named: dict[str, Any] = {"evoros.sensors": [sensor.link for sensor in sensors]}
     for sensor in sensors:
-        x, y, z = sensor.position_m
+        angles = math.radians(sensor.yaw_deg), math.radians(sensor.pitch_deg)
         for name, value in (
             ("type", sensor.type),
-            ("frame_id", sensor.link),
+            ("pose", [*sensor.position_m, *angles]),
+            ("range_min_m", sensor.beam.range_min_m),
+            ("range_max_m", sensor.beam.range_max_m),
+            ("field_of_view_rad", math.radians(sensor.beam.fov_deg)),
+            ("period_s", sensor.beam.period_s),
             *([] if topic is None else [("topic", topic.replace("{sensor}", sensor.link))]),
-            ("field_of_view", math.radians(sensor.beam.fov_deg)),
-            ("min_range", sensor.beam.range_min_m),
-            ("max_range", sensor.beam.range_max_m),
-            ("period", sensor.beam.period_s),
-            ("xyz", [x, y, z]),
-            ("rpy", [0.0, -math.radians(sensor.pitch_deg), math.radians(sensor.yaw_deg)]),
         ):
-            named[f"sensors.{sensor.link}.{name}"] = value
+            named[f"evoros.{sensor.link}.{name}"] = value
+    evolved = {key: value for _, key, value in champion.genes}
+    drive = dict[str, float | None](champion.record.context.drive)
+    drive |= {"max_speed_mps": evolved.get(MAX_SPEED, drive.get("max_speed_mps"))}
+    if STEERING_LIMIT in evolved:  # of a wheel, from which only the drive itself computes its own
+        drive["steering_limit_rad"] = None
+    named |= {f"evoros.drive.{name}": value for name, value in drive.items()}
     return _nest(named)
 
 

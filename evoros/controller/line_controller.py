@@ -17,6 +17,7 @@ from evoros.base.checks import FLAG, NOT_NEGATIVE, POSITIVE, Rule, checked, is_n
 from evoros.base.errors import LaunchError, SimulationError
 from evoros.bridge.lines import LineConversation, start_conversation
 from evoros.controller.protocol import Briefing, Pilot
+from evoros.drive.protocol import Drive
 from evoros.filter.protocol import FILTERS, Filter
 
 VERSION = 1
@@ -88,23 +89,27 @@ class LineController:
 
 def describe_briefing(briefing: Briefing) -> dict[str, Any]:
     """Return what the first line tells of the mission."""
-    drive = briefing.robot.drive
     return {
         "evoros": VERSION,
         "robot": briefing.robot.name,
         "sensors": list(_describe_sensors(briefing)),
-        "drive": {
-            "wheelbase_m": float(drive.wheelbase_m),
-            "steering_limit_rad": float(drive.steering_limit),
-            "max_speed_mps": float(drive.max_speed_mps),
-            "rear_axle_x_m": float(drive.rear_axle_x_m),
-            "turn_ratio": float(drive.turn_ratio),
-        },
+        "drive": describe_drive(briefing.robot.drive),
         "home": list(map(float, briefing.home)),
         "route": briefing.route.tolist(),
         "acceptance_m": float(briefing.acceptance_m),
         "time_limit_s": float(briefing.time_limit_s),
         "seed": briefing.seed,
+    }
+
+
+def describe_drive(drive: Drive) -> dict[str, float]:
+    """Return what programs are told of a drive."""
+    return {
+        "wheelbase_m": float(drive.wheelbase_m),
+        "steering_limit_rad": float(drive.steering_limit),
+        "max_speed_mps": float(drive.max_speed_mps),
+        "rear_axle_x_m": float(drive.rear_axle_x_m),
+        "turn_ratio": float(drive.turn_ratio),
     }
 
 

@@ -7,13 +7,14 @@ the run was made.
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from evoros.base.errors import EvorosError, InputError, single_line
+from evoros.controller.line_controller import describe_drive
 from evoros.design.protocol import Area, Point
 from evoros.failure.protocol import Failure
 from evoros.geometry.footprint import project_shape, top_height
@@ -70,6 +71,7 @@ class FigureContext:
     rings: tuple[Ring, ...]  # of spatial damage, from the smallest; empty: no damage
     modes: tuple[str, ...]  # by the number in a trajectory's column ``mode``, from 1
     courses: Mapping[str, Course]  # by the world's name
+    drive: Mapping[str, float] = field(default_factory=dict)  # as programs are told of it
 
     @property
     def text(self) -> str:
@@ -145,6 +147,7 @@ def describe_experiment(experiment: "Experiment") -> FigureContext:
         rings=tuple(_rings(experiment.failure)),
         modes=tuple(experiment.confirming.controller.modes),  # those of the champion's missions
         courses={name: world.course for name, world in experiment.world.items()},
+        drive=describe_drive(robot.drive),
     )
 
 

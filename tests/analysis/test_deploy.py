@@ -35,7 +35,9 @@ from robot_cases import independent, rover, some_mounts
 from evoros.base.arrays import Array
 from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
+from evoros.bridge.ros.ros2_start import SENSOR
 from evoros.controller.ardupilot import ArduPilot
+from evoros.controller.line_controller import describe_drive
 from evoros.design.design import Design
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
@@ -147,11 +149,12 @@ def test_every_yaml_is_a_parameter_file(package: Path, record: Record) -> None:
         == evolved
         != record.values["controller.avoidance.range_m"]
     )
-    sensors = trees["sensors.yaml"]["/**"]["ros__parameters"].get("sensors", {})
-    assert sensors["names"] == [f"sonar_{number}" for number in range(len(record.run.champion))]
-    for name in sensors["names"]:
-        assert sensors[name]["frame_id"] == name
-        assert sensors[name]["field_of_view"] == math.radians(record.context.beams["sonar"].fov_deg)
+    sensors = trees["robot.yaml"]["/**"]["ros__parameters"]["evoros"]
+    assert sensors["sensors"] == [f"sonar_{number}" for number in range(len(record.run.champion))]
+    for name in sensors["sensors"]:
+        assert set(sensors[name]) == set(SENSOR)  # as nodes are told in missions
+        assert sensors[name]["field_of_view_rad"] == math.radians(30.0)
+    assert sensors["drive"] == describe_drive(rover().drive)
 
 
 READ = """
@@ -169,13 +172,13 @@ def test_a_node_gets_the_parameters(package: Path, tmp_path: Path) -> None:
     odd = {"a": {"text": "on", "number": "1.5", "tiny": 1e-12, "mixed": [1.0, 2.0], "flag": True}}
     (tmp_path / "odd.yaml").write_text(write_parameter_file(odd, ["a.none"], ["odd"]))
     got: dict[str, Any] = {}
-    for file in (package / "config" / "sensors.yaml", tmp_path / "odd.yaml"):
+    for file in (package / "config" / "robot.yaml", tmp_path / "odd.yaml"):
         out = subprocess.run([ROS2, "-c", READ, file], capture_output=True, text=True, check=True)
         got |= json.loads(out.stdout)
     assert {name: got[f"a.{name}"] for name in odd["a"]} == odd["a"]
-    written = yaml.safe_load((package / "config" / "sensors.yaml").read_text())
-    sonar = written["/**"]["ros__parameters"]["sensors"]["sonar_0"]
-    assert all(got[f"sensors.sonar_0.{name}"] == value for name, value in sonar.items())
+    written = yaml.safe_load((package / "config" / "robot.yaml").read_text())
+    sonar = written["/**"]["ros__parameters"]["evoros"]["sonar_0"]
+    assert all(got[f"evoros.sonar_0.{name}"] == value for name, value in sonar.items())
 
 
 # Where the sensors are ----------------------------------------------------------------------
@@ -222,7 +225,7 @@ def test_positions_are_those_of_the_design_wherever_they_are_written(
     root = np.array(robot.sensor_links[urdf.base_link][:3])  # in the robot's frame
     mounts = champion_mounts(champion)
     poses = robot.with_sensors(mounts, {m.sensor: Sonar() for m in mounts}).sensor_poses()
-    parameters = yaml.safe_load(files["config/sensors.yaml"])["/**"]["ros__parameters"]
+    parameters = yaml.safe_load(files["config/robot.yaml"])["/**"]["ros__parameters"]
     given = dict(
         line.split()
         for line in files["config/ardupilot_4.7.parm"].decode().splitlines()
@@ -235,7 +238,9 @@ def test_positions_are_those_of_the_design_wherever_they_are_written(
         beam = [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), math.sin(pitch)]
         np.testing.assert_allclose(frame[:3, 3] + root, (x, y, z), atol=1e-9)
         np.testing.assert_allclose(frame[:3, 0], beam, atol=1e-9)
-        np.testing.assert_allclose(parameters["sensors"][sensor.link]["xyz"], (x, y, z), atol=1e-9)
+        *place, told_yaw, told_pitch = parameters["evoros"][sensor.link]["pose"]
+        turned = math.remainder(told_yaw - yaw, 2.0 * math.pi)
+        np.testing.assert_allclose([*place, turned, told_pitch], (x, y, z, 0.0, pitch), atol=1e-9)
         if number >= len(INSTANCES):
             continue
         start = f"RNGFND{INSTANCES[number]}_"
@@ -292,11 +297,15 @@ def test_nodes_get_the_parameters_of_the_missions(record: Record, tmp_path: Path
         "controller.topics.range": "/scan/{sensor}",
     }
     genes = "3,near,controller.parameters.avoid.range_m,1.25\n3,rays,controller.parameters.rays,7\n"
+    genes += "3,fast,robot.drive.max_speed_mps,0.5\n3,lock,robot.drive.steering_limit_rad,0.6\n"
     texts = written(champion, values, genes)
     tree = yaml.safe_load(texts["config/controller.yaml"])["/**"]["ros__parameters"]
     assert tree == {"avoid": {"range_m": 1.25}, "rays": 7}
-    sensors = yaml.safe_load(texts["config/sensors.yaml"])["/**"]["ros__parameters"]["sensors"]
+    sensors = yaml.safe_load(texts["config/robot.yaml"])["/**"]["ros__parameters"]["evoros"]
     assert sensors["sonar_1"]["topic"] == "/scan/sonar_1"
+    assert sensors["drive"]["max_speed_mps"] == 0.5
+    assert "steering_limit_rad" not in sensors["drive"]
+    assert "parameter: evoros.drive.steering_limit_rad\n" in texts["config/robot.yaml"]
     for line in ("`ros2 run mine avoid`", "`python3 limit.py`", "range: `/scan/{sensor}`"):
         assert f"- {line}\n" in texts["README.md"]
     assert not [name for name, text in texts.items() if "secret" in text]

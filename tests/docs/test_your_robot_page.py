@@ -62,13 +62,13 @@ def test_every_command_runs_in_order(
     assert (champion / "robot.urdf").exists()
     assert (champion / "world_depot.sdf").exists()
     package = tmp_path / "outputs" / "src" / "scout_champion"  # its root link is off the ground
-    parameters = yaml.safe_load((package / "config" / "sensors.yaml").read_text())
-    sensors = parameters["/**"]["ros__parameters"]["sensors"]
+    parameters = yaml.safe_load((package / "config" / "robot.yaml").read_text())
+    sensors = parameters["/**"]["ros__parameters"]["evoros"]
     poses = load_run(champion.parent).champion
-    assert len(sensors["names"]) == len(poses) > 0
+    assert len(sensors["sensors"]) == len(poses) > 0
     ground = FigureContext.read(champion.parent).places["base_link"][2]
-    for name, z in zip(sensors["names"], poses.z_m, strict=True):
-        assert sensors[name]["xyz"][2] == ground + z
+    for name, z in zip(sensors["sensors"], poses.z_m, strict=True):
+        assert sensors[name]["pose"][2] == ground + z
     assert (package / "drawing" / "mounting.pdf").exists()
 
 
