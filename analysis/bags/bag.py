@@ -47,7 +47,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     study.check_worlds(options.world or [])
     record, missions = study.choose(options.run, partial(_read, options=options))
     topics = list_topics(missions[0], GOALS[options.format])
-    files = {LAYOUT: make_layout(topics, missions[0].tree.root).encode()}
+    files = {LAYOUT: make_layout(topics, missions[0].root).encode()}
     for mission in missions:
         files |= _write(mission, options.format, options.distro or DISTRO)
     return Product(messages=[f"{record.name}: {len(missions)} missions"], files=files)

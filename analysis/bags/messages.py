@@ -87,8 +87,9 @@ def to_stamp(time_s: float) -> int:
 def _describe(mission: RecordedMission) -> Iterator[Message]:
     """Yield what does not change: the robot, its frames, the obstacles and the route."""
     yield Message(START_NS, "/robot_description", {"data": mission.urdf})
-    joints = mission.tree.joints.values()
-    fixed = [_transform(START_NS, joint.parent, joint.child, joint.origin) for joint in joints]
+    fixed = [
+        _transform(START_NS, joint.parent, joint.child, joint.origin) for joint in mission.joints
+    ]
     yield Message(START_NS, "/tf_static", {"transforms": fixed})
     header = _header(START_NS, WORLD_FRAME)
     markers = [{"header": header, **marker} for marker in list_markers(mission.world)]
@@ -110,11 +111,11 @@ def _aim(mission: RecordedMission, topic: str) -> Iterator[Message]:
 
 def _move(mission: RecordedMission) -> Iterator[Message]:
     """Yield pose, speed and contact of the robot."""
-    rows, root = mission.trajectory, mission.tree.root
+    rows, root = mission.trajectory, mission.root
     rates = _yaw_rates(rows)
     for row, rate in zip(rows.to_dict("records"), rates, strict=True):
         stamp = to_stamp(row["time_s"])
-        pose = _at(row["x_m"], row["y_m"], row["yaw_rad"]) @ mission.root
+        pose = _at(row["x_m"], row["y_m"], row["yaw_rad"]) @ mission.root_pose
         yield Message(stamp, "/tf", {"transforms": [_transform(stamp, WORLD_FRAME, root, pose)]})
         twist = {"linear": {"x": row["speed_mps"]}, "angular": {"z": rate}}
         odometry = {
@@ -133,7 +134,7 @@ def _decide(mission: RecordedMission) -> Iterator[Message]:
     for row in mission.trajectory.iloc[:-1].to_dict("records"):
         stamp = to_stamp(row["time_s"])
         drive = {"steering_angle": row["steering_rad"], "speed": row["speed_mps"]}
-        command = {"header": _header(stamp, mission.tree.root), "drive": drive}
+        command = {"header": _header(stamp, mission.root), "drive": drive}
         yield Message(stamp, "/ackermann_cmd", command)
         yield Message(stamp, "/mode", {"data": names[int(row["mode"])]})
 

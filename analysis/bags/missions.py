@@ -10,7 +10,8 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.formats.strict_xml import parse
-from evoros.formats.urdf.tree import Urdf, read_tree
+from evoros.formats.urdf.parts import Joint, read_joint
+from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Pose
 from evoros.storage.figure_context import Beam, FigureContext
 from evoros.storage.mission_log import ROBOT_AS_LOADED
@@ -34,8 +35,9 @@ class RecordedMission:
     name: str  # of its bag
     trajectory: pd.DataFrame  # with the columns of ``trajectory_WORLD.csv``
     urdf: str  # the robot with its sensors
-    tree: Urdf  # of ``urdf``
-    root: Pose  # of the root link of ``urdf`` in the frame that the trajectory is of
+    joints: Sequence[Joint]  # of ``urdf``
+    root: str  # its root link
+    root_pose: Pose  # of the root link in the frame that the trajectory is of
     sensors: Sequence[tuple[str, Beam]]  # link and type of each, in the order of the readings
     world: World
     route: Array  # (legs, 2) waypoints in order [m]
@@ -102,16 +104,21 @@ def _assemble(
     _check(trajectory, source, context)
     described, loaded = robot
     urdf = _read_text(described)
-    tree = read_tree(parse(urdf.encode(), described.name), str(described))
+    elements = parse(urdf.encode(), str(described))
+    # Not as a tree: a described robot may have meshes, which only what engines load has as shapes.
+    links = [str(link.get("name")) for link in elements.findall("link")]
+    joints = [read_joint(joint, links) for joint in elements.findall("joint")]
+    root = next(iter({*links} - {joint.child for joint in joints}))
     columns = [column for column in trajectory if str(column).startswith("range_")]
     rng = generator(str(row["draws"]), "course")
     return RecordedMission(
         name=name,
         trajectory=trajectory,
         urdf=urdf,
-        tree=tree,
-        root=_find_root(tree, loaded),
-        sensors=_find_sensors(tree, context, len(columns)),
+        joints=joints,
+        root=root,
+        root_pose=_find_root(root, loaded),
+        sensors=_find_sensors(links, context, len(columns), described),
         world=world,
         route=world.course.route(world.course.goes_forward(int(row["generation"]), rng)),
         modes=context.modes,
@@ -144,7 +151,7 @@ def _read_text(path: Path) -> str:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
 
 
-def _find_root(tree: Urdf, loaded: Path) -> Pose:
+def _find_root(root: str, loaded: Path) -> Pose:
     """Return the pose of the root link above the ground between the wheels.
 
     Trajectories are of the root of what engines load, which has a root of its own if that of the
@@ -153,23 +160,24 @@ def _find_root(tree: Urdf, loaded: Path) -> Pose:
     if not loaded.is_file():
         return Pose()
     whole = read_tree(parse(_read_text(loaded).encode(), loaded.name), str(loaded))
-    return whole.poses.get(tree.root, Pose())
+    return whole.poses.get(root, Pose())
 
 
-def _find_sensors(tree: Urdf, context: FigureContext, count: int) -> list[tuple[str, Beam]]:
-    links = [
+def _find_sensors(
+    links: Sequence[str], context: FigureContext, count: int, source: Path
+) -> list[tuple[str, Beam]]:
+    found = [
         (f"{kind}_{number}", beam)
         for number in range(count)
         for kind, beam in context.beams.items()
-        if f"{kind}_{number}" in tree.poses
+        if f"{kind}_{number}" in links
     ]
-    if len(links) != count:
-        raise tree.error(
-            f"must have a link for each of the {count} sensors of the trajectory, but has "
-            f"{len(links)}",
-            "restore the file",
+    if len(found) != count:
+        raise InputError(
+            f"{source}: must have a link for each of the {count} sensors of the trajectory, but "
+            f"has {len(found)}; restore the file"
         )
-    return links
+    return found
 
 
 def list_rows(

@@ -224,13 +224,17 @@ def test_obstacles_are_markers_of_their_shape_and_place(mission: RecordedMission
 def test_a_root_link_above_the_ground_is_where_it_was(
     run: Path, record: Record, mission: RecordedMission, tmp_path: Path
 ) -> None:
-    """Trajectories are of the frame on the ground that engines add."""
+    """Trajectories are of the frame on the ground that engines add; they also replace meshes."""
     folder = copied(run, tmp_path / "run")
     urdf = (folder / "champion" / "robot.urdf").read_text()
     ground = (
         '<link name="evoros_ground"/><joint name="g" type="fixed"><parent link="evoros_ground"/>'
         '<child link="base_link"/><origin xyz="0 -0.5 0.1"/></joint></robot>'
     )
+    mesh = '<collision><geometry><mesh filename="no.stl"/></geometry></collision>'
+    described = urdf.replace('<link name="base_link">', f'<link name="base_link">{mesh}')
+    assert described != urdf
+    (folder / "champion" / "robot.urdf").write_text(described)
     loaded = folder / "champion" / "robot_as_loaded.urdf"
     loaded.write_text(urdf.replace("</robot>", ground))
     raised = read_champion_mission(read_record(folder, "run"), "near")
