@@ -50,9 +50,11 @@ from evoros.controller.protocol import (
     Briefing,
     Controller,
     Layer,
+    LimitedController,
     LiveController,
     Pilot,
     StartedLayer,
+    VersionedController,
 )
 from evoros.design.protocol import Area, BoundRegion, RegionDescription, SensorPose
 from evoros.drive.protocol import Drive, DriveDescription
@@ -83,7 +85,7 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "Generator", "Robot", "World", "Course", "Sensor", "Mount", "Drive", "DriveDescription", "Urdf",
     "RegionDescription", "BoundRegion", "Area", "SensorPose",
     "Filter", "Channels", "Silence", "Failure", "Fault", "Controller", "Layer", "StartedLayer",
-    "LiveController", "Briefing", "Pilot",
+    "LiveController", "LimitedController", "VersionedController", "Briefing", "Pilot",
     "Simulator", "Simulation", "Optimizer", "Search", "Space", "Individual", "Candidate",
     "Executor", "Pool", "Fitness", "Outcome",
     # Errors that a part may raise.

@@ -124,8 +124,12 @@ def test_two_missions_have_the_same_bytes(among_boxes: Scenario, reference: str)
     assert digest(among_boxes) == reference
 
 
-def test_without_isolation_the_bytes_are_the_same(among_boxes: Scenario, reference: str) -> None:
+def test_without_isolation_the_bytes_are_the_same_and_no_file_is_left(
+    among_boxes: Scenario, reference: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
     assert digest(with_settings(among_boxes, isolate=False)) == reference
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_missions_at_once_do_not_hear_each_other(among_boxes: Scenario, reference: str) -> None:
