@@ -1,11 +1,13 @@
 """Tells when all processes of a mission are at rest. Standard library only; Linux.
 
-A thread that is woken counts as runnable before the call that woke it returns, and the CPU time of
-a process grows with each run of one of its threads. If all threads sleep, each at the moment when
-it is looked at, and no CPU time has grown from before the first look until after the last, then all
-slept before the first look: who ran then would have had to stop before it was looked at, and who
-was runnable would still be. So nobody works on a message any more, and nothing happens before the
-next message or the end of a wall-clock timeout.
+The kernel shows the system call of a thread only while the thread waits in it and has left its CPU
+(the state in ``stat`` changes earlier, while the thread may still turn back). A thread that was
+woken counts as running before the call that woke it returns. And the CPU time of a process grows
+whenever one of its threads leaves a CPU. So if each thread waits when it is looked at, and no CPU
+time has grown from before the first look until after the last, then all waited before the first
+look: who ran then would have had to leave its CPU, and who was woken would be running still. Nobody
+works on a message any more, and nothing happens before the next message or the end of a wall-clock
+timeout.
 """
 
 from __future__ import annotations
@@ -14,11 +16,28 @@ import ctypes
 import os
 import resource
 import time
+from typing import NamedTuple
 
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.00002, 0.0002
 
 # linux/prctl.h
 SET_TIMER_SLACK, SET_SUBREAPER = 29, 36
+
+# asm/unistd.h: futex, select, poll, epoll, recv, accept, nanosleep, wait, pause, sigtimedwait
+_WAITING = {
+    "x86_64": "202 23 270 7 271 232 281 441 45 47 299 43 288 35 230 61 247 34 128",
+    "aarch64": "98 72 73 22 441 207 212 243 202 242 101 115 260 95 137",
+}
+WAITING = frozenset(_WAITING.get(os.uname().machine, "").encode().split())
+"""The calls in which a thread waits for something outside of it, and never for a disk."""
+
+
+class Files(NamedTuple):
+    """The open files of a thread in /proc."""
+
+    call: int
+    state: int
+    leads: bool  # its process, and stops with all threads of it
 
 
 class Rest:
@@ -33,13 +52,13 @@ class Rest:
             OSError: the kernel does not tell what is needed.
         """
         self._isolated = isolated
-        self._states: dict[tuple[int, int], int] = {}  # open files, by process and thread
+        self._files: dict[tuple[int, int], Files] = {}  # by process and thread
         self._clocks: list[int] = []  # of CPU time
         self._population: object = None  # for which these were drawn up
         self._newest = os.open("/proc/loadavg", os.O_RDONLY)
-        if not isolated:  # who loses its parent becomes a child of this process, and stays in sight
-            ctypes.CDLL(None).prctl(SET_SUBREAPER, 1, 0, 0, 0)
-            os.stat(f"/proc/self/task/{os.getpid()}/children")
+        # Who loses its parent becomes a child of this process, which may look at its descendants.
+        ctypes.CDLL(None).prctl(SET_SUBREAPER, 1, 0, 0, 0)
+        os.stat(f"/proc/self/task/{os.getpid()}/children")
 
     def wait(self, limit_s: float) -> bool:
         """Return when all rest: True; False if they still work after ``limit_s`` of wall time."""
@@ -57,8 +76,8 @@ class Rest:
         self._draw_up()
         pids = {
             pid
-            for (pid, _), file in self._states.items()
-            if pid != os.getpid() and not _asleep(file)
+            for (pid, _), files in self._files.items()
+            if pid != os.getpid() and not _waits(files)
         }
         return [_command(pid) for pid in sorted(pids)]
 
@@ -77,9 +96,11 @@ class Rest:
             self._draw_up()
         try:
             before = list(map(time.clock_gettime_ns, self._clocks))
-            if not all(map(_asleep, self._states.values())):
+            if not all(map(_waits, self._files.values())):
                 return False
             after = list(map(time.clock_gettime_ns, self._clocks))
+        except PermissionError as error:
+            raise OSError(f"/proc shows no calls of nodes ({error}); allow tracing") from error
         except OSError:  # a thread or process has ended
             self._population = None
             return False
@@ -95,24 +116,26 @@ class Rest:
         """Open the files of new threads, and close those of threads that have ended."""
         self._population = self._who()
         threads = self._threads()
-        for thread in self._states.keys() - threads:
-            os.close(self._states.pop(thread))
-        for pid, tid in threads - self._states.keys():
-            try:
-                self._states[pid, tid] = os.open(f"/proc/{pid}/task/{tid}/stat", os.O_RDONLY)
-            except (FileNotFoundError, ProcessLookupError):  # ended meanwhile
-                continue
+        for thread in self._files.keys() - threads:
+            for file in self._files.pop(thread)[:2]:
+                os.close(file)
+        for thread in threads - self._files.keys():
+            files = _open(*thread)
+            if files is not None:
+                self._files[thread] = files
         me = os.getpid()
         # linux/posix-timers.h: how the CPU clock of a process and of a thread is numbered
-        self._clocks = [~pid << 3 | 2 for pid in {pid for pid, _ in self._states} - {me}]
-        self._clocks += [~tid << 3 | 6 for pid, tid in self._states if pid == me]
+        self._clocks = [~pid << 3 | 2 for pid in {pid for pid, _ in self._files} - {me}]
+        self._clocks += [~tid << 3 | 6 for pid, tid in self._files if pid == me]
 
     def _threads(self) -> set[tuple[int, int]]:
         """Return the threads of all processes of the mission except this one's main thread."""
         me = os.getpid()
         threads: set[tuple[int, int]] = set()
-        pids = [int(name) for name in os.listdir("/proc") if name.isdigit()]
-        pids = pids if self._isolated else [me]
+        pids = [me]
+        if self._isolated:
+            pids = [int(name) for name in os.listdir("/proc") if name.isdigit()]
+            pids = [pid for pid in pids if pid != 1 or me == 1]  # that one only waits for the end
         for pid in pids:  # which grows meanwhile
             for tid in _numbers(f"/proc/{pid}/task"):
                 threads.add((pid, tid))
@@ -121,9 +144,39 @@ class Rest:
         return threads - {(me, me)}
 
 
-def _asleep(file: int) -> bool:
-    """Whether the thread of a stat file sleeps, or has ended; a stopped one (T) does neither."""
-    text = os.pread(file, 128, 0)
+def _open(pid: int, tid: int) -> Files | None:
+    """Open the files of a thread; None if it has ended."""
+    path = f"/proc/{pid}/task/{tid}"
+    try:
+        call = os.open(f"{path}/syscall", os.O_RDONLY)
+    except (FileNotFoundError, ProcessLookupError):
+        return None
+    try:
+        state = os.open(f"{path}/stat", os.O_RDONLY)
+    except (FileNotFoundError, ProcessLookupError):
+        os.close(call)
+        return None
+    return Files(call, state, leads=pid == tid)
+
+
+def _waits(files: Files) -> bool:
+    """Whether a thread waits for something outside of it, or has ended."""
+    if files.leads and not _sleeps(files.state):
+        return False
+    call = _call(files)
+    if call in WAITING:
+        return True
+    # It may wait for a disk, or in a call that is not in the list.
+    return call != b"running" and _sleeps(files.state) and call == _call(files)
+
+
+def _call(files: Files) -> bytes:
+    return os.pread(files.call, 16, 0).split(None, 1)[0]
+
+
+def _sleeps(state: int) -> bool:
+    """Whether a thread sleeps or has ended; one that was stopped (T) does neither."""
+    text = os.pread(state, 128, 0)
     at = text.rindex(b")") + 2  # the name in brackets may contain anything
     return text[at : at + 1] in b"SZX"
 
