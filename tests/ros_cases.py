@@ -130,6 +130,20 @@ def busy_cores() -> Iterator[None]:
             process.wait()
 
 
+@contextmanager
+def real_time() -> Iterator[None]:
+    """Processes that run without a pause until they wait, if the system allows it.
+
+    A thread that is woken then runs at once, whatever the one does that has woken it.
+    """
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 def find_processes() -> list[str]:
     """The commands of all processes that run a node of the tests or a bridge."""
     folders = (str(NODES), str(ROOT / "evoros" / "bridge"))

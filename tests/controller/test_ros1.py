@@ -27,6 +27,7 @@ from ros_cases import (
     expect,
     find_processes,
     fly,
+    real_time,
 )
 
 from evoros.base.errors import InputError, LaunchError, PilotLost, SimulationError
@@ -66,6 +67,12 @@ def test_a_node_gives_what_its_algorithm_gives_also_on_busy_cores(style: str) ->
     assert fly(avoider) == expected
     with busy_cores():
         assert fly(avoider) == expected
+
+
+def test_it_does_not_matter_in_what_order_the_system_runs_threads() -> None:
+    timer = controller(node("avoid", "timer"))
+    with real_time():
+        assert fly(timer, ticks=600) == expect("timer", ticks=600)
 
 
 def test_a_graph_of_two_nodes_gives_the_same_bytes_on_busy_cores() -> None:
