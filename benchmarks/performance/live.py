@@ -1,21 +1,25 @@
 """Measures what missions cost whose controller runs outside of this process.
 
 Each row is one mission in the open: the time from the controller's start to its first decision,
-the wall time of a decision in the mission, and how much faster than real time the mission ran. What
-the controller costs by itself is measured in the same run, so that a busy machine slows both:
+the wall time of an exchange with it (median) and of a whole decision (mean), and how much faster
+than real time the mission ran. What an autopilot costs by itself is measured in the same run, so
+that a busy machine slows both:
 
     python benchmarks/performance/live.py ardupilot BINARY
+    python benchmarks/performance/live.py program COMMAND
+    python benchmarks/performance/live.py ros1 NODE [PYTHON]
+    python benchmarks/performance/live.py ros2 NODE [PYTHON]
 """
 
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
 
-from evoros.base.arrays import COMMAND_SIZE, LEG_SIZE, STATE_SIZE, X, Y
+from evoros.base.arrays import COMMAND_SIZE, LEG_SIZE, STATE_SIZE, Array, X, Y
 from evoros.config.compose import compose
 from evoros.controller.ardupilot_pilot import ArduPilotPilot
 from evoros.controller.protocol import Briefing, LiveController, Pilot
@@ -37,6 +41,7 @@ class Row:
 
     name: str
     start_s: float
+    exchange_s: float
     decisions: int
     wall_s: float
     simulated_s: float
@@ -44,11 +49,28 @@ class Row:
 
     def __str__(self) -> str:
         each = 1e6 * self.wall_s / self.decisions
-        text = f"{self.name:24} start {self.start_s:6.3f} s, {each:7.1f} us a decision, "
+        text = f"{self.name:18} start {self.start_s:6.3f} s, {1e6 * self.exchange_s:7.1f} us an "
+        text += f"exchange, {each:7.1f} us a decision, "
         text += f"{self.simulated_s / self.wall_s:6.1f} x real time"
         if self.alone_s is None:
             return text
         return f"{text}, {self.alone_s / self.wall_s:.2f} of the speed of the controller alone"
+
+
+class TimedPilot:
+    """A pilot that notes how long its exchanges take [s]."""
+
+    def __init__(self, inner: Pilot, seconds: list[float]) -> None:
+        self.inner, self.seconds = inner, seconds
+
+    def exchange(
+        self, time: float, state: Array, leg: Array, readings: Array, command: Array
+    ) -> int:
+        """Exchange with the pilot."""
+        begun = perf_counter()
+        mode = self.inner.exchange(time, state, leg, readings, command)
+        self.seconds.append(perf_counter() - begun)
+        return mode
 
 
 @dataclass
@@ -60,6 +82,7 @@ class Timed:
     launched: float = 0.0
     begun: float = 0.0
     alone_s: float | None = None
+    seconds: list[float] = field(default_factory=list)
 
     @property
     def period_s(self) -> float:
@@ -90,7 +113,8 @@ class Timed:
         self.launched = perf_counter()
         with self.inner.launch(briefing) as pilot:
             self.begun = perf_counter()
-            yield pilot
+            self.seconds.clear()
+            yield TimedPilot(pilot, self.seconds)
 
 
 def time_mission(
@@ -113,7 +137,8 @@ def time_mission(
     wall = perf_counter() - controller.begun
     decisions = round(outcome.time_s / controller.period_s)
     start = controller.begun - controller.launched
-    return Row(name, start, decisions, wall, outcome.time_s, controller.alone_s)
+    median = float(np.median(controller.seconds))
+    return Row(name, start, median, decisions, wall, outcome.time_s, controller.alone_s)
 
 
 # ArduPilot ----------------------------------------------------------------------------------
@@ -155,7 +180,44 @@ def time_frames(pilot: Pilot, briefing: Briefing) -> float:
     return perf_counter() - begun
 
 
-KINDS: Mapping[str, Callable[[Sequence[str]], Iterator[Row]]] = {"ardupilot": measure_ardupilot}
+# Programs and nodes ---------------------------------------------------------------------------
+
+
+def measure_program(arguments: Sequence[str]) -> Iterator[Row]:
+    """Measure a program, which a command starts."""
+    (command,) = arguments
+    yield time_mission(
+        "program, 10 Hz", build("controller=program", f"controller.command={command!r}")
+    )
+
+
+def measure_ros1(arguments: Sequence[str]) -> Iterator[Row]:
+    """Measure a node of ROS 1."""
+    yield measure_node("ros1", *arguments)
+
+
+def measure_ros2(arguments: Sequence[str]) -> Iterator[Row]:
+    """Measure a node of ROS 2."""
+    yield measure_node("ros2", *arguments)
+
+
+def measure_node(kind: str, node: str, python: str = "/usr/bin/python3") -> Row:
+    """Measure a node that a command starts; ``python`` is the one that has ROS."""
+    choices = [f"controller={kind}", f"controller.nodes=[{node!r}]", f"controller.python={python}"]
+    return time_mission(f"{kind}, 10 Hz", build(*choices))
+
+
+def build(*overrides: str) -> Experiment:
+    """Build an experiment of the planar simulator and one world."""
+    return compose(["world=boxes", "simulator=planar", *overrides]).build()
+
+
+KINDS: Mapping[str, Callable[[Sequence[str]], Iterator[Row]]] = {
+    "ardupilot": measure_ardupilot,
+    "program": measure_program,
+    "ros1": measure_ros1,
+    "ros2": measure_ros2,
+}
 
 
 def main() -> None:
