@@ -36,6 +36,10 @@ SHARED_MEMORY = "/dev/shm"
 HOME = f"{SHARED_MEMORY}/mission"
 
 
+class RefusedCommand(OSError):
+    """The system does not execute the command."""
+
+
 def main() -> None:
     """Serve one order, to the end of the command or of the socket."""
     control = socket.socket(fileno=int(sys.argv[1]))
@@ -49,9 +53,10 @@ def main() -> None:
         sockets, ports = make_sockets(order["sockets"])
         child, status, folder = start(order, ports)
     except OSError as error:
-        tell(control, error=error.strerror, file=str(error.filename))
+        refused = isinstance(error, RefusedCommand)
+        tell(control, error=error.strerror, file=error.filename, command=refused)
         return
-    tell(control, list(sockets.values()), started=list(sockets), ports=ports)
+    tell(control, list(sockets.values()), started=list(sockets), ports=ports, folder=folder)
     for item in sockets.values():
         item.close()
     for descriptor in order["pass"]:
@@ -62,7 +67,7 @@ def main() -> None:
         code = read_status(status, end(child))
         if folder is not None:
             end_orphans()
-            shutil.rmtree(folder, ignore_errors=True)
+            remove(folder)
     tell(control, ended=code)
 
 
@@ -89,8 +94,9 @@ def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str |
                 lead(order, ports, failing, reporting)
             execute(order["command"], ports, folder or HOME)
         except OSError as error:
-            text = {"errno": error.errno, "text": error.strerror, "file": error.filename}
-            os.write(failing, json.dumps(text).encode())
+            content = {"errno": error.errno, "text": error.strerror, "file": error.filename}
+            content["command"] = isinstance(error, RefusedCommand)
+            os.write(failing, json.dumps(content).encode())
         finally:
             os._exit(1)
     os.close(failing)
@@ -100,9 +106,10 @@ def start(order: dict[str, Any], ports: dict[str, int]) -> tuple[int, int, str |
     if problem:
         os.waitpid(child, 0)
         if folder is not None:
-            shutil.rmtree(folder, ignore_errors=True)
+            remove(folder)
         content = json.loads(problem)
-        raise OSError(content["errno"], content["text"], content["file"])
+        kind = RefusedCommand if content["command"] else OSError
+        raise kind(content["errno"], content["text"], content["file"])
     return child, status, folder
 
 
@@ -145,7 +152,7 @@ def execute(command: list[str], ports: dict[str, int], folder: str) -> None:
     """Become the command.
 
     Raises:
-        OSError: it cannot be executed.
+        RefusedCommand: it cannot be executed.
     """
     os.environ.update(HOME=folder, TMPDIR=folder, PWD=folder)
     for number in (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ):  # Python has changed them
@@ -153,7 +160,10 @@ def execute(command: list[str], ports: dict[str, int], folder: str) -> None:
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
     for name, port in ports.items():
         command = [part.replace(f"{{{name}}}", str(port)) for part in command]
-    os.execvp(command[0], command)
+    try:
+        os.execvp(command[0], command)
+    except OSError as error:
+        raise RefusedCommand(error.errno, error.strerror, error.filename) from None
 
 
 def wait_for_end(control: socket.socket, child: int) -> None:
@@ -179,6 +189,15 @@ def end_orphans() -> None:
             os.waitpid(-1, 0)  # the death of one may bring others
         except ChildProcessError:
             return
+
+
+def remove(folder: str) -> None:
+    """Remove a folder, even if the command has taken its own rights away."""
+    for place, folders, _ in os.walk(folder):
+        for path in (os.path.join(place, name) for name in folders):
+            if not os.path.islink(path):
+                os.chmod(path, 0o700)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def children() -> list[int]:

@@ -3,14 +3,16 @@
 import os
 import select
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from time import monotonic
 
-from evoros.base.errors import SimulationError
+from evoros.base.errors import PilotLost, SimulationError
 from evoros.bridge.process import OutsideProcess, start_process
 
 READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"
 """The variables that tell a program its descriptors, so that its standard output is free."""
+ENDING_S = 2.0
+"""Between the end of a process's pipes and its own end, on a busy machine."""
 LONGEST_LINE = 1 << 20
 """Bytes; a program that writes more without an end of line does not speak in lines."""
 
@@ -40,24 +42,40 @@ class LineConversation:
             SimulationError: it answered more than one line, or one without end.
         """
         until = monotonic() + limit_s
+        self._require_nothing(time)
         self._send(line + b"\n", until, limit_s, time)
         while b"\n" not in self._buffer:
             self._read(until, limit_s, time)
         answer, _, rest = self._buffer.partition(b"\n")
         if rest:
-            raise SimulationError(
-                f"{self.process.name} answered more than one line{_at(time)}; it must answer each "
-                f"line with one"
-            )
+            raise self._too_much(time)
         self._buffer = b""
         return answer
+
+    def _require_nothing(self, time: float | None) -> None:
+        """Require that nothing has come since the last answer."""
+        with suppress(BlockingIOError):
+            if os.read(self._receiving, 1):
+                raise self._too_much(time)
+            raise self._closed("output", time)
+
+    def _too_much(self, time: float | None) -> SimulationError:
+        return SimulationError(
+            f"{self.process.name} answered more than one line{_at(time)}; it must answer each "
+            f"line with one"
+        )
+
+    def _closed(self, what: str, time: float | None) -> PilotLost:
+        """Create the error for a process that closed a pipe, most likely because it ended."""
+        self.process.running(wait_s=ENDING_S)
+        return self.process.lost(f"closed its {what}", time)
 
     def _send(self, data: bytes, until: float, limit_s: float, time: float | None) -> None:
         while data:
             try:
                 data = data[os.write(self._sending, data) :]
             except BrokenPipeError:
-                raise self.process.lost("closed its input", time) from None
+                raise self._closed("input", time) from None
             except BlockingIOError:
                 self._wait(self._writable, until, f"did not read for {limit_s:g} s", time)
                 if not self.process.running():
@@ -70,7 +88,7 @@ class LineConversation:
         except BlockingIOError:  # the process has ended, and others hold the pipe
             raise self.process.lost("ended", time) from None
         if not data:
-            raise self.process.lost("closed its output", time)
+            raise self._closed("output", time)
         self._buffer += data
         if len(self._buffer) > LONGEST_LINE:
             raise SimulationError(

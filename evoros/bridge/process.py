@@ -3,12 +3,13 @@
 import json
 import os
 import select
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -22,7 +23,6 @@ LOG_BYTES, WORDS = 65_536, 400
 """How much of what a process printed is kept, and how many characters of it are in a message."""
 PERSONAL = ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME")
 """Variables that lead to files outside of the home folder that a mission has."""
-SURROUNDINGS = ("unshare", "mount", "/proc/self", "/dev/shm")
 END_LIMIT_S = 10.0
 
 
@@ -108,13 +108,15 @@ def start_process(
         log = stack.enter_context(TemporaryFile(buffering=0))
         with theirs:
             keeper = _start_keeper(theirs, pass_fds, environment or {}, log)
-        stack.callback(_join, keeper)
+        folders: list[str] = []  # outside of namespaces
+        stack.callback(_clean_up, keeper, folders)
         stack.enter_context(ours)  # whose end makes the keeper kill everything
         ours.sendall(json.dumps(order).encode() + b"\n")
         news, descriptors = _receive(ours, len(order["sockets"]))
         made = [stack.enter_context(socket.socket(fileno=each)) for each in descriptors]
         if "started" not in news:
-            raise _explain(command[0], news)
+            raise _explain(command[0], isolate, news)
+        folders += filter(None, [news["folder"]])
         kept = dict(zip(news["started"], made, strict=True))
         yield OutsideProcess(Path(command[0]).name, kept, news["ports"], ours, log)
 
@@ -135,13 +137,27 @@ def _start_keeper(
     )
 
 
-def _join(keeper: "subprocess.Popen[bytes]") -> None:
-    """Wait until the keeper has killed everything and ended."""
+def _clean_up(keeper: "subprocess.Popen[bytes]", folders: Sequence[str]) -> None:
+    """Wait until the keeper has killed everything and ended; do it for one that was killed."""
     try:
         keeper.wait(END_LIMIT_S)
-    except subprocess.TimeoutExpired:  # it was stopped; the kernel kills the rest with it
-        keeper.kill()
-        keeper.wait()
+    except subprocess.TimeoutExpired:  # it was stopped
+        keeper.kill()  # with it, the kernel kills a namespace, and of others the command itself
+    if keeper.wait() != 0:
+        for folder in folders:
+            while residents := list(_list_residents(folder)):  # they may start others meanwhile
+                for process in residents:
+                    with suppress(ProcessLookupError):
+                        os.kill(process, signal.SIGKILL)
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _list_residents(home: str) -> Iterator[int]:
+    """Yield the processes that were started with a folder as their home."""
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        with suppress(OSError):  # it has ended, or is not ours
+            if f"HOME={home}".encode() in path.read_bytes().split(b"\0"):
+                yield int(path.parent.name)
 
 
 def _receive(control: socket.socket, sockets: int = 0) -> tuple[dict[str, Any], list[int]]:
@@ -159,13 +175,18 @@ def _receive(control: socket.socket, sockets: int = 0) -> tuple[dict[str, Any], 
     return (json.loads(data) if data.endswith(b"\n") else {}), descriptors
 
 
-def _explain(program: str, news: Mapping[str, Any]) -> LaunchError:
+def _explain(program: str, isolated: bool, news: Mapping[str, Any]) -> LaunchError:
     """Create the error for a command that was not started."""
     where, why = str(news.get("file", "keeper")), str(news.get("error", "it was killed"))
-    if where.startswith(SURROUNDINGS):
+    if not news.get("command") and isolated:
         return LaunchError(
             f"isolate must be false on a system that gives a mission no namespaces of its own "
             f"({where}: {why}); set controller.isolate=false, or allow user namespaces"
+        )
+    if not news.get("command"):
+        return LaunchError(
+            f"{program}: must have an empty folder and a process ({where}: {why}); free what the "
+            f"system lacks"
         )
     return LaunchError(
         f"{program}: must be a program that this system can execute ({why}); correct the path, "

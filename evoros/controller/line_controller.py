@@ -14,7 +14,7 @@ import numpy as np
 
 from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
 from evoros.base.checks import FLAG, NOT_NEGATIVE, POSITIVE, Rule, checked, is_number, mapping_of
-from evoros.base.errors import LaunchError, SimulationError
+from evoros.base.errors import LaunchError, SimulationError, single_line
 from evoros.bridge.lines import LineConversation, start_conversation
 from evoros.controller.protocol import Briefing, Pilot
 from evoros.drive.protocol import Drive
@@ -22,6 +22,7 @@ from evoros.filter.protocol import FILTERS, Filter
 
 VERSION = 1
 """The version of the lines; docs/programs.md specifies them."""
+TIME_TOLERANCE_S = 1e-9
 
 TEXTS = Rule(
     "a list of texts",
@@ -30,6 +31,10 @@ TEXTS = Rule(
 MODES = Rule(
     "a list of different texts, at least one",
     lambda v: TEXTS.holds(v) and len(v) == len(set(v)) > 0 and all(item.strip() for item in v),
+)
+PARAMETERS = Rule(
+    "a mapping from names to numbers, texts, flags, nulls, and lists and mappings of these",
+    lambda v: isinstance(v, Mapping) and _is_plain(v),
 )
 COMMAND = Rule(
     "a command, as a list of texts or as one text",
@@ -49,7 +54,7 @@ class LineController:
     period_s: Annotated[float, POSITIVE] = 0.1
     modes: Annotated[Sequence[str], MODES] = ("driving",)
     localization: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)
-    parameters: Annotated[Mapping[str, Any], mapping_of(object, "values")] = field(
+    parameters: Annotated[Mapping[str, Any], PARAMETERS] = field(
         default_factory=dict
     )  # told to the command
     environment: Annotated[Mapping[str, str], mapping_of(str, "texts")] = field(
@@ -85,6 +90,15 @@ class LineController:
             "modes": list(self.modes),
             "parameters": dict(self.parameters),
         }
+
+
+def _is_plain(value: object) -> bool:
+    """Whether JSON has such a value."""
+    if isinstance(value, Mapping):
+        return all(isinstance(key, str) for key in value) and all(map(_is_plain, value.values()))
+    if isinstance(value, list | tuple):
+        return all(map(_is_plain, value))
+    return value is None or isinstance(value, bool | str | int) or is_number(value)
 
 
 def describe_briefing(briefing: Briefing) -> dict[str, Any]:
@@ -143,7 +157,8 @@ def _require_ready(name: str, answer: bytes) -> None:
     if content == {"ready": True}:
         return
     if isinstance(content, dict) and "refused" in content:
-        raise LaunchError(f"{name} refuses the mission: {content['refused']}")
+        why = single_line(content["refused"]) or "it does not say why"
+        raise LaunchError(f"{name} refuses the mission: {why}")
     raise LaunchError(
         f'{name}: its first line must be {{"ready": true}} or {{"refused": "why"}}, not '
         f"{_quote(answer)}; correct the program"
@@ -177,7 +192,7 @@ class LinePilot:
         if mode > 0:
             command[DRIVE_SPEED], command[STEERING] = speed, steering
             self._commanded_s = time
-        elif time - self._commanded_s > self._timeout_s:
+        elif time - self._commanded_s >= self._timeout_s - TIME_TOLERANCE_S:
             command[DRIVE_SPEED] = 0.0
         return int(mode)
 

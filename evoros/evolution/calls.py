@@ -4,13 +4,12 @@ import hashlib
 import pickle
 import zlib
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from time import perf_counter
 
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError, PilotLost
+from evoros.base.errors import InputError
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
 from evoros.mission.rollout import run_mission
@@ -63,19 +62,17 @@ def run_for_outcomes(
 ) -> list[CallResult]:
     """Run missions in order until ``CALL_S`` is over; return the outcomes of those that ran.
 
-    With ``keep``, their trajectories are returned, too. A mission that loses its pilot ends the
-    call if others came before it.
+    With ``keep``, their trajectories are returned, too.
 
     Raises:
-        PilotLost: the first mission lost its pilot.
+        PilotLost: a mission lost its pilot.
     """
     scenario, end = _unpack(packed), perf_counter() + CALL_S
     results = [run_mission(scenario, missions[0])]
-    with suppress(PilotLost):
-        for mission in missions[1:]:
-            if perf_counter() > end:
-                break
-            results.append(run_mission(scenario, mission))
+    for mission in missions[1:]:
+        if perf_counter() > end:
+            break
+        results.append(run_mission(scenario, mission))
     return [(outcome, trajectory if keep else None) for outcome, trajectory in results]
 
 

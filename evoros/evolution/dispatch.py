@@ -13,6 +13,7 @@ from typing import Any, Protocol, TypeVar
 
 from evoros.base.arrays import Array
 from evoros.base.errors import EvorosError, PilotLost, RunStopped, WorkerLost
+from evoros.controller.protocol import LiveController
 from evoros.evolution.calls import CallResult, pack, run_for_outcomes, run_for_trajectory
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission
@@ -172,6 +173,8 @@ class _Batch:
     def _pop_missions(self) -> list[Mission]:
         if self.alone:
             return [self.alone.pop()]
+        if isinstance(self.scenario.controller, LiveController):
+            return [self.waiting.pop()]  # so that the executor's attempts are those at one mission
         # A share of what is left, so that at the end all workers have about as much to do.
         share = len(self.waiting) // (2 * self.workers)
         return [self.waiting.pop() for _ in range(max(1, min(self.size, share)))]
@@ -183,9 +186,7 @@ class _Batch:
         for future in wait(self.calls, return_when=FIRST_COMPLETED).done:
             missions = self.calls.pop(future)
             error = _error_of(future)
-            if isinstance(error, PilotLost):  # the first mission's, which was retried
-                self.waiting += reversed(missions[1:])
-            elif len(missions) > 1 and error is not None:
+            if len(missions) > 1 and error is not None:
                 self.alone += reversed(missions)
                 continue
             worst = partial(_lost_outcome, self.scenario, missions[0])

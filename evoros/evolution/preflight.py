@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from evoros.base.arrays import POSE_SIZE
-from evoros.base.errors import InputError, PilotLost
+from evoros.base.errors import InputError, PilotLost, SimulationError
 from evoros.base.log import LOGGER
 from evoros.base.rng import generator
 from evoros.controller.protocol import LiveController, StartedLayer
@@ -120,7 +120,7 @@ def _start_layers(scenario: Scenario, draws: Draws) -> Sequence[StartedLayer]:
     try:
         with open_layers(scenario, course, route, draws) as opened:
             layers = list(opened)
-    except (InputError, PilotLost) as error:
+    except (InputError, PilotLost, SimulationError) as error:
         raise InputError(f"controller: {error}") from None
     if len(controller.modes) != len(layers):
         raise InputError(
