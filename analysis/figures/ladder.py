@@ -49,7 +49,9 @@ def draw_ladder(
         axes.set(xticks=range(len(rungs)), xlim=(-0.35, len(rungs) - 0.65), ylabel="fitness")
         axes.set_xticklabels([rung.replace(", ", "\n") for rung in rungs])
         if table.groupby(["source", "design"]).ngroups <= NAMED:
-            top.legend(loc="outside upper center", ncols=3, frameon=False, columnspacing=1.0)
+            top.legend(
+                loc="outside upper center", ncols=int(width), frameon=False, columnspacing=1.0
+            )
         cells = [
             (_shorten(str(row["y"])) + mark, *rest)
             for row in summary.to_dict("records")
