@@ -43,6 +43,7 @@ class RefusedCommand(OSError):
 def main() -> None:
     """Serve one order, to the end of the command or of the socket."""
     control = socket.socket(fileno=int(sys.argv[1]))
+    control.set_inheritable(False)  # the command would hold it open after the end of this process
     with control.makefile("rb") as stream:
         order = json.loads(stream.readline())
     try:

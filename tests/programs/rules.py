@@ -1,0 +1,42 @@
+"""The rover's own two layers, outside: they get what the layers inside get."""
+
+import json
+import math
+import os
+from types import SimpleNamespace
+
+import numpy as np
+
+from evoros.controller.l1 import L1
+from evoros.controller.weighted_voting import WeightedVoting
+
+lines = os.fdopen(int(os.environ["EVOROS_IN"]))
+answers = os.fdopen(int(os.environ["EVOROS_OUT"]), "w", buffering=1)
+mission = json.loads(lines.readline())
+drive, sensors = mission["drive"], mission["sensors"]
+robot = SimpleNamespace(
+    drive=SimpleNamespace(
+        steering_limit=drive["steering_limit_rad"], rear_axle_x_m=drive["rear_axle_x_m"]
+    ),
+    mounts=[SimpleNamespace(sensor=each["type"]) for each in sensors],
+    sensors={each["type"]: SimpleNamespace(range_max_m=each["range_max_m"]) for each in sensors},
+    sensor_poses=lambda: np.array([each["pose"] for each in sensors]),
+)
+rng = np.random.default_rng(mission["seed"])
+layers = [
+    (layer.rule, *layer.start(robot, mission["period_s"], rng))
+    for layer in (WeightedVoting(), L1())
+]
+command = np.zeros(2)
+answers.write('{"ready": true}\n')
+for line in lines:
+    time, state, leg, readings = json.loads(line)
+    told = [
+        np.array([math.nan if v is None else v for v in part]) for part in (state, leg, readings)
+    ]
+    mode = 0
+    for number, (rule, parameters, memory) in enumerate(layers, 1):
+        if rule(parameters, memory, *told, time, command):
+            mode = number
+            break
+    answers.write(json.dumps([mode, *command.tolist()]) + "\n")
