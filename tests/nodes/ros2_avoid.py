@@ -28,7 +28,7 @@ class Avoid(Node):
         for name in names:  # best effort, as drivers of sensors publish
             self.create_subscription(Range, name, self.on_range, qos_profile_sensor_data)
         self.create_subscription(Odometry, "odom", self.on_odometry, 10)
-        self.create_subscription(PoseStamped, "goal", self.on_goal, 10)
+        self.create_subscription(PoseStamped, "goal_pose", self.on_goal, 10)
         if style == "timer":
             self.create_timer(0.1, self.command)
 

@@ -61,27 +61,33 @@ class Messages:
         poses = [self._goal([*start, *end], stamp) for start, end in legs]
         return self._topics["route"], self._locate(Path(poses=poses), stamp)
 
-    def of(self, tick: Tick) -> Iterator[tuple[str, Any]]:
-        """Yield topics and messages in the order in which the nodes shall get them."""
+    def of(self, tick: Tick) -> Iterator[list[tuple[str, Any]]]:
+        """Yield topics and messages in the order in which the nodes shall get them.
+
+        Those of one list belong together: the ranges of a tick.
+        """
         stamp = self._stamp(*ros_time(tick.time))
         if tick.leg != self._goal_leg:
             self._goal_leg = tick.leg
-            yield self._topics["goal"], self._goal(tick.leg, stamp)
-        for number in self._schedule.due(tick.time):
-            reading = tick.readings[number]
-            if reading is not None:
-                message = self._ranges[number]
-                message.header.stamp, message.range = stamp, float(reading)
-                yield self._range_topics[number], message
+            yield [(self._topics["goal"], self._goal(tick.leg, stamp))]
+        yield list(self._due_ranges(tick, stamp))
         x, y, yaw, speed, yaw_rate = tick.state[:5]
         if x is not None and y is not None and yaw is not None:
             odometry = self._locate(Odometry(child_frame_id=self._base), stamp)
             odometry.pose.pose = _pose(x, y, yaw)
             odometry.twist.twist.linear.x, odometry.twist.twist.angular.z = speed, yaw_rate
             if TFMessage is not None:
-                yield TRANSFORMS, TFMessage(transforms=[_transform(odometry)])
-            yield self._topics["odometry"], odometry
-        yield CLOCK, Clock(clock=stamp)
+                yield [(TRANSFORMS, TFMessage(transforms=[_transform(odometry)]))]
+            yield [(self._topics["odometry"], odometry)]
+        yield [(CLOCK, Clock(clock=stamp))]
+
+    def _due_ranges(self, tick: Tick, stamp: Any) -> Iterator[tuple[str, Any]]:
+        for number in self._schedule.due(tick.time):
+            reading = tick.readings[number]
+            if reading is not None:
+                message = self._ranges[number]
+                message.header.stamp, message.range = stamp, float(reading)
+                yield self._range_topics[number], message
 
     def _goal(self, leg: list[float], stamp: Any) -> Any:
         """Return the end of a leg; the pose looks along the leg."""

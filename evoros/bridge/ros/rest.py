@@ -54,6 +54,7 @@ class Rest:
         self._isolated = isolated
         self._files: dict[tuple[int, int], Files] = {}  # by process and thread
         self._clocks: list[int] = []  # of CPU time
+        self._working: Files | None = None  # of the thread that was last seen at work
         self._population: object = None  # for which these were drawn up
         self._newest = os.open("/proc/loadavg", os.O_RDONLY)
         # Who loses its parent becomes a child of this process, which may look at its descendants.
@@ -91,18 +92,21 @@ class Rest:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
     def _at_rest(self) -> bool:
-        population = self._who()
-        if population != self._population:
-            self._draw_up()
         try:
+            if self._working is not None and not _waits(self._working):
+                return False  # most often it is the same thread that works on
+            if self._who() != self._population:
+                self._draw_up()
             before = list(map(time.clock_gettime_ns, self._clocks))
-            if not all(map(_waits, self._files.values())):
-                return False
+            for files in self._files.values():
+                if not _waits(files):
+                    self._working = files
+                    return False
             after = list(map(time.clock_gettime_ns, self._clocks))
         except PermissionError as error:
             raise OSError(f"/proc shows no calls of nodes ({error}); allow tracing") from error
         except OSError:  # a thread or process has ended
-            self._population = None
+            self._population = self._working = None
             return False
         return before == after and self._who() == self._population
 
@@ -114,7 +118,7 @@ class Rest:
 
     def _draw_up(self) -> None:
         """Open the files of new threads, and close those of threads that have ended."""
-        self._population = self._who()
+        self._population, self._working = self._who(), None
         threads = self._threads()
         for thread in self._files.keys() - threads:
             for file in self._files.pop(thread)[:2]:

@@ -39,8 +39,9 @@ class Outgoing:
 
     def messages(self, tick: Tick) -> Iterator[tuple[Any, Any]]:
         """Yield publishers and messages in the order in which the nodes shall get them."""
-        for topic, message in self._messages.of(tick):
-            yield self._publishers[topic], message
+        for together in self._messages.of(tick):
+            for topic, message in together:
+                yield self._publishers[topic], message
 
 
 def _publisher(topic: str, kind: type, latch: bool) -> Any:

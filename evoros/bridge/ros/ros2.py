@@ -126,6 +126,8 @@ class Mission:
             time.sleep(PAUSE_S)
             self._require_nodes()
             missing = self._missing()
+        for outlet in self._graph.outlets:
+            outlet.arrange()
         self._rest.prepare()
         self._hear()
 
@@ -157,25 +159,23 @@ class Mission:
 
     def fly(self) -> None:
         """Answer each tick by what the nodes command."""
-        topic, message = self._messages.route()
+        route = [self._messages.route()]
         for number, tick in enumerate(self._conversation.ticks()):
             until = time.monotonic() + OWN_SHARE * self._options["answer_limit_s"]
             if number == 0:
-                self._deliver(topic, message, until)
-            for topic, message in self._messages.of(tick):
-                self._deliver(topic, message, until)
+                self._deliver(route, until)
+            for together in self._messages.of(tick):
+                self._deliver(together, until)
             self._require_nodes()
             commands = self._hear()
             if not commands and self._options["answer"] == "each":
                 commands = self._await_command(until)
             self._answer(commands)
 
-    def _deliver(self, topic: str, message: Any, until: float) -> None:
+    def _deliver(self, together: list[tuple[str, Any]], until: float) -> None:
         """Publish to one group of nodes after the other, each at rest before the next."""
         for outlet in self._graph.outlets:
-            if outlet.hears(topic):
-                outlet.publish(topic, message)
-                self._require_rest(until)
+            outlet.deliver(together, lambda: self._require_rest(until))
 
     def _answer(self, commands: list[Any]) -> None:
         if not commands:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import shlex
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 import rclpy
@@ -91,6 +91,41 @@ class Outlet:
             )
             for topic, kind in kinds.items()
         }
+        self._order: dict[str, bytes] = {}
+        self._one_by_one = True
+
+    def arrange(self) -> None:
+        """Learn in which order the node subscribed, once it is connected.
+
+        An executor runs those callbacks that are ready in this order, whichever messages have
+        arrived when it looks. Published in this order too, several messages come to the callbacks
+        in the same order always. Several nodes, which may have several orders, get each message
+        at rest.
+        """
+        infos = {
+            topic: self._node.get_subscriptions_info_by_topic(publisher.topic_name)
+            for topic, publisher in self._publishers.items()
+        }
+        self._one_by_one = any(len(subscriptions) > 1 for subscriptions in infos.values())
+        # A node numbers its subscriptions; the number is in the identifier behind the first 12.
+        self._order = {
+            topic: bytes(subscription.endpoint_gid[12:16])
+            for topic, subscriptions in infos.items()
+            for subscription in subscriptions
+        }
+
+    def deliver(self, together: list[tuple[str, Any]], require_rest: Callable[[], None]) -> None:
+        """Publish messages that belong together, and wait until the nodes are at rest."""
+        heard = [(topic, message) for topic, message in together if self.hears(topic)]
+        for topic, message in sorted(heard, key=self._place):
+            self._publishers[topic].publish(message)
+            if self._one_by_one:
+                require_rest()
+        if heard and not self._one_by_one:
+            require_rest()
+
+    def _place(self, item: tuple[str, Any]) -> bytes:
+        return self._order.get(item[0], b"")
 
     def hears(self, topic: str) -> bool:
         """Whether a node of the group listens to a topic."""
@@ -100,10 +135,6 @@ class Outlet:
     def names(self) -> list[str]:
         """Return the topics as the nodes of the group know them."""
         return [publisher.topic_name for publisher in self._publishers.values()]
-
-    def publish(self, topic: str, message: Any) -> None:
-        """Publish to this group only."""
-        self._publishers[topic].publish(message)
 
     def missing(self) -> str | None:
         """Return what is missing until the group is connected; None: nothing."""

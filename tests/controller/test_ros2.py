@@ -1,0 +1,275 @@
+"""Nodes of ROS 2 as the controller: what they are told and say, and the same bytes always."""
+
+import json
+import os
+import re
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+from documents import text
+from helpers import ROOT, content, tiny
+from ros_cases import (
+    LOST,
+    NODES,
+    REACH_M,
+    SENSOR_TICKS,
+    SILENT,
+    SONARS,
+    TICKS,
+    brief,
+    busy_cores,
+    expect,
+    find_processes,
+    fly,
+)
+
+from evoros.base.errors import LaunchError, PilotLost, SimulationError
+from evoros.controller.ros2 import EXPECTED, Ros2
+
+PYTHON = Path(os.environ.get("EVOROS_ROS2_PYTHON", ROOT / ".ros2" / "bin" / "python"))
+SHARED_MEMORY = Path("/dev/shm")
+pytestmark = pytest.mark.skipif(
+    not PYTHON.exists(), reason="needs EVOROS_ROS2_PYTHON, or .ros2 as the README's test command"
+)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _nothing_remains() -> Iterator[None]:
+    before = set(SHARED_MEMORY.iterdir())
+    yield
+    assert find_processes() == []
+    remaining = {path.name for path in set(SHARED_MEMORY.iterdir()) - before}
+    assert not any("fastdds" in name or "fastrtps" in name for name in remaining)
+
+
+def node(name: str, *arguments: object) -> list[str]:
+    return [str(PYTHON), str(NODES / f"ros2_{name}.py"), *map(str, arguments)]
+
+
+def controller(*nodes: list[str], **changes: Any) -> Ros2:
+    settings = {"parameters": {"reach": REACH_M}, "start_limit_s": 60.0, "answer_limit_s": 30.0}
+    return Ros2(nodes=nodes, **{"python": str(PYTHON), **settings, **changes})
+
+
+def faulty(fault: str, **changes: Any) -> Ros2:
+    return controller(node("faulty", fault), **{"answer_limit_s": 2.0, **changes})
+
+
+@pytest.mark.parametrize("style", ["callback", "each_range", "rate", "timer"])
+def test_a_node_gives_what_its_algorithm_gives_on_busy_cores(style: str) -> None:
+    """The algorithm and what it gives are those of the node of ROS 1."""
+    expected = expect(style, first_end=0)
+    assert len({step[1:] for step in expected}) > TICKS // 4  # it steers
+    with busy_cores():
+        assert fly(controller(node("avoid", style))) == expected
+
+
+def test_a_command_may_start_its_node_as_a_process_of_its_own() -> None:
+    program, script, style = node("avoid", "callback")
+    runner = ["sh", "-c", f'"{program}" "{script}" {style} "$@" & wait', "run"]
+    launcher = [
+        "sh",
+        "-c",
+        f'"{program}" "{script}" {style} --ros-args --params-file {{parameters}}',
+    ]
+    for command in (runner, launcher):
+        assert fly(controller(command)) == expect("callback")
+
+
+def test_a_graph_of_two_nodes_gives_the_same_bytes_on_busy_cores() -> None:
+    """Both nodes react to the odometry, and the second one to the first."""
+    avoid = [*node("avoid", "callback"), "--ros-args", "-r", "cmd_vel:=wish"]
+    first, second = controller(avoid, node("limit")), controller(node("limit"), avoid)
+    steps = fly(first)
+    assert len({step[1:] for step in steps}) > TICKS // 4
+    late = fly(second)
+    assert late != steps  # the message goes to one node after the other
+    with busy_cores():
+        assert fly(first) == steps
+        assert fly(second) == late
+
+
+@pytest.mark.parametrize("isolate", [True, False])
+def test_missions_at_once_do_not_hear_each_other(isolate: bool) -> None:
+    avoider = controller(node("avoid", "callback"), isolate=isolate)
+    with ThreadPoolExecutor() as pool:
+        flights = [pool.submit(fly, avoider, phase) for phase in range(2)]
+        for phase, flight in enumerate(flights):
+            assert flight.result() == expect("callback", phase)
+
+
+def test_a_step_waits_for_a_command_from_a_node_that_sleeps_by_the_wall_clock() -> None:
+    steps = fly(faulty("sleeps", answer="each"), ticks=min(LOST))
+    assert {mode for mode, _, _ in steps} == {1}
+
+
+Heard = tuple[list[list[Any]], list[int]]
+
+
+@pytest.fixture(scope="module")
+def heard(tmp_path_factory: pytest.TempPathFactory) -> Heard:
+    """What a node was told in a mission, and the modes in which it was told."""
+    file = tmp_path_factory.mktemp("ros2") / "heard"
+    listener = controller(
+        node("listen", file),
+        parameters={"reach": 1.25, "gains": [1.0, 2.5], "side": {"left": True, "text": "a 'b' é"}},
+        topics={**EXPECTED, "range": "/sonar/{sensor}"},
+        modes=["navigating", "avoiding"],
+        frame="map",
+    )
+    steps = fly(listener)
+    return [json.loads(line) for line in file.read_text().splitlines()], [step[0] for step in steps]
+
+
+def about(heard: Heard, kind: str) -> list[list[Any]]:
+    return [values for told, *values in heard[0] if told == kind]
+
+
+def stamp(tick: int) -> int:
+    """Nanoseconds; a mission begins at 1 s."""
+    return 10**9 + tick * 10**8
+
+
+def test_time_begins_at_a_second_and_steps_exactly(heard: Heard) -> None:
+    assert about(heard, "clock") == [[stamp(tick)] for tick in range(TICKS)]
+
+
+def test_the_sonars_report_in_the_order_in_which_the_node_subscribed(heard: Heard) -> None:
+    expected = [
+        [stamp(tick), f"sonar_{number}"]
+        for tick in range(0, TICKS, SENSOR_TICKS)
+        for number in reversed(range(SONARS))
+        if number != 1 or tick not in SILENT
+    ]
+    assert [values[:2] for values in about(heard, "range")] == expected
+
+
+def test_the_pose_is_told_unless_the_localization_is_silent(heard: Heard) -> None:
+    poses = about(heard, "odometry")
+    assert len(poses) == TICKS - len(LOST)
+    assert all(child == "base_link" and speed == rate == 0.0 for child, speed, rate, _ in poses)
+
+
+def test_the_goal_is_told_when_it_changes_and_the_route_once(heard: Heard) -> None:
+    (goal,) = about(heard, "goal")  # the listener does not move
+    (route,) = about(heard, "route")
+    assert goal[:4] == [stamp(0), "map", 1.0, 0.5]
+    assert [pose[2:4] for pose in route] == brief().route.tolist()
+
+
+def test_the_parameters_are_those_of_the_mission(heard: Heard) -> None:
+    ((parameters,),) = about(heard, "parameters")
+    briefing = brief()
+    assert (parameters["reach"], parameters["gains"]) == (1.25, [1.0, 2.5])
+    assert (parameters["side.left"], parameters["side.text"]) == (True, "a 'b' é")
+    assert parameters["use_sim_time"] is True
+    assert parameters["robot_description"] == briefing.robot.urdf
+    assert parameters["evoros.seed"] == briefing.seed
+    assert parameters["evoros.drive.wheelbase_m"] == briefing.robot.drive.wheelbase_m
+    assert parameters["evoros.route"] == briefing.route.ravel().tolist()
+    poses = [parameters[f"evoros.{name}.pose"] for name in parameters["evoros.sensors"]]
+    assert poses == briefing.robot.sensor_poses().tolist()
+
+
+def test_the_mode_is_the_reported_one_and_the_first_before(heard: Heard) -> None:
+    assert heard[1] == [1, 1, *(0 if tick in LOST else 2 for tick in range(2, TICKS))]
+
+
+FAULTS = {
+    "dies": (PilotLost, r"faulty.py dies ended with exit status 7"),
+    "stops": (PilotLost, r"did not come to rest: .*faulty.py stops"),
+    "spins": (PilotLost, r"did not come to rest: .*faulty.py spins"),
+    "nan": (SimulationError, r"NaN.* at 1.9 s; it must answer"),
+    "mode": (SimulationError, r"dancing.* at 1.9 s; it must answer"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_in_mid_mission_ends_it_with_one_line(fault: str) -> None:
+    kind, message = FAULTS[fault]
+    with pytest.raises(kind, match=message) as caught:
+        fly(faulty(fault))
+    assert "1.9" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+QUICK = {"start_limit_s": 3.0}
+REFUSED: dict[str, tuple[list[str], dict[str, Any], str]] = {
+    "no rclpy": (
+        node("avoid", "rate"),
+        {"python": sys.executable},
+        "controller.python: must be a Python with ROS 2",
+    ),
+    "no command": ([str(NODES / "avoid.py")], {}, "must be commands that this system can execute"),
+    "no node": (node("faulty", "no_node"), QUICK, "faulty.py no_node has started no node"),
+    "wall clock": (
+        node("faulty", "wall_clock"),
+        QUICK,
+        "has started no node that follows the simulated time",
+    ),
+    "deaf": (node("faulty", "deaf"), QUICK, "no node listens to /goal_pose, /odom, /route"),
+    "mute": (
+        [*node("avoid", "rate"), "--ros-args", "-r", "cmd_vel:=wish"],
+        QUICK,
+        "no node publishes on /cmd_vel",
+    ),
+    "blocks": (node("faulty", "blocks"), QUICK, "the node /faulty does not answer"),
+    "point": (node("faulty", "point"), {}, "/cmd_vel: its messages must be Twist or"),
+    "parameter": (
+        node("avoid", "rate"),
+        {"parameters": {"gain": [1, "a"]}},
+        "controller.parameters.gain: must be a number, a text",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_nodes_that_cannot_control_are_refused_in_one_line(case: str) -> None:
+    command, changes, message = REFUSED[case]
+    with pytest.raises(LaunchError) as caught:
+        fly(controller(command, **changes))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_two_nodes_that_command_are_refused_by_their_names() -> None:
+    two = controller(node("avoid", "callback"), node("limit"))
+    with pytest.raises(
+        LaunchError, match=re.escape("must publish there, not 2 (avoider, limiter)")
+    ):
+        fly(two)
+
+
+def test_a_node_that_fails_at_its_start_says_why() -> None:
+    with pytest.raises(PilotLost, match=r"there is no map.*ended with exit status 1"):
+        fly(faulty("fails"))
+
+
+def test_the_node_of_the_page_drives(tmp_path: Path) -> None:
+    (script,) = re.findall(r"<!-- file: avoid2.py -->\n```python\n(.*?)^```$", text("ros"), re.M | re.S)
+    (tmp_path / "avoid.py").write_text(script)
+    steps = fly(controller([str(PYTHON), str(tmp_path / "avoid.py")]))
+    speed = 0.4 * brief().robot.drive.max_speed_mps
+    assert {step[:2] for step in steps} == {(1, speed), (0, speed)}
+    assert len({steering for *_, steering in steps}) > 3
+
+
+def test_a_run_with_one_worker_and_with_two_gives_the_same_bytes(tmp_path: Path) -> None:
+    settings = (
+        "controller=ros2",
+        f"controller.python={PYTHON}",
+        f"controller.nodes=[[{PYTHON},{NODES / 'ros2_avoid.py'},callback]]",
+        "+controller.parameters.reach=1.0",
+        "optimizer.generations=1",
+        "optimizer.population_size=2",
+    )
+    runs = [tmp_path / "one", tmp_path / "two"]
+    for workers, run in enumerate(runs, 1):
+        parallel = ("executor=processes", f"executor.workers={workers}") if workers > 1 else ()
+        assert tiny(run, *settings, *parallel) == 0
+    first, second = map(content, runs)
+    assert first == second
