@@ -77,8 +77,9 @@ def drive(pilot: Pilot, phase: float = 0.0, ticks: int = TICKS) -> Steps:
 class Algorithm:
     """The algorithm of the nodes of the tests in this process, as a node of this style runs it."""
 
-    def __init__(self, style: str) -> None:
+    def __init__(self, style: str, first_end: int) -> None:
         robot = brief().robot
+        self._first_end = first_end  # the tick in which a Rate or Timer first ends
         self._style, self._wheelbase = style, robot.drive.wheelbase_m
         yaws = {f"sonar_{i}": yaw for i, yaw in enumerate(robot.sensor_poses()[:, 3].tolist())}
         lock = float(robot.drive.steering_limit)
@@ -99,7 +100,7 @@ class Algorithm:
         if not math.isnan(x):
             self._avoider.hear_pose(x, y, math.sin(yaw / 2), math.cos(yaw / 2))
             decisions += self._decide("callback")
-        if tick > 0:  # a Rate or Timer begins with the clock, and first ends after its period
+        if tick >= self._first_end:
             decisions += self._decide("rate") + self._decide("timer")
         if not decisions:
             return 0
@@ -112,9 +113,13 @@ class Algorithm:
         return [] if decision is None else [decision]
 
 
-def expect(style: str, phase: float = 0.0, ticks: int = TICKS) -> Steps:
-    """The steps that a node of a style should give."""
-    return drive(Algorithm(style), phase, ticks)
+def expect(style: str, phase: float = 0.0, ticks: int = TICKS, first_end: int = 1) -> Steps:
+    """The steps that a node of a style should give.
+
+    A Rate or Timer of ROS 1 begins with the clock and ends after its period. One of ROS 2 begins
+    at time 0, when the node starts, so that its period is over as soon as there is a clock.
+    """
+    return drive(Algorithm(style, first_end), phase, ticks)
 
 
 @contextmanager

@@ -138,10 +138,8 @@ class Mission:
         if missing is not None:
             return missing
         try:
-            if self._commands is None:
-                self._commands = self._graph.receive(topics["command"], tuple(COMMANDS))
-            if self._reports is None:
-                self._reports = self._graph.receive(topics["mode"], ("String",))
+            self._commands = self._graph.receive(topics["command"], tuple(COMMANDS), self._commands)
+            self._reports = self._graph.receive(topics["mode"], ("String",), self._reports)
         except ValueError as error:
             self._conversation.refuse(str(error))
         for each in (self._commands, self._reports):

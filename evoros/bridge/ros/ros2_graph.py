@@ -227,21 +227,27 @@ class Graph:
         finally:
             self._node.destroy_client(client)
 
-    def receive(self, topic: str, kinds: tuple[str, ...]) -> Incoming | None:
+    def receive(
+        self, topic: str, kinds: tuple[str, ...], connected: Incoming | None
+    ) -> Incoming | None:
         """Connect with the node that publishes on a topic; None if there is none.
+
+        ``connected`` is what it has returned before. Only later may a second node be known.
 
         Raises:
             ValueError: there are several, or their messages are not of these kinds.
         """
         publishers = self._node.get_publishers_info_by_topic(topic)
         if not publishers:
-            return None
+            return connected
         names = sorted(publisher.node_name for publisher in publishers)
         if len(publishers) > 1:
             raise ValueError(
                 f"{topic}: one node must publish there, not {len(names)} ({', '.join(names)}), "
                 f"because the last message counts; give one of them another topic"
             )
+        if connected is not None:
+            return connected
         kind = publishers[0].topic_type
         if kind.rpartition("/")[2] not in kinds:
             raise ValueError(

@@ -15,6 +15,31 @@ SENSOR = ("type", "pose", "range_min_m", "range_max_m", "field_of_view_rad", "pe
 ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY")
 """Variables that lead to nodes on other machines, or that another one replaces."""
 BEFORE_RANGES = ("foxy", "galactic", "humble")  # have no ROS_AUTOMATIC_DISCOVERY_RANGE
+FAST, PROFILE = "rmw_fastrtps", "local.xml"
+LOCAL = """<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <transport_descriptors>
+    <transport_descriptor>
+      <transport_id>local</transport_id>
+      <type>UDPv4</type>
+      <interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>
+      <maxInitialPeersRange>32</maxInitialPeersRange>
+    </transport_descriptor>
+  </transport_descriptors>
+  <participant profile_name="local" is_default_profile="true">
+    <rtps>
+      <builtin>
+        <initialPeersList>
+          <locator><udpv4><address>127.0.0.1</address></udpv4></locator>
+        </initialPeersList>
+      </builtin>
+      <userTransports><transport_id>local</transport_id></userTransports>
+      <useBuiltinTransports>false</useBuiltinTransports>
+    </rtps>
+  </participant>
+</profiles>
+"""
+"""What keeps Fast DDS on this machine, without shared memory, whose files remain when it is
+killed. ROS's own setting for this machine alone always has shared memory."""
 FIRST_PORT, PORTS_PER_DOMAIN, DOMAINS = 7400, 250, 101  # of DDS, below Linux's ephemeral ports
 
 
@@ -143,12 +168,17 @@ def set_environment(isolated: bool) -> object:
     folder = os.getcwd()
     domain, claim = (0, None) if isolated else _free_domain()
     os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_HOME=folder, ROS_LOG_DIR=folder)
-    if os.environ.get("ROS_DISTRO") in BEFORE_RANGES:
+    old = os.environ.get("ROS_DISTRO") in BEFORE_RANGES
+    if not isolated and os.environ.get("RMW_IMPLEMENTATION", FAST).startswith(FAST):
+        with open(PROFILE, "w") as file:
+            file.write(LOCAL)
+        for name in ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
+            os.environ[name] = os.path.join(folder, PROFILE)
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"  # as in the profile
+    elif old:
         os.environ["ROS_LOCALHOST_ONLY"] = "1"
     else:
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    if not isolated:  # a killed process would leave its shared memory behind
-        os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     return claim
 
 
