@@ -198,7 +198,7 @@ def test_a_fault_in_mid_mission_ends_it_with_one_line(fault: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-QUICK = {"start_limit_s": 12.0}
+QUICK = {"start_limit_s": 10.0}
 REFUSED: dict[str, tuple[list[str], dict[str, Any], str]] = {
     "no rclpy": (
         node("avoid", "rate"),

@@ -142,9 +142,11 @@ class Mission:
             self._reports = self._graph.receive(topics["mode"], ("String",), self._reports)
         except ValueError as error:
             self._conversation.refuse(str(error))
-        for each in (self._commands, self._reports):
-            if each is not None and not each.connected():
-                return "a node that publishes to evoros is not yet connected"
+        connected = all(
+            each is None or each.connected() for each in (self._commands, self._reports)
+        )
+        if self._commands is None or not connected:
+            return "a node that publishes to evoros is not yet connected"
         return self._graph.unanswered()
 
     def _steady(self) -> bool:

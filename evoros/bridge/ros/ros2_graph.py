@@ -25,7 +25,7 @@ else:
 
 NAME = "evoros"  # of this process in the graph
 DEPTH = 100  # commands of one tick that are kept
-ANSWER_LIMIT_S = 1.0
+SPIN_S = 0.02
 UNKNOWN = "_NODE_NAME_UNKNOWN_"  # rmw_dds_common
 EACH = QoSProfile(depth=10)  # reliable and volatile, which best-effort subscriptions take too
 KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -167,7 +167,8 @@ class Graph:
         self._node = rclpy.create_node(
             NAME, use_global_arguments=False, enable_rosout=False, start_parameter_services=False
         )
-        self._answered: set[str] = set()  # names of nodes
+        self._clients: dict[str, Any] = {}  # by the name of the node that is asked
+        self._answers: dict[str, Any] = {}
         self._topics = sorted(kinds.keys() - {CLOCK})  # to which every node listens
         # Nodes also tell each other transforms, so that all know that topic by its own name.
         shared = {topic: kind for topic, kind in kinds.items() if topic == TRANSFORMS}
@@ -199,10 +200,9 @@ class Graph:
                 return "a node has not told its name"
             place = f"{namespace.rstrip('/')}/{name}"
             services = self._node.get_service_names_and_types_by_node(name, namespace)
-            if place not in self._answered and f"{place}/get_parameters" in dict(services):
-                if not self._ask(place):
-                    return f"the node {place} does not answer, as a node does that spins"
-                self._answered.add(place)
+            asked = f"{place}/get_parameters" in dict(services)
+            if asked and not self._has_answered(place):
+                return f"the node {place} does not answer, as a node does that spins"
         return None
 
     def _listeners(self) -> set[tuple[str, str]]:
@@ -215,17 +215,18 @@ class Graph:
         listening = [self._node.get_subscriptions_info_by_topic(topic) for topic in topics]
         return {(each.node_name, each.node_namespace) for group in listening for each in group}
 
-    def _ask(self, place: str) -> bool:
-        """Whether a node answers."""
-        client = self._node.create_client(GetParameters, f"{place}/get_parameters")
-        try:
-            if not client.wait_for_service(ANSWER_LIMIT_S):
-                return False
-            future = client.call_async(GetParameters.Request(names=["use_sim_time"]))
-            rclpy.spin_until_future_complete(self._node, future, timeout_sec=ANSWER_LIMIT_S)
-            return bool(future.done())
-        finally:
-            self._node.destroy_client(client)
+    def _has_answered(self, place: str) -> bool:
+        """Ask a node once, and tell whether its answer has come."""
+        if place not in self._clients:
+            self._clients[place] = self._node.create_client(
+                GetParameters, f"{place}/get_parameters"
+            )
+        client = self._clients[place]
+        if place not in self._answers and client.service_is_ready():
+            request = GetParameters.Request(names=["use_sim_time"])
+            self._answers[place] = client.call_async(request)
+        rclpy.spin_once(self._node, timeout_sec=SPIN_S)
+        return place in self._answers and bool(self._answers[place].done())
 
     def receive(
         self, topic: str, kinds: tuple[str, ...], connected: Incoming | None
@@ -238,9 +239,9 @@ class Graph:
             ValueError: there are several, or their messages are not of these kinds.
         """
         publishers = self._node.get_publishers_info_by_topic(topic)
-        if not publishers:
-            return connected
         names = sorted(publisher.node_name for publisher in publishers)
+        if not publishers or UNKNOWN in names:
+            return connected
         if len(publishers) > 1:
             raise ValueError(
                 f"{topic}: one node must publish there, not {len(names)} ({', '.join(names)}), "
