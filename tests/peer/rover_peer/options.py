@@ -69,7 +69,7 @@ def read_options() -> argparse.Namespace:
 
 
 def read_parameters(files: str) -> dict[str, float]:
-    """Read the files, which commas separate; the later value of a parameter counts."""
+    """Read the files, which commas separate; of a parameter the last value counts."""
     parameters = dict(DEFAULTS)
     for file in filter(None, files.split(",")):
         for line in Path(file).read_text().splitlines():
@@ -78,6 +78,4 @@ def read_parameters(files: str) -> dict[str, float]:
                 continue
             if words[0] in DEFAULTS:
                 parameters[words[0]] = float(words[1])
-            else:
-                print(f"Ignored unknown param {words[0]} in defaults file {file}", flush=True)
     return parameters
