@@ -4,7 +4,6 @@ import json
 import math
 import re
 import shutil
-import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -14,10 +13,10 @@ from typing import Any
 import pytest
 from documents import files
 from helpers import ROOT, content, tiny
+from ros1_cases import PYTHON, controller, faulty, needs_ros1, node
 from ros_cases import (
     LOST,
     NODES,
-    REACH_M,
     SENSOR_TICKS,
     SILENT,
     SONARS,
@@ -30,13 +29,10 @@ from ros_cases import (
     real_time,
 )
 
-from evoros.base.errors import InputError, LaunchError, PilotLost, SimulationError
+from evoros.base.errors import InputError
 from evoros.controller.ros1 import EXPECTED, Ros1
 
-PYTHON = "/usr/bin/python3"
-pytestmark = pytest.mark.skipif(
-    not Path("/usr/lib/python3/dist-packages/rospy").exists(), reason="needs Debian's python3-rospy"
-)
+pytestmark = needs_ros1
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -44,19 +40,6 @@ def _nothing_remains() -> Iterator[None]:
     brief()  # before several threads would make it
     yield
     assert find_processes() == []
-
-
-def node(name: str, *arguments: object) -> list[str]:
-    return [PYTHON, str(NODES / f"ros1_{name}.py"), *map(str, arguments)]
-
-
-def controller(*nodes: list[str], **changes: Any) -> Ros1:
-    settings = {"parameters": {"reach": REACH_M}, "start_limit_s": 60.0, "answer_limit_s": 30.0}
-    return Ros1(nodes=nodes, **{**settings, **changes})
-
-
-def faulty(fault: str, **changes: Any) -> Ros1:
-    return controller(node("faulty", fault), **{"answer_limit_s": 5.0, **changes})
 
 
 @pytest.mark.parametrize("style", ["callback", "each_range", "rate", "timer"])
@@ -193,86 +176,6 @@ def test_ackermann_commands_are_taken_where_there_are_such_messages(tmp_path: Pa
     (package / "__init__.py").touch()
     driver = controller(node("ackermann"), environment={"PYTHONPATH": str(tmp_path)})
     assert set(fly(driver, ticks=10)) == {(1, 0.25, -0.125)}
-
-
-FAULTS = {
-    "dies": (PilotLost, r"faulty.py dies ended with exit status 7"),
-    "closes": (PilotLost, r"a node no longer publishes on /cmd_vel"),
-    "stops": (PilotLost, r"did not come to rest: .*faulty.py stops"),
-    "spins": (PilotLost, r"did not come to rest: .*faulty.py spins"),
-    "nan": (SimulationError, r"NaN.* at 1.9 s; it must answer"),
-    "infinite": (SimulationError, r"Infinity.* at 1.9 s; it must answer"),
-    "mode": (SimulationError, r"dancing.* at 1.9 s; it must answer"),
-}
-
-
-@pytest.fixture(scope="module")
-def endings() -> dict[str, Exception | None]:
-    """How missions with each fault ended."""
-    return end_all({fault: faulty(fault) for fault in FAULTS})
-
-
-def end_all(controllers: dict[str, Ros1]) -> dict[str, Exception | None]:
-    """The error with which a mission of each controller ended; four missions at once."""
-    with ThreadPoolExecutor(4) as pool:
-        flights = {name: pool.submit(fly, each) for name, each in controllers.items()}
-        return {name: flight.exception() for name, flight in flights.items()}  # type: ignore[misc]
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_in_mid_mission_ends_it_with_one_line(
-    fault: str, endings: dict[str, Exception | None]
-) -> None:
-    kind, message = FAULTS[fault]
-    error = endings[fault]
-    assert type(error) is kind
-    assert re.search(message, str(error))
-    assert "1.9" in str(error)
-    assert "\n" not in str(error)
-
-
-NO_ROS: dict[str, Any] = {"python": sys.executable}
-QUICK: dict[str, Any] = {"start_limit_s": 10.0}
-REFUSED: dict[str, tuple[list[str], dict[str, Any], str]] = {
-    "no rospy": (node("avoid", "rate"), NO_ROS, "controller.python: must be a Python with ROS 1"),
-    "no command": ([str(NODES / "avoid.py")], {}, "must be commands that this system can execute"),
-    "no node": (node("faulty", "no_node"), QUICK, "faulty.py no_node has started no node"),
-    "deaf": (node("faulty", "deaf"), QUICK, "no node listens to /move_base_simple/goal, /odom"),
-    "mute": (node("avoid", "rate", "/wish"), QUICK, "no node publishes on /cmd_vel"),
-    "point": (node("faulty", "point"), {}, "/cmd_vel: its messages must be Twist or"),
-    "parameter": (
-        node("avoid", "rate"),
-        {"parameters": {"gain": None}},
-        "controller.parameters.gain: must be a number, a text",
-    ),
-}
-
-
-@pytest.fixture(scope="module")
-def refusals() -> dict[str, Exception | None]:
-    """How missions with each unfit node ended."""
-    return end_all({case: controller(node, **more) for case, (node, more, _) in REFUSED.items()})
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_nodes_that_cannot_control_are_refused_in_one_line(
-    case: str, refusals: dict[str, Exception | None]
-) -> None:
-    error = refusals[case]
-    assert type(error) is LaunchError
-    assert REFUSED[case][2] in str(error)
-    assert "\n" not in str(error)
-
-
-def test_two_nodes_that_command_are_refused_by_their_names() -> None:
-    two = controller(node("avoid", "rate"), node("limit"))
-    with pytest.raises(LaunchError, match=r"/cmd_vel: one node must publish there, not 2 \(/avoid"):
-        fly(two)
-
-
-def test_a_node_that_fails_at_its_start_says_why() -> None:
-    with pytest.raises(PilotLost, match=r"there is no map.*ended with exit status 1"):
-        fly(faulty("fails"))
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,27 @@
+"""Nodes of ROS 1 as controllers for the tests."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ros_cases import NODES, REACH_M
+
+from evoros.controller.ros1 import Ros1
+
+PYTHON = "/usr/bin/python3"
+needs_ros1 = pytest.mark.skipif(
+    not Path("/usr/lib/python3/dist-packages/rospy").exists(), reason="needs Debian's python3-rospy"
+)
+
+
+def node(name: str, *arguments: object) -> list[str]:
+    return [PYTHON, str(NODES / f"ros1_{name}.py"), *map(str, arguments)]
+
+
+def controller(*nodes: list[str], **changes: Any) -> Ros1:
+    settings = {"parameters": {"reach": REACH_M}, "start_limit_s": 60.0, "answer_limit_s": 30.0}
+    return Ros1(nodes=nodes, **{**settings, **changes})
+
+
+def faulty(fault: str, **changes: Any) -> Ros1:
+    return controller(node("faulty", fault), **{"answer_limit_s": 5.0, **changes})
