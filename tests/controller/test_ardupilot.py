@@ -158,7 +158,9 @@ def test_a_busy_machine_changes_no_byte(among_boxes: Scenario, reference: str) -
 
 
 @of_the_peer
-@pytest.mark.parametrize("fault", ["miss@0", "miss@auto+70", "slow@auto+1600:0.004", "noise@auto+9"])
+@pytest.mark.parametrize(
+    "fault", ["miss@0", "miss@auto+70", "slow@auto+1600:0.004", "noise@auto+9"]
+)
 def test_a_fault_of_the_transport_changes_no_byte(
     among_boxes: Scenario, reference: str, fault: str
 ) -> None:
