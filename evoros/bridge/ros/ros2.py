@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from evoros.bridge.ros import ros2_graph
+    from evoros.bridge.ros import ros2_graph, ros2_incoming
     from evoros.bridge.ros.conversation import COMMANDS, Conversation, Modes, Wheels, end
     from evoros.bridge.ros.messages import Messages
     from evoros.bridge.ros.nodes import Nodes
@@ -95,8 +95,8 @@ class Mission:
             self._messages.kinds(),
             (topics["goal"], topics["route"]),
         )
-        self._commands: ros2_graph.Incoming | None = None
-        self._reports: ros2_graph.Incoming | None = None  # of the mode
+        self._commands: ros2_incoming.Incoming | None = None
+        self._reports: ros2_incoming.Incoming | None = None  # of the mode
 
     def _start_nodes(self) -> Nodes:
         briefing, commands = self._conversation.briefing, self._options["nodes"]

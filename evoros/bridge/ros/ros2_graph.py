@@ -5,9 +5,7 @@ Runs in the user's ROS Python.
 
 from __future__ import annotations
 
-import importlib
 import shlex
-import sys
 from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -18,13 +16,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 if TYPE_CHECKING:
     from evoros.bridge.ros.messages import CLOCK, TRANSFORMS
+    from evoros.bridge.ros.ros2_incoming import Incoming
     from evoros.bridge.ros.ros2_start import Group
 else:
     from messages import CLOCK, TRANSFORMS
+    from ros2_incoming import Incoming
     from ros2_start import Group
 
 NAME = "evoros"  # of this process in the graph
-DEPTH = 100  # commands of one tick that are kept
 SPIN_S = 0.02
 UNKNOWN = "_NODE_NAME_UNKNOWN_"  # rmw_dds_common
 EACH = QoSProfile(depth=10)  # reliable and volatile, which best-effort subscriptions take too
@@ -35,47 +34,6 @@ KEPT = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 def stamp(seconds: int, nanoseconds: int) -> Any:
     """Return a time as messages have it."""
     return Time(sec=seconds, nanosec=nanoseconds)
-
-
-class Incoming:
-    """The messages of one publisher; no thread receives them, the bridge fetches them."""
-
-    def __init__(self, node: Any, topic: str, publisher: Any) -> None:
-        """Subscribe to the topic as reliably as it is published.
-
-        Raises:
-            ValueError: this Python has no messages of this kind.
-        """
-        package, _, name = publisher.topic_type.replace("/msg/", "/").partition("/")
-        try:
-            self._class = getattr(importlib.import_module(f"{package}.msg"), name)
-        except (ImportError, AttributeError):
-            kind = publisher.topic_type
-            raise ValueError(
-                f"{sys.executable} cannot import {kind}, the messages of {topic}"
-            ) from None
-        quality = QoSProfile(depth=DEPTH, reliability=publisher.qos_profile.reliability)
-        self._subscription = node.create_subscription(self._class, topic, _ignore, quality)
-
-    def connected(self) -> bool:
-        """Whether the publisher is matched; Humble does not tell."""
-        count = getattr(self._subscription, "get_publisher_count", None)
-        return count is None or count() > 0
-
-    def fetch(self) -> list[Any]:
-        """Return the messages that have arrived. An executor would take a hundred times as long."""
-        messages = []
-        handle = self._subscription.handle
-        with handle:
-            taken = handle.take_message(self._class, False)
-            while taken is not None:
-                messages.append(taken[0])
-                taken = handle.take_message(self._class, False)
-        return messages
-
-
-def _ignore(message: object) -> None:
-    """A subscription needs a callback, but no executor calls it here."""
 
 
 class Outlet:
