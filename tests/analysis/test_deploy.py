@@ -35,6 +35,7 @@ from robot_cases import independent, rover, some_mounts
 from evoros.base.arrays import Array
 from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
+from evoros.bridge.process import start_process
 from evoros.bridge.ros.ros2_start import SENSOR
 from evoros.controller.ardupilot import ArduPilot
 from evoros.controller.line_controller import describe_drive
@@ -158,26 +159,28 @@ def test_every_yaml_is_a_parameter_file(package: Path, record: Record) -> None:
 
 
 READ = """
-import json, sys, rclpy
+import json, os, sys, rclpy
 from rclpy.node import Node
-rclpy.init(args=["x", "--ros-args", "--params-file", sys.argv[1]])
+rclpy.init(args=["x", "--ros-args", "--params-file", "robot.yaml", "--params-file", "odd.yaml"])
 node = Node("any", automatically_declare_parameters_from_overrides=True)
-print(json.dumps({k: v.value for k, v in node.get_parameters_by_prefix("").items()}, default=list))
+values = {name: each.value for name, each in node.get_parameters_by_prefix("").items()}
+os.write(int(sys.argv[1]), json.dumps(values, default=list).encode())
 """
 
 
 @pytest.mark.skipif(not ROS2.exists(), reason="no environment with rclpy")
-def test_a_node_gets_the_parameters(package: Path, tmp_path: Path) -> None:
-    """Among them what YAML could take for something else."""
+def test_a_node_gets_the_parameters(package: Path) -> None:
+    """Among them what YAML could take for something else; in a network of its own."""
     odd = {"a": {"text": "on", "number": "1.5", "tiny": 1e-12, "mixed": [1.0, 2.0], "flag": True}}
-    (tmp_path / "odd.yaml").write_text(write_parameter_file(odd, ["a.none"], ["odd"]))
-    got: dict[str, Any] = {}
-    for file in (package / "config" / "robot.yaml", tmp_path / "odd.yaml"):
-        out = subprocess.run([ROS2, "-c", READ, file], capture_output=True, text=True, check=True)
-        got |= json.loads(out.stdout)
+    robot = (package / "config" / "robot.yaml").read_text()
+    files = {"robot.yaml": robot, "odd.yaml": write_parameter_file(odd, ["a.none"], ["odd"])}
+    reading, writing = os.pipe()
+    command = [str(ROS2), "-c", READ, str(writing)]
+    with open(reading) as answer, start_process(command, pass_fds=[writing], files=files):
+        os.close(writing)
+        got = json.loads(answer.read())
     assert {name: got[f"a.{name}"] for name in odd["a"]} == odd["a"]
-    written = yaml.safe_load((package / "config" / "robot.yaml").read_text())
-    sonar = written["/**"]["ros__parameters"]["evoros"]["sonar_0"]
+    sonar = yaml.safe_load(robot)["/**"]["ros__parameters"]["evoros"]["sonar_0"]
     assert all(got[f"evoros.sonar_0.{name}"] == value for name, value in sonar.items())
 
 
