@@ -31,6 +31,7 @@ class Rule:
 
     text: str  # completes "must be ..."
     holds: Callable[[Any], bool]
+    plain: bool = False  # of texts and numbers, which no class builds
 
 
 def checked(cls: type[T]) -> type[T]:
@@ -52,7 +53,8 @@ def checked(cls: type[T]) -> type[T]:
         for name, rule, optional in rules():
             value = getattr(self, name)
             if not (rule.holds(value) or (optional and value is None)):
-                raise invalid(self, name, value, f"must be {rule.text}", _missing_target(value))
+                fix = "" if rule.plain else _missing_target(value)
+                raise invalid(self, name, value, f"must be {rule.text}", fix)
         if check_together is not None:
             check_together(self)
 
@@ -125,6 +127,7 @@ def mapping_of(kind: Any, what: str) -> Rule:
     return Rule(
         f"a mapping from names to {what}",
         lambda v: hasattr(v, "values") and all(isinstance(item, kind) for item in v.values()),
+        plain=kind is str,
     )
 
 

@@ -35,6 +35,7 @@ MODES = Rule(
 PARAMETERS = Rule(
     "a mapping from names to numbers, texts, flags, nulls, and lists and mappings of these",
     lambda v: isinstance(v, Mapping) and _is_plain(v),
+    plain=True,
 )
 COMMAND = Rule(
     "a command, as a list of texts or as one text",

@@ -12,7 +12,7 @@ from itertools import islice
 from typing import Any, Protocol, TypeVar
 
 from evoros.base.arrays import Array
-from evoros.base.errors import EvorosError, PilotLost, RunStopped, WorkerLost
+from evoros.base.errors import EvorosError, LaunchError, PilotLost, RunStopped, WorkerLost
 from evoros.controller.protocol import LiveController
 from evoros.evolution.calls import CallResult, pack, run_for_outcomes, run_for_trajectory
 from evoros.executor.protocol import Pool
@@ -130,11 +130,14 @@ class Dispatcher:
         """Return the mission's result, or ``worst(reason)`` if its loss need not stop the run.
 
         Raises:
+            LaunchError: its controller cannot be started.
             RunStopped: the mission is lost, and ``lost`` is ``STOP``.
         """
         error = _error_of(future)
         if error is None:
             return future.result()
+        if isinstance(error, LaunchError):
+            raise LaunchError(f"{describe(mission)}: {error}") from error
         if isinstance(error, EvorosError) and not isinstance(error, WorkerLost):
             raise error
         if isinstance(error, PilotLost):

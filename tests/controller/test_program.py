@@ -1,0 +1,351 @@
+"""A program outside flies as the rover's own rules do, and its faults become what the page says."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import ROOT, content, evoros, start, wait_for_missions
+
+from evoros.base.errors import InputError, PilotLost, RunStopped
+from evoros.config.compose import compose
+from evoros.controller.program import Program
+from evoros.evolution.dispatch import Dispatcher
+from evoros.evolution.experiment import Experiment
+from evoros.evolution.preflight import preflight
+from evoros.executor.processes import Processes
+from evoros.mission.mission import Mission
+from evoros.mission.outcome import LOST, SIMULATION_FAILURE
+from evoros.mission.plan import STOP, WORST
+from evoros.mission.rollout import run_mission
+from evoros.mission.scenario import Scenario
+
+PROGRAMS = ROOT / "tests" / "programs"
+FAULTY, RULES = PROGRAMS / "faulty.py", PROGRAMS / "rules.py"
+LIMIT_S = 2.0
+LAST = round(LIMIT_S / 0.1) - 1
+EARLY = ("failure=random", "failure.earliest_s=1", "failure.latest_s=4")
+MODES = ("avoiding", "navigating")
+
+
+def mission(experiment: Experiment, place: float = 0.3, world: str = "maze") -> Mission:
+    design = experiment.space.decode(np.linspace(place, 1.0 - place, experiment.space.size))
+    return Mission(0, round(100 * place), design, world, 0, "selection", f"draws {place}")
+
+
+@pytest.fixture(scope="module")
+def experiment() -> Experiment:
+    """Two seconds in the maze."""
+    short = f"world.maze.course.time_limit_s={LIMIT_S}"
+    return compose(["simulator=planar", "world=maze", short, "controller=rover_l1"]).build()
+
+
+def faulty(experiment: Experiment, fault: str, tally: Path, **changes: Any) -> Scenario:
+    command = [sys.executable, "-I", "-S", str(FAULTY), fault, str(tally)]
+    program = Program(command=command, **{"answer_limit_s": 0.5, **changes})
+    return replace(experiment.scenario, controller=program)
+
+
+# ---- conformance
+
+
+@pytest.mark.parametrize(("simulator", "limit_s"), [("planar", 40.0), ("pybullet", 6.0)])
+def test_the_rover_s_own_rules_outside_give_its_trajectory(simulator: str, limit_s: float) -> None:
+    pytest.importorskip("pybullet")
+    limit = f"world.maze.course.time_limit_s={limit_s}"
+    chosen = [f"simulator={simulator}", "world=maze", limit, *EARLY, "controller=rover_l1"]
+    experiment = compose(chosen).build()
+    inside = experiment.scenario
+    outside = replace(
+        inside,
+        controller=Program(
+            command=[sys.executable, str(RULES)],
+            modes=MODES,
+            localization=inside.controller.localization,
+        ),
+    )
+    for place in (0.1, 0.4):
+        expected, track = run_mission(inside, mission(experiment, place))
+        outcome, flown = run_mission(outside, mission(experiment, place))
+        assert repr(outcome) == repr(expected)
+        assert flown.tobytes() == track.tobytes()
+        assert np.isnan(track[:, -6:]).any(), "a sensor has failed"
+
+
+# ---- runs
+
+
+RUN = (
+    "simulator=planar",
+    "world=maze",
+    "world.maze.course.time_limit_s=5",
+    *EARLY,
+    "optimizer.population_size=3",
+    "optimizer.generations=2",
+    "optimizer.validation_trials=1",
+    "figures=[]",
+)
+
+
+def fly(folder: Path, controller: Sequence[str], *more: str) -> dict[str, str]:
+    assert evoros([*RUN, f"hydra.run.dir={folder}", *controller, *more]) == 0
+    return content(folder)
+
+
+def command(*words: object) -> list[str]:
+    listed = ",".join(f"'{word}'" for word in words)
+    return [
+        "controller=program",
+        f"controller.command=[{listed}]",
+        f"controller.modes=[{','.join(MODES)}]",
+    ]
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """The overrides for the Python program of the page."""
+    page = (ROOT / "docs" / "programs.md").read_text()
+    (text,) = re.findall(r"^<!-- file: mine/avoid.py -->\n```python\n(.*?)^```$", page, re.M | re.S)
+    path = tmp_path_factory.mktemp("a program") / "avoid.py"
+    path.write_text(text)
+    near = "+controller.parameters.near_m=1.0"
+    return [*command(sys.executable, "-S", path), near]
+
+
+def test_a_run_with_the_rules_outside_gives_the_tables_of_one_with_them_inside(
+    tmp_path: Path,
+) -> None:
+    few = ("optimizer.generations=1", "optimizer.population_size=2", "executor=serial")
+    inside = fly(tmp_path / "inside", ["controller=rover_l1"], *few)
+    localization = "controller/localization=autopilot_gps"
+    outside = fly(tmp_path / "out", [*command(sys.executable, RULES), localization], *few)
+    assert outside == inside
+    assert any(name.startswith("champion/trajectory") for name in inside)
+
+
+def test_interruption_load_and_workers_change_no_byte(program: list[str], tmp_path: Path) -> None:
+    alone = fly(tmp_path / "alone", program, "executor=serial")
+    with busy():
+        assert fly(tmp_path / "busy", program, "executor.workers=2") == alone
+    words = [*RUN, *program, "executor.workers=2", f"hydra.run.dir={tmp_path / 'killed'}"]
+    with start(words, tmp_path) as killed:
+        wait_for_missions(tmp_path / "killed", 2)
+        killed.kill()
+        killed.communicate()
+    assert evoros([f"resume={tmp_path / 'killed'}", "executor=serial"]) == 0
+    assert content(tmp_path / "killed") == alone
+
+
+class busy:  # noqa: N801 - a context
+    """Keeps every core busy."""
+
+    def __enter__(self) -> None:
+        loop = ["sh", "-c", "while :; do :; done"]
+        self.loops = [subprocess.Popen(loop) for _ in range(2)]
+
+    def __exit__(self, *_: object) -> None:
+        for loop in self.loops:
+            loop.kill()
+            loop.wait()
+
+
+# ---- faults
+
+
+ENDS = {
+    "exit": "ended with exit status 3",
+    "kill": r"ended by signal 9 \(Killed\)",
+    "stop": "did not answer within 0.5 s",
+    "silent": "did not answer within 0.5 s",
+    "close": "closed its (in|out)put",
+}
+WORDS = "; its last words: these are the last words$"
+
+
+@pytest.mark.parametrize("tick", [0, 10, LAST])
+@pytest.mark.parametrize("fault", ENDS)
+def test_a_lost_program_is_told_with_time_status_and_last_words(
+    experiment: Experiment, fault: str, tick: int, tmp_path: Path
+) -> None:
+    scenario = faulty(experiment, f"{fault}@{tick}", tmp_path / "tally")
+    what = rf"^python\S* {ENDS[fault]} at {tick / 10:g} simulated s{WORDS}"
+    with pytest.raises(PilotLost, match=what) as caught:
+        run_mission(scenario, mission(experiment))
+    assert caught.value.log == "these are the\nlast words\n"
+
+
+ANSWERS = {
+    "rubbish": "answered 'what[?]' at {} s; it must answer .mode, speed, steering. with a mode",
+    "nan": "answered '.1, NaN, 0.0.' at {} s",
+    "infinity": "answered '.1, 0.2, Infinity.' at {} s",
+    "mode": "answered '.9, 0.2, 0.0.' at {} s",
+    "short": "answered '.1.' at {} s",
+    "two": "answered more than one line at {} s; it must answer each line with one",
+    "flood": "answered 1048576 bytes without an end of line at {} s",
+}
+
+
+@pytest.mark.parametrize("tick", [0, LAST])
+@pytest.mark.parametrize("fault", ANSWERS)
+def test_an_unusable_answer_is_a_failure_with_its_time(
+    experiment: Experiment, fault: str, tick: int, tmp_path: Path
+) -> None:
+    scenario = faulty(experiment, f"{fault}@{tick}", tmp_path / "tally")
+    outcome, track = run_mission(scenario, mission(experiment))
+    assert (outcome.ended, len(track)) == (SIMULATION_FAILURE, 0)
+    assert re.search(ANSWERS[fault].format(f"{tick / 10:g}"), outcome.reason)
+
+
+STARTS = {
+    **{fault: f"{what} before the mission began{WORDS}" for fault, what in ENDS.items()},
+    "refuse": "refuses the mission: no wheels$",
+    "rubbish": "its first line must be .*, not 'what[?]'; correct the program$",
+    "nan": "its first line must be ",
+    "two": "answered more than one line; it must",
+    "flood": "answered 1048576 bytes without an end of line; it must",
+}
+
+
+@pytest.mark.parametrize("fault", STARTS)
+def test_a_fault_at_the_start_is_one_line_before_the_run(
+    experiment: Experiment, fault: str, tmp_path: Path
+) -> None:
+    scenario = faulty(experiment, f"{fault}@start", tmp_path / "tally", start_limit_s=0.5)
+    with pytest.raises(InputError, match=rf"^controller: python\S*:? {STARTS[fault]}") as caught:
+        preflight(replace(experiment, controller=scenario.controller))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_lost_mission_is_flown_as_often_as_the_executor_says(
+    experiment: Experiment, tmp_path: Path
+) -> None:
+    scenario = faulty(experiment, "kill@5", tmp_path / "tally")
+    missions = [mission(experiment, place) for place in (0.1, 0.2, 0.3, 0.4)]
+    logs = {}
+    with Processes(workers=1, retries=2).open() as pool:
+        worst = Dispatcher(pool, 1, WORST, lambda lost, log: logs.update({lost.key: log}))
+        results = [result for results in worst.run(scenario, missions) for result in results]
+        assert (tmp_path / "tally").read_text().count("started") == 3 * len(missions)
+        assert {lost.key: "these are the\nlast words\n" for lost in missions} == logs
+        reason = r"ended by signal 9 \(Killed\) at 0.5 simulated s; its last words"
+        for _, outcome in results:
+            assert outcome.ended == LOST
+            assert re.search(reason, outcome.reason)
+        stop = Dispatcher(pool, 1, STOP)
+        where = r"^the mission of design 10 in maze, generation 0, trial 0: python"
+        with pytest.raises(RunStopped, match=where + rf"\S* {reason}"):
+            list(stop.run(scenario, missions[:1]))
+
+
+def test_a_run_keeps_what_a_lost_program_printed(tmp_path: Path) -> None:
+    words = (sys.executable, "-I", "-S", FAULTY, "exit@30", tmp_path / "tally")
+    few = ("optimizer.generations=1", "optimizer.population_size=2", "executor=serial")
+    fly(tmp_path / "run", command(*words), *few, "lost_missions=worst")
+    kept = {file.name: file.read_text() for file in (tmp_path / "run" / "lost").iterdir()}
+    assert {"00000_0_maze_0.log", "00000_1_maze_0.log"} <= set(kept)
+    assert set(kept.values()) == {"these are the\nlast words\n"}
+    rows = (tmp_path / "run" / "missions.csv").read_text()
+    assert "exit status 3 at 3 simulated s" in rows
+
+
+def test_a_refusal_amid_a_run_stops_it_and_is_never_a_refused_design(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    gate = tmp_path / "gate.sh"  # refuses from the fifth start on
+    gate.write_text(
+        f"#!/bin/sh\n[ $(grep -c started {tmp_path}/tally) -ge 4 ] && fault=refuse@start\n"
+        f'exec {sys.executable} -I -S {FAULTY} "${{fault:-none}}" {tmp_path}/tally\n'
+    )
+    gate.chmod(0o755)
+    words = [*RUN, *command(gate), "executor=serial"]
+    gene = "_target_: evoros.design.genes.Gene, key: controller.parameters.until_s, low: 1, high: 2"
+    genes = ["+controller.parameters.until_s=1.0", f"+design.genes.until={{{gene}}}"]
+    (tmp_path / "tally").touch()
+    status = evoros([*words, *genes, f"hydra.run.dir={tmp_path / 'run'}"])
+    assert status == 2
+    (line,) = (line for line in capfd.readouterr().err.splitlines() if "refuses" in line)
+    assert re.fullmatch(
+        r"evoros: the mission of design \d+ in maze, generation 0, trial 0: gate.sh refuses the "
+        r"mission: no wheels",
+        line,
+    )
+    assert "refused" not in (tmp_path / "run" / "missions.csv").read_text()
+
+
+def test_a_robot_without_commands_stops_after_its_time(
+    experiment: Experiment, tmp_path: Path
+) -> None:
+    def speeds(**changes: Any) -> Any:
+        parameters = {"until_s": 1.0}
+        scenario = faulty(experiment, "none", tmp_path / "tally", parameters=parameters, **changes)
+        return run_mission(scenario, mission(experiment))[1][:, 4]
+
+    stopping, going = speeds(command_timeout_s=0.3), speeds()
+    np.testing.assert_array_equal(stopping[:12], going[:12])
+    assert going[-1] == pytest.approx(0.2, abs=0.01)
+    assert abs(stopping[-1]) < 0.01
+
+
+@pytest.mark.parametrize("isolate", [True, False])
+def test_nothing_remains_of_lost_missions(
+    experiment: Experiment, tmp_path: Path, isolate: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    (tmp_path / "temporary").mkdir()
+    for fault in ("stop@3", "close@3", "exit@3"):
+        scenario = faulty(experiment, fault, tmp_path / "tally", isolate=isolate)
+        with pytest.raises(PilotLost):
+            run_mission(scenario, mission(experiment))
+    assert not list((tmp_path / "temporary").iterdir())
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            assert str(tmp_path).encode() not in path.read_bytes()
+        except OSError:  # it has ended
+            continue
+
+
+# ---- input
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("controller.command=[]", "controller.command: must be a command, as a list"),
+        ("controller.modes=[a,a]", "controller.modes: must be a list of different texts"),
+        ("controller.period_s=0.033", "controller.period_s: must be "),
+        ("+controller.parameters.x=nan", "controller.parameters: must be a mapping from names to"),
+        (
+            "+controller.environment.A=1",
+            "controller.environment: must be a mapping from names to text",
+        ),
+        ("controller.files=[no/such]", "no/such: must be a file that can be read"),
+    ],
+)
+def test_bad_input_is_one_line_before_the_run(
+    override: str, message: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    working = (sys.executable, "-I", "-S", FAULTY, "none", tmp_path / "tally")
+    words = [*RUN, *command(*working), "executor=serial", f"hydra.run.dir={tmp_path / 'run'}"]
+    assert evoros([*words, override]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert message in line
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_program_that_has_changed_stops_a_resume(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(FAULTY.read_text())
+    few = ("optimizer.generations=1", "optimizer.population_size=2", "executor=serial")
+    fly(tmp_path / "run", command(sys.executable, "-S", path, "none", tmp_path / "tally"), *few)
+    path.write_text(FAULTY.read_text() + "\n")
+    capfd.readouterr()
+    assert evoros([f"resume={tmp_path / 'run'}"]) == 2
+    assert f"file {path} must be as it was when the run began" in capfd.readouterr().err
