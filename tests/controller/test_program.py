@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import ROOT, content, evoros, start, wait_for_missions
+from helpers import ROOT, content, start, wait_for_missions
 
 from evoros.base.errors import InputError, PilotLost, RunStopped
+from evoros.cli.run import evoros
 from evoros.config.compose import compose
 from evoros.controller.program import Program
 from evoros.evolution.dispatch import Dispatcher

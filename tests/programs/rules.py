@@ -4,17 +4,25 @@ import json
 import math
 import os
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
+from evoros.base.arrays import Array
 from evoros.controller.l1 import L1
 from evoros.controller.weighted_voting import WeightedVoting
+
+
+def to_array(values: list[float | None]) -> Array:
+    """NaN where something is silent."""
+    return np.array([math.nan if value is None else value for value in values])
+
 
 lines = os.fdopen(int(os.environ["EVOROS_IN"]))
 answers = os.fdopen(int(os.environ["EVOROS_OUT"]), "w", buffering=1)
 mission = json.loads(lines.readline())
 drive, sensors = mission["drive"], mission["sensors"]
-robot = SimpleNamespace(
+robot: Any = SimpleNamespace(
     drive=SimpleNamespace(
         steering_limit=drive["steering_limit_rad"], rear_axle_x_m=drive["rear_axle_x_m"]
     ),
@@ -31,12 +39,10 @@ command = np.zeros(2)
 answers.write('{"ready": true}\n')
 for line in lines:
     time, state, leg, readings = json.loads(line)
-    told = [
-        np.array([math.nan if v is None else v for v in part]) for part in (state, leg, readings)
-    ]
+    state, leg, readings = map(to_array, (state, leg, readings))
     mode = 0
     for number, (rule, parameters, memory) in enumerate(layers, 1):
-        if rule(parameters, memory, *told, time, command):
+        if rule(parameters, memory, state, leg, readings, time, command):
             mode = number
             break
     answers.write(json.dumps([mode, *command.tolist()]) + "\n")
