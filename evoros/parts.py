@@ -44,8 +44,9 @@ from evoros.base.checks import (
     sequence_of,
 )
 from evoros.base.compilation import compilable
-from evoros.base.errors import InputError, SimulationError, WorkerLost
+from evoros.base.errors import InputError, LaunchError, PilotLost, SimulationError, WorkerLost
 from evoros.base.intervals import INTERVAL, Interval, bounds
+from evoros.bridge.process import OutsideProcess, start_process
 from evoros.controller.protocol import (
     Briefing,
     Controller,
@@ -86,9 +87,10 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "RegionDescription", "BoundRegion", "Area", "SensorPose",
     "Filter", "Channels", "Silence", "Failure", "Fault", "Controller", "Layer", "StartedLayer",
     "LiveController", "LimitedController", "VersionedController", "Briefing", "Pilot",
+    "start_process", "OutsideProcess",
     "Simulator", "Simulation", "Optimizer", "Search", "Space", "Individual", "Candidate",
     "Executor", "Pool", "Fitness", "Outcome",
     # Errors that a part may raise.
-    "InputError", "SimulationError", "WorkerLost",
+    "InputError", "SimulationError", "WorkerLost", "PilotLost", "LaunchError",
 ]
 # fmt: on
