@@ -9,8 +9,10 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import TypeAlias
+from uuid import uuid4
 
 import numpy as np
+import pytest
 from helpers import ROOT
 from nodes.avoid import Avoider
 from robot_cases import load
@@ -149,12 +151,25 @@ def real_time() -> Iterator[None]:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
-def find_processes() -> list[str]:
-    """The commands of all processes that run a node of the tests or a bridge."""
+@contextmanager
+def require_nothing_left() -> Iterator[None]:
+    """Require that no bridge and no node that is started within runs afterwards.
+
+    Other tests may run at the same time, so their processes are told apart by a variable.
+    """
+    mark = f"EVOROS_TESTS={uuid4()}"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(*mark.split("="))
+        yield
+    assert list(_find_processes(mark)) == []
+
+
+def _find_processes(mark: str) -> Iterator[str]:
+    """Yield the commands of all processes with a variable that run a node or a bridge."""
     folders = (str(NODES), str(ROOT / "evoros" / "bridge"))
-    found = []
-    for file in Path("/proc").glob("[0-9]*/cmdline"):
+    for folder in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
-            words = file.read_text().split("\0")
-            found += [" ".join(words)] if any(word.startswith(folders) for word in words) else []
-    return found
+            words = (folder / "cmdline").read_text().split("\0")
+            marked = mark.encode() in (folder / "environ").read_bytes().split(b"\0")
+            if marked and any(word.startswith(folders) for word in words):
+                yield " ".join(words)

@@ -24,9 +24,9 @@ from ros_cases import (
     brief,
     busy_cores,
     expect,
-    find_processes,
     fly,
     real_time,
+    require_nothing_left,
 )
 
 from evoros.base.errors import InputError
@@ -38,8 +38,8 @@ pytestmark = needs_ros1
 @pytest.fixture(scope="module", autouse=True)
 def _nothing_remains() -> Iterator[None]:
     brief()  # before several threads would make it
-    yield
-    assert find_processes() == []
+    with require_nothing_left():
+        yield
 
 
 @pytest.mark.parametrize("style", ["callback", "each_range", "rate", "timer"])

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from ros1_cases import controller, faulty, needs_ros1, node
-from ros_cases import NODES, brief, find_processes, fly
+from ros_cases import NODES, brief, fly, require_nothing_left
 
 from evoros.base.errors import LaunchError, PilotLost, SimulationError
 from evoros.controller.ros1 import Ros1
@@ -19,8 +19,8 @@ pytestmark = needs_ros1
 @pytest.fixture(scope="module", autouse=True)
 def _nothing_remains() -> Iterator[None]:
     brief()  # before several threads would make it
-    yield
-    assert find_processes() == []
+    with require_nothing_left():
+        yield
 
 
 FAULTS = {

@@ -23,8 +23,8 @@ from ros_cases import (
     brief,
     busy_cores,
     expect,
-    find_processes,
     fly,
+    require_nothing_left,
 )
 
 from evoros.base.errors import LaunchError, PilotLost, SimulationError
@@ -41,8 +41,8 @@ pytestmark = pytest.mark.skipif(
 def _nothing_remains() -> Iterator[None]:
     brief()  # composed once, before there are threads
     before = set(SHARED_MEMORY.iterdir())
-    yield
-    assert find_processes() == []
+    with require_nothing_left():
+        yield
     remaining = {path.name for path in set(SHARED_MEMORY.iterdir()) - before}
     assert not any("fastdds" in name or "fastrtps" in name for name in remaining)
 
