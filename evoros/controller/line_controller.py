@@ -222,7 +222,8 @@ def split_command(command: Sequence[str]) -> list[str]:
     """
     words = shlex.split(command) if isinstance(command, str) else list(command)
     program = words[0] if "/" in words[0] else shutil.which(words[0]) or words[0]
-    return [str(Path(program).absolute()) if "/" in program else program] + [
+    found = "/" in program or _is_file(program)
+    return [str(Path(program).absolute()) if found else program] + [
         str(Path(word).absolute()) if _is_file(word) else word for word in words[1:]
     ]
 

@@ -3,13 +3,15 @@
 import re
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from executor_calls import wait_until
 from helpers import ROOT, content, start, wait_for_missions
 
 from evoros.base.errors import InputError, PilotLost, RunStopped
@@ -138,8 +140,19 @@ def test_interruption_load_and_workers_change_no_byte(program: list[str], tmp_pa
         wait_for_missions(tmp_path / "killed", 2)
         killed.kill()
         killed.communicate()
+    path = re.search(r"[^']*avoid.py", program[1])
+    assert path
+    assert wait_until(lambda: not list(find_processes(path[0])), 10.0)
     assert evoros([f"resume={tmp_path / 'killed'}", "executor=serial"]) == 0
     assert content(tmp_path / "killed") == alone
+
+
+def find_processes(word: str) -> Iterator[int]:
+    """The processes whose command contains a text."""
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):  # it has ended
+            if word.encode() in path.read_bytes():
+                yield int(path.parent.name)
 
 
 class busy:  # noqa: N801 - a context
@@ -304,11 +317,7 @@ def test_nothing_remains_of_lost_missions(
         with pytest.raises(PilotLost):
             run_mission(scenario, mission(experiment))
     assert not list((tmp_path / "temporary").iterdir())
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            assert str(tmp_path).encode() not in path.read_bytes()
-        except OSError:  # it has ended
-            continue
+    assert not list(find_processes(str(tmp_path)))
 
 
 # ---- input
