@@ -225,6 +225,8 @@ def main() -> None:
     kind, *arguments = sys.argv[1:] or [""]
     if kind not in KINDS:
         sys.exit(f"live.py: the first argument must be one of {', '.join(KINDS)}, not {kind!r}")
+    if not arguments:
+        sys.exit(f"live.py: {kind} must be followed by its binary or command")
     for row in KINDS[kind](arguments):
         print(row, flush=True)
 
