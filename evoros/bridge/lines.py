@@ -11,7 +11,7 @@ from evoros.bridge.process import OutsideProcess, start_process
 
 READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"
 """The variables that tell a program its descriptors, so that its standard output is free."""
-ENDING_S = 2.0
+ENDING_S = 1.0
 """Between the end of a process's pipes and its own end, on a busy machine."""
 LONGEST_LINE = 1 << 20
 """Bytes; a program that writes more without an end of line does not speak in lines."""

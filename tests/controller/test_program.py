@@ -135,7 +135,8 @@ def test_interruption_load_and_workers_change_no_byte(program: list[str], tmp_pa
     alone = fly(tmp_path / "alone", program, "executor=serial")
     with busy():
         assert fly(tmp_path / "busy", program, "executor.workers=2") == alone
-    words = [*RUN, *program, "executor.workers=2", f"hydra.run.dir={tmp_path / 'killed'}"]
+    words = [*RUN, *program, "executor.workers=2", "controller.isolate=false"]
+    words.append(f"hydra.run.dir={tmp_path / 'killed'}")
     with start(words, tmp_path) as killed:
         wait_for_missions(tmp_path / "killed", 2)
         killed.kill()
@@ -346,6 +347,35 @@ def test_bad_input_is_one_line_before_the_run(
     (line,) = capfd.readouterr().err.splitlines()
     assert message in line
     assert not (tmp_path / "run").exists()
+
+
+def test_a_program_in_the_confirmation_is_started_before_the_run(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    confirmed = ("confirmation=pybullet", "simulator@confirmation.simulator=planar")
+    other = "+controller@confirmation.controller=program"
+    words = [*RUN, *confirmed, other, f"confirmation.controller.command={tmp_path / 'none'}"]
+    assert evoros([*words, f"hydra.run.dir={tmp_path / 'run'}"]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith(f"evoros: confirmation.controller: {tmp_path / 'none'}: must be a prog")
+
+
+def test_files_of_the_current_folder_are_found_in_an_empty_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("mine.py", "a b.txt"):
+        (tmp_path / name).touch()
+    told = Program(command="mine.py 'a b.txt' word none.txt ./none", files=["mine.py"])
+    assert told.command == [
+        f"{tmp_path}/mine.py",
+        f"{tmp_path}/a b.txt",
+        "word",
+        "none.txt",
+        "./none",
+    ]
+    assert told.files == (f"{tmp_path}/mine.py", f"{tmp_path}/a b.txt")
+    assert replace(told, period_s=0.2).files == told.files
 
 
 def test_a_program_that_has_changed_stops_a_resume(
