@@ -274,7 +274,7 @@ def test_a_refusal_amid_a_run_stops_it_and_is_never_a_refused_design(
     gate = tmp_path / "gate.sh"  # refuses from the fifth start on
     gate.write_text(
         f"#!/bin/sh\n[ $(grep -c started {tmp_path}/tally) -ge 4 ] && fault=refuse@start\n"
-        f'exec {sys.executable} -I -S {FAULTY} "${{fault:-none}}" {tmp_path}/tally\n'
+        f'exec "{sys.executable}" -I -S "{FAULTY}" "${{fault:-none}}" {tmp_path}/tally\n'
     )
     gate.chmod(0o755)
     words = [*RUN, *command(gate), "executor=serial"]

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import shlex
 import shutil
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -213,10 +214,10 @@ def test_the_node_of_the_page_drives(tmp_path: Path) -> None:
 
 
 def test_a_run_with_one_worker_and_with_two_gives_the_same_bytes(tmp_path: Path) -> None:
-    command = f"{PYTHON} {NODES / 'ros1_avoid.py'} callback"
+    command = f"{PYTHON} {shlex.quote(str(NODES / 'ros1_avoid.py'))} callback"
     settings = (
         "controller=ros1",
-        f"controller.nodes=['{command}']",
+        f'controller.nodes=["{command}"]',
         "+controller.parameters.reach=1.0",
         "~world.far",
         "world.near.course.time_limit_s=8",

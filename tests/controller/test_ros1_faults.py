@@ -24,10 +24,10 @@ def _nothing_remains() -> Iterator[None]:
 
 
 FAULTS = {
-    "dies": (PilotLost, r"faulty.py dies ended with exit status 7"),
+    "dies": (PilotLost, r"faulty.py'? dies ended with exit status 7"),
     "closes": (PilotLost, r"a node no longer publishes on /cmd_vel"),
-    "stops": (PilotLost, r"did not come to rest: .*faulty.py stops"),
-    "spins": (PilotLost, r"did not come to rest: .*faulty.py spins"),
+    "stops": (PilotLost, r"did not come to rest: .*faulty.py'? stops"),
+    "spins": (PilotLost, r"did not come to rest: .*faulty.py'? spins"),
     "nan": (SimulationError, r"NaN.* at 1.9 s; it must answer"),
     "infinite": (SimulationError, r"Infinity.* at 1.9 s; it must answer"),
     "mode": (SimulationError, r"dancing.* at 1.9 s; it must answer"),
@@ -64,7 +64,7 @@ QUICK: dict[str, Any] = {"start_limit_s": 10.0}
 REFUSED: dict[str, tuple[list[str], dict[str, Any], str]] = {
     "no rospy": (node("avoid", "rate"), NO_ROS, "controller.python: must be a Python with ROS 1"),
     "no command": ([str(NODES / "avoid.py")], {}, "must be commands that this system can execute"),
-    "no node": (node("faulty", "no_node"), QUICK, "faulty.py no_node has started no node"),
+    "no node": (node("faulty", "no_node"), QUICK, "no_node has started no node"),
     "deaf": (node("faulty", "deaf"), QUICK, "no node listens to /move_base_simple/goal, /odom"),
     "mute": (node("avoid", "rate", "/wish"), QUICK, "no node publishes on /cmd_vel"),
     "point": (node("faulty", "point"), {}, "/cmd_vel: its messages must be Twist or"),

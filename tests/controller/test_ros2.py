@@ -180,9 +180,9 @@ def test_the_mode_is_the_reported_one_and_the_first_before(heard: Heard) -> None
 
 
 FAULTS: dict[str, tuple[type[Exception], str]] = {
-    "dies": (PilotLost, r"faulty.py dies ended with exit status 7"),
-    "stops": (PilotLost, r"did not come to rest: .*faulty.py stops"),
-    "spins": (PilotLost, r"did not come to rest: .*faulty.py spins"),
+    "dies": (PilotLost, r"faulty.py'? dies ended with exit status 7"),
+    "stops": (PilotLost, r"did not come to rest: .*faulty.py'? stops"),
+    "spins": (PilotLost, r"did not come to rest: .*faulty.py'? spins"),
     "nan": (SimulationError, r"NaN.* at 1.9 s; it must answer"),
     "mode": (SimulationError, r"dancing.* at 1.9 s; it must answer"),
 }
@@ -219,7 +219,7 @@ REFUSED: dict[str, tuple[list[str], dict[str, Any], str]] = {
         "controller.python: must be a Python with ROS 2",
     ),
     "no command": ([str(NODES / "avoid.py")], {}, "must be commands that this system can execute"),
-    "no node": (node("faulty", "no_node"), QUICK, "faulty.py no_node has started no node"),
+    "no node": (node("faulty", "no_node"), QUICK, "no_node has started no node"),
     "wall clock": (
         node("faulty", "wall_clock"),
         QUICK,

@@ -1,13 +1,13 @@
 """Tells when all processes of a mission are at rest. Standard library only; Linux.
 
-The kernel shows the system call of a thread only while the thread waits in it and has left its CPU
-(the state in ``stat`` changes earlier, while the thread may still turn back). A thread that was
-woken counts as running before the call that woke it returns. And the CPU time of a process grows
-whenever one of its threads leaves a CPU. So if each thread waits when it is looked at, and no CPU
-time has grown from before the first look until after the last, then all waited before the first
-look: who ran then would have had to leave its CPU, and who was woken would be running still. Nobody
-works on a message any more, and nothing happens before the next message or the end of a wall-clock
-timeout.
+The kernel shows the system call of a thread only while the thread has left its CPU (the state in
+``stat`` changes earlier, while the thread may still turn back), also of one that was woken and is
+on its way to another CPU, which the state then shows as running. So a thread waits if its call and
+then its state say so. And the CPU time of a process grows whenever one of its threads leaves a CPU.
+So if each thread waits when it is looked at, and no CPU time has grown from before the first look
+until after the last, then all waited before the first look: who ran then would have had to leave
+its CPU, and who was woken would be running still. Nobody works on a message any more, and nothing
+happens before the next message or the end of a wall-clock timeout.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from __future__ import annotations
 import ctypes
 import os
 import resource
+import struct
 import time
 from typing import NamedTuple
 
@@ -23,13 +24,20 @@ FIRST_PAUSE_S, LAST_PAUSE_S = 0.00002, 0.0002
 # linux/prctl.h
 SET_TIMER_SLACK, SET_SUBREAPER = 29, 36
 
-# asm/unistd.h: futex, select, poll, epoll, recv, accept, nanosleep, wait, pause, sigtimedwait
+# asm/unistd.h: futex, select, poll, epoll, recv, accept, wait, pause, sigtimedwait
 _WAITING = {
-    "x86_64": "202 23 270 7 271 232 281 441 45 47 299 43 288 35 230 61 247 34 128",
-    "aarch64": "98 72 73 22 441 207 212 243 202 242 101 115 260 95 137",
+    "x86_64": "202 23 270 7 271 232 281 441 45 47 299 43 288 61 247 34 128",
+    "aarch64": "98 72 73 22 441 207 212 243 202 242 260 95 137",
 }
 WAITING = frozenset(_WAITING.get(os.uname().machine, "").encode().split())
 """The calls in which a thread waits for something outside of it, and never for a disk."""
+# asm/unistd.h: clock_nanosleep, nanosleep
+_SLEEPING = {"x86_64": "230 35", "aarch64": "115 101"}
+CLOCK_SLEEP, SLEEP = _SLEEPING.get(os.uname().machine, "none none").encode().split()
+UNTIL = 1  # linux/time.h: TIMER_ABSTIME
+SHORT_S = 0.001
+"""Who sleeps for less is at work. Python's time.sleep(0), by which a publisher of rospy lets other
+threads send, sleeps for as long as the kernel may delay timers, 50 us."""
 
 
 class Files(NamedTuple):
@@ -37,6 +45,7 @@ class Files(NamedTuple):
 
     call: int
     state: int
+    memory: int
     leads: bool  # its process, and stops with all threads of it
 
 
@@ -102,6 +111,8 @@ class Rest:
                 if not _waits(files):
                     self._working = files
                     return False
+            if not all(_sleeps(files.state) for files in self._files.values()):
+                return False
             after = list(map(time.clock_gettime_ns, self._clocks))
         except PermissionError as error:
             raise OSError(f"/proc shows no calls of nodes ({error}); allow tracing") from error
@@ -121,7 +132,7 @@ class Rest:
         self._population, self._working = self._who(), None
         threads = self._threads()
         for thread in self._files.keys() - threads:
-            for file in self._files.pop(thread)[:2]:
+            for file in self._files.pop(thread)[:3]:
                 os.close(file)
         for thread in threads - self._files.keys():
             files = _open(*thread)
@@ -150,32 +161,43 @@ class Rest:
 
 def _open(pid: int, tid: int) -> Files | None:
     """Open the files of a thread; None if it has ended."""
-    path = f"/proc/{pid}/task/{tid}"
+    opened: list[int] = []
+    names = ("syscall", "stat", "mem")
     try:
-        call = os.open(f"{path}/syscall", os.O_RDONLY)
+        opened.extend(os.open(f"/proc/{pid}/task/{tid}/{name}", os.O_RDONLY) for name in names)
     except (FileNotFoundError, ProcessLookupError):
+        for file in opened:
+            os.close(file)
         return None
-    try:
-        state = os.open(f"{path}/stat", os.O_RDONLY)
-    except (FileNotFoundError, ProcessLookupError):
-        os.close(call)
-        return None
-    return Files(call, state, leads=pid == tid)
+    return Files(*opened, leads=pid == tid)
 
 
 def _waits(files: Files) -> bool:
     """Whether a thread waits for something outside of it, or has ended."""
     if files.leads and not _sleeps(files.state):
         return False
-    call = _call(files)
+    call, *arguments = _call(files)
     if call in WAITING:
         return True
+    if call in (CLOCK_SLEEP, SLEEP):
+        return _sleeps_long(files, call, arguments)
     # It may wait for a disk, or in a call that is not in the list.
-    return call != b"running" and _sleeps(files.state) and call == _call(files)
+    return call != b"running" and _sleeps(files.state) and call == _call(files)[0]
 
 
-def _call(files: Files) -> bytes:
-    return os.pread(files.call, 16, 0).split(None, 1)[0]
+def _call(files: Files) -> list[bytes]:
+    """Return the number and the arguments of a thread's call, or ``running``."""
+    return os.pread(files.call, 192, 0).split()
+
+
+def _sleeps_long(files: Files, call: bytes, arguments: list[bytes]) -> bool:
+    """Whether a call that sleeps for a wall-clock time does so for long."""
+    clock, flags, at = 0, 0, int(arguments[0], 16)
+    if call == CLOCK_SLEEP:
+        clock, flags, at = (int(argument, 16) for argument in arguments[:3])
+    seconds, nanoseconds = struct.unpack("qq", os.pread(files.memory, 16, at))
+    left: float = seconds + 1e-9 * nanoseconds
+    return left - (time.clock_gettime(clock) if flags == UNTIL else 0.0) > SHORT_S
 
 
 def _sleeps(state: int) -> bool:
