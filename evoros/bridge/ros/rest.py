@@ -1,13 +1,13 @@
 """Tells when all processes of a mission are at rest. Standard library only; Linux.
 
-The kernel shows the system call of a thread only while the thread has left its CPU (the state in
-``stat`` changes earlier, while the thread may still turn back), also of one that was woken and is
-on its way to another CPU, which the state then shows as running. So a thread waits if its call and
-then its state say so. And the CPU time of a process grows whenever one of its threads leaves a CPU.
-So if each thread waits when it is looked at, and no CPU time has grown from before the first look
-until after the last, then all waited before the first look: who ran then would have had to leave
-its CPU, and who was woken would be running still. Nobody works on a message any more, and nothing
-happens before the next message or the end of a wall-clock timeout.
+From Linux 5.16 on, ``wchan`` names a place only while a thread waits there, and none from the moment
+in which it is woken. Before, its system call and then its state have to say so: the state alone
+changes too early, while the thread may still turn back, and the call is still shown while a woken
+thread is on its way to another CPU. And the CPU time of a process grows whenever one of its threads
+leaves a CPU. So if each thread waits when it is looked at, and no CPU time has grown from before
+the first look until after the last, then all waited before the first look: who ran then would have
+had to leave its CPU, and who was woken would be running still. Nobody works on a message any more,
+and nothing happens before the next message or the end of a wall-clock timeout.
 """
 
 from __future__ import annotations
@@ -16,10 +16,12 @@ import ctypes
 import os
 import resource
 import struct
+import threading
 import time
 from typing import NamedTuple
 
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.00002, 0.0002
+LOOKS = 20
 
 # linux/prctl.h
 SET_TIMER_SLACK, SET_SUBREAPER = 29, 36
@@ -35,6 +37,7 @@ WAITING = frozenset(_WAITING.get(os.uname().machine, "").encode().split())
 _SLEEPING = {"x86_64": "230 35", "aarch64": "115 101"}
 CLOCK_SLEEP, SLEEP = _SLEEPING.get(os.uname().machine, "none none").encode().split()
 UNTIL = 1  # linux/time.h: TIMER_ABSTIME
+NOWHERE = b"0"  # in wchan
 SHORT_S = 0.001
 """Who sleeps for less is at work. Python's time.sleep(0), by which a publisher of rospy lets other
 threads send, sleeps for as long as the kernel may delay timers, 50 us."""
@@ -46,6 +49,7 @@ class Files(NamedTuple):
     call: int
     state: int
     memory: int
+    place: int  # where in the kernel it waits
     leads: bool  # its process, and stops with all threads of it
 
 
@@ -63,7 +67,9 @@ class Rest:
         self._isolated = isolated
         self._files: dict[tuple[int, int], Files] = {}  # by process and thread
         self._clocks: list[int] = []  # of CPU time
-        self._working: Files | None = None  # of the thread that was last seen at work
+        self._places: dict[tuple[int, int], bytes] = {}  # where a thread is known to wait
+        self._working: tuple[int, int] | None = None  # the thread that was last seen at work
+        self._tells_places = _tells_places()
         self._population: object = None  # for which these were drawn up
         self._newest = os.open("/proc/loadavg", os.O_RDONLY)
         # Who loses its parent becomes a child of this process, which may look at its descendants.
@@ -85,9 +91,7 @@ class Rest:
         """Return the processes that are not asleep at this moment, as their commands."""
         self._draw_up()
         pids = {
-            pid
-            for (pid, _), files in self._files.items()
-            if pid != os.getpid() and not _waits(files)
+            pid for pid, tid in self._files if pid != os.getpid() and not self._waits((pid, tid))
         }
         return [_command(pid) for pid in sorted(pids)]
 
@@ -102,16 +106,18 @@ class Rest:
 
     def _at_rest(self) -> bool:
         try:
-            if self._working is not None and not _waits(self._working):
+            if self._working is not None and not self._waits(self._working):
                 return False  # most often it is the same thread that works on
             if self._who() != self._population:
                 self._draw_up()
             before = list(map(time.clock_gettime_ns, self._clocks))
-            for files in self._files.values():
-                if not _waits(files):
-                    self._working = files
+            for thread in self._files:
+                if not self._waits(thread):
+                    self._working = thread
                     return False
-            if not all(_sleeps(files.state) for files in self._files.values()):
+            if not self._tells_places and not all(
+                _sleeps(files.state) for files in self._files.values()
+            ):
                 return False
             after = list(map(time.clock_gettime_ns, self._clocks))
         except PermissionError as error:
@@ -120,6 +126,26 @@ class Rest:
             self._population = self._working = None
             return False
         return before == after and self._who() == self._population
+
+    def _waits(self, thread: tuple[int, int]) -> bool:
+        """Whether a thread waits for something outside of it, or has ended."""
+        files = self._files[thread]
+        if files.leads and not _sleeps(files.state):
+            return False
+        place = os.pread(files.place, 64, 0) if self._tells_places else NOWHERE
+        if place == NOWHERE and self._tells_places:
+            return _has_ended(files.state)
+        if place == self._places.get(thread):
+            return True
+        call, *arguments = _call(files)
+        if call in WAITING:
+            if self._tells_places:
+                self._places[thread] = place
+            return True
+        if call in (CLOCK_SLEEP, SLEEP):
+            return _sleeps_long(files, call, arguments)
+        # It may wait for a disk, or in a call that is not in the list.
+        return call != b"running" and _sleeps(files.state) and call == _call(files)[0]
 
     def _who(self) -> object:
         """Return a value that changes whenever a process or thread of the mission begins."""
@@ -132,7 +158,8 @@ class Rest:
         self._population, self._working = self._who(), None
         threads = self._threads()
         for thread in self._files.keys() - threads:
-            for file in self._files.pop(thread)[:3]:
+            self._places.pop(thread, None)
+            for file in self._files.pop(thread)[:4]:
                 os.close(file)
         for thread in threads - self._files.keys():
             files = _open(*thread)
@@ -162,27 +189,34 @@ class Rest:
 def _open(pid: int, tid: int) -> Files | None:
     """Open the files of a thread; None if it has ended."""
     opened: list[int] = []
-    names = ("syscall", "stat", "mem")
+    names = ("syscall", "stat", "mem", "wchan")
     try:
         opened.extend(os.open(f"/proc/{pid}/task/{tid}/{name}", os.O_RDONLY) for name in names)
     except (FileNotFoundError, ProcessLookupError):
         for file in opened:
             os.close(file)
         return None
-    return Files(*opened, leads=pid == tid)
+    call, state, memory, place = opened
+    return Files(call, state, memory, place, leads=pid == tid)
 
 
-def _waits(files: Files) -> bool:
-    """Whether a thread waits for something outside of it, or has ended."""
-    if files.leads and not _sleeps(files.state):
-        return False
-    call, *arguments = _call(files)
-    if call in WAITING:
-        return True
-    if call in (CLOCK_SLEEP, SLEEP):
-        return _sleeps_long(files, call, arguments)
-    # It may wait for a disk, or in a call that is not in the list.
-    return call != b"running" and _sleeps(files.state) and call == _call(files)[0]
+def _tells_places() -> bool:
+    """Whether the kernel tells where a thread waits, and nothing of one that was woken.
+
+    It does so from version 5.16 on, if it has the names of its functions.
+    """
+    version = tuple(map(int, os.uname().release.replace("-", ".").split(".")[:2]))
+    done = threading.Event()
+    thread = threading.Thread(target=done.wait, daemon=True)
+    thread.start()
+    told = False
+    for _ in range(LOOKS):
+        time.sleep(FIRST_PAUSE_S)
+        with open(f"/proc/self/task/{thread.native_id}/wchan", "rb") as file:
+            told = told or file.read() not in (b"", NOWHERE)
+    done.set()
+    thread.join()
+    return told and version >= (5, 16)
 
 
 def _call(files: Files) -> list[bytes]:
@@ -205,6 +239,12 @@ def _sleeps(state: int) -> bool:
     text = os.pread(state, 128, 0)
     at = text.rindex(b")") + 2  # the name in brackets may contain anything
     return text[at : at + 1] in b"SZX"
+
+
+def _has_ended(state: int) -> bool:
+    text = os.pread(state, 128, 0)
+    at = text.rindex(b")") + 2
+    return text[at : at + 1] in b"ZX"
 
 
 def _numbers(folder: str) -> list[int]:
