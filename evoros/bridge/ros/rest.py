@@ -1,7 +1,7 @@
 """Tells when all processes of a mission are at rest. Standard library only; Linux.
 
-From Linux 5.16 on, ``wchan`` names a place only while a thread waits there, and none from the moment
-in which it is woken. Before, its system call and then its state have to say so: the state alone
+From Linux 5.16 on, ``wchan`` names a place only while a thread waits there, and none from the time
+at which it is woken. Before, its system call and then its state have to say so: the state alone
 changes too early, while the thread may still turn back, and the call is still shown while a woken
 thread is on its way to another CPU. And the CPU time of a process grows whenever one of its threads
 leaves a CPU. So if each thread waits when it is looked at, and no CPU time has grown from before
