@@ -1,15 +1,12 @@
 """A mission is at rest when all its processes sleep and nothing is being worked on."""
 
 import ast
-import os
-import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from helpers import ROOT
+from ros_cases import busy_cores
 
 from evoros.bridge.process import start_process
 
@@ -23,21 +20,6 @@ def output(kind: str, where: str) -> list[str]:
     with start_process(command, isolate=where == "isolated") as process:
         assert not process.running(wait_s=60.0)
         return process.read_log().splitlines()
-
-
-@contextmanager
-def busy_cores() -> Iterator[None]:
-    """Twice as many processes that only compute as there are cores."""
-    spinning = [
-        subprocess.Popen([sys.executable, "-c", "while True: pass"])
-        for _ in range(2 * (os.cpu_count() or 1))
-    ]
-    try:
-        yield
-    finally:
-        for process in spinning:
-            process.kill()
-            process.wait()
 
 
 @pytest.mark.parametrize("where", ["isolated", "shared"])

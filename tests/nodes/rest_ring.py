@@ -23,11 +23,14 @@ def station(source: int, sink: int, goal: int) -> None:
     def send() -> None:
         while byte := arrived.get():
             sum(range(work.randrange(2_000)))
+            if work.random() < 0.2:
+                time.sleep(0)  # as publishers of rospy do, to let others run
             if work.random() < 0.002:
                 subprocess.run(["true"], check=True)
             os.write(sink if byte[0] else goal, bytes([max(0, byte[0] - 1)]))
 
     threading.Thread(target=send, daemon=True).start()
+    threading.Thread(target=time.sleep, args=(3600.0,), daemon=True).start()  # as rospy.spin does
     while byte := os.read(source, 1):
         sum(range(work.randrange(2_000)))
         arrived.put(byte)

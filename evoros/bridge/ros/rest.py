@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import resource
 import struct
 import threading
@@ -21,7 +22,8 @@ import time
 from typing import NamedTuple
 
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.00002, 0.0002
-LOOKS = 20
+TRIAL_LOOKS = 20
+"""How often, at most, a thread is looked at that soon waits."""
 
 # linux/prctl.h
 SET_TIMER_SLACK, SET_SUBREAPER = 29, 36
@@ -38,6 +40,7 @@ _SLEEPING = {"x86_64": "230 35", "aarch64": "115 101"}
 CLOCK_SLEEP, SLEEP = _SLEEPING.get(os.uname().machine, "none none").encode().split()
 UNTIL = 1  # linux/time.h: TIMER_ABSTIME
 NOWHERE = b"0"  # in wchan
+ENDED = (b"Z", b"X")  # in stat
 SHORT_S = 0.001
 """Who sleeps for less is at work. Python's time.sleep(0), by which a publisher of rospy lets other
 threads send, sleeps for as long as the kernel may delay timers, 50 us."""
@@ -48,7 +51,6 @@ class Files(NamedTuple):
 
     call: int
     state: int
-    memory: int
     place: int  # where in the kernel it waits
     leads: bool  # its process, and stops with all threads of it
 
@@ -132,18 +134,19 @@ class Rest:
         files = self._files[thread]
         if files.leads and not _sleeps(files.state):
             return False
-        place = os.pread(files.place, 64, 0) if self._tells_places else NOWHERE
-        if place == NOWHERE and self._tells_places:
-            return _has_ended(files.state)
-        if place == self._places.get(thread):
-            return True
+        if self._tells_places:
+            place = os.pread(files.place, 64, 0)
+            if place == NOWHERE:
+                return _state(files.state) in ENDED
+            if place == self._places.get(thread):
+                return True
         call, *arguments = _call(files)
         if call in WAITING:
             if self._tells_places:
                 self._places[thread] = place
             return True
         if call in (CLOCK_SLEEP, SLEEP):
-            return _sleeps_long(files, call, arguments)
+            return _sleeps_long(thread[0], call, arguments)
         # It may wait for a disk, or in a call that is not in the list.
         return call != b"running" and _sleeps(files.state) and call == _call(files)[0]
 
@@ -159,7 +162,7 @@ class Rest:
         threads = self._threads()
         for thread in self._files.keys() - threads:
             self._places.pop(thread, None)
-            for file in self._files.pop(thread)[:4]:
+            for file in self._files.pop(thread)[:3]:
                 os.close(file)
         for thread in threads - self._files.keys():
             files = _open(*thread)
@@ -189,15 +192,15 @@ class Rest:
 def _open(pid: int, tid: int) -> Files | None:
     """Open the files of a thread; None if it has ended."""
     opened: list[int] = []
-    names = ("syscall", "stat", "mem", "wchan")
+    names = ("syscall", "stat", "wchan")
     try:
         opened.extend(os.open(f"/proc/{pid}/task/{tid}/{name}", os.O_RDONLY) for name in names)
     except (FileNotFoundError, ProcessLookupError):
         for file in opened:
             os.close(file)
         return None
-    call, state, memory, place = opened
-    return Files(call, state, memory, place, leads=pid == tid)
+    call, state, place = opened
+    return Files(call, state, place, leads=pid == tid)
 
 
 def _tells_places() -> bool:
@@ -205,18 +208,20 @@ def _tells_places() -> bool:
 
     It does so from version 5.16 on, if it has the names of its functions.
     """
-    version = tuple(map(int, os.uname().release.replace("-", ".").split(".")[:2]))
+    version = re.match(r"(\d+)\.(\d+)", os.uname().release)
+    if version is None or tuple(map(int, version.groups())) < (5, 16):
+        return False
     done = threading.Event()
     thread = threading.Thread(target=done.wait, daemon=True)
     thread.start()
     told = False
-    for _ in range(LOOKS):
-        time.sleep(FIRST_PAUSE_S)
-        with open(f"/proc/self/task/{thread.native_id}/wchan", "rb") as file:
-            told = told or file.read() not in (b"", NOWHERE)
+    with open(f"/proc/self/task/{thread.native_id}/wchan", "rb") as file:
+        for _ in range(TRIAL_LOOKS):
+            time.sleep(LAST_PAUSE_S)
+            told = told or os.pread(file.fileno(), 64, 0) not in (b"", NOWHERE)
     done.set()
     thread.join()
-    return told and version >= (5, 16)
+    return told
 
 
 def _call(files: Files) -> list[bytes]:
@@ -224,27 +229,26 @@ def _call(files: Files) -> list[bytes]:
     return os.pread(files.call, 192, 0).split()
 
 
-def _sleeps_long(files: Files, call: bytes, arguments: list[bytes]) -> bool:
+def _sleeps_long(pid: int, call: bytes, arguments: list[bytes]) -> bool:
     """Whether a call that sleeps for a wall-clock time does so for long."""
     clock, flags, at = 0, 0, int(arguments[0], 16)
     if call == CLOCK_SLEEP:
         clock, flags, at = (int(argument, 16) for argument in arguments[:3])
-    seconds, nanoseconds = struct.unpack("qq", os.pread(files.memory, 16, at))
+    with open(f"/proc/{pid}/mem", "rb", buffering=0) as memory:  # another one after an exec
+        seconds, nanoseconds = struct.unpack("qq", os.pread(memory.fileno(), 16, at))
     left: float = seconds + 1e-9 * nanoseconds
     return left - (time.clock_gettime(clock) if flags == UNTIL else 0.0) > SHORT_S
 
 
 def _sleeps(state: int) -> bool:
     """Whether a thread sleeps or has ended; one that was stopped (T) does neither."""
-    text = os.pread(state, 128, 0)
+    return _state(state) in (b"S", *ENDED)
+
+
+def _state(file: int) -> bytes:
+    text = os.pread(file, 128, 0)
     at = text.rindex(b")") + 2  # the name in brackets may contain anything
-    return text[at : at + 1] in b"SZX"
-
-
-def _has_ended(state: int) -> bool:
-    text = os.pread(state, 128, 0)
-    at = text.rindex(b")") + 2
-    return text[at : at + 1] in b"ZX"
+    return text[at : at + 1]
 
 
 def _numbers(folder: str) -> list[int]:

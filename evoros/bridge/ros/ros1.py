@@ -49,7 +49,7 @@ def main() -> None:
     try:
         rest = Rest(options["isolate"])
     except OSError as error:
-        conversation.refuse(f"the system must count how often a thread runs ({error})")
+        conversation.refuse(f"the system must show what threads wait for ({error})")
     mission = Mission(conversation, rest, start_nodes(conversation, until))
     mission.connect(until)
     conversation.ready()
