@@ -20,6 +20,12 @@ COMMANDS = {
     "AckermannDriveStamped": ("drive",),
 }
 """The kinds of messages that command the robot, and the field that has the command."""
+STEADY = 10
+"""How often in a row all must be at rest before the mission begins: nodes that start sleep now and
+then by the wall clock."""
+PAUSE_S = 0.005  # between two looks while nodes start
+OWN_SHARE = 0.8
+"""The part of a wall-clock limit after which this process ends by itself, to tell why."""
 
 
 class Tick(NamedTuple):

@@ -16,23 +16,26 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from evoros.bridge.ros import ros1_graph, ros1_messages
-    from evoros.bridge.ros.conversation import COMMANDS, Conversation, Modes, Wheels, end
+    from evoros.bridge.ros.conversation import (
+        COMMANDS,
+        OWN_SHARE,
+        PAUSE_S,
+        STEADY,
+        Conversation,
+        Modes,
+        Wheels,
+        end,
+    )
     from evoros.bridge.ros.nodes import Nodes
     from evoros.bridge.ros.rest import Rest
     from evoros.bridge.ros.ros1_master import set_parameters, start_master
 else:
-    from conversation import COMMANDS, Conversation, Modes, Wheels, end
+    from conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, Conversation, Modes, Wheels, end
     from nodes import Nodes
     from rest import Rest
     from ros1_master import set_parameters, start_master
 
 NEEDED = ("rospy", "rosmaster", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
-STEADY = 10
-"""How often in a row all must be at rest before the mission begins: nodes that start sleep now and
-then by the wall clock."""
-PAUSE_S = 0.005
-OWN_SHARE = 0.8
-"""The part of a wall-clock limit after which this process ends by itself, to tell why."""
 
 
 def main() -> None:

@@ -15,7 +15,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from evoros.bridge.ros import ros2_graph, ros2_incoming
-    from evoros.bridge.ros.conversation import COMMANDS, Conversation, Modes, Wheels, end
+    from evoros.bridge.ros.conversation import (
+        COMMANDS,
+        OWN_SHARE,
+        PAUSE_S,
+        STEADY,
+        Conversation,
+        Modes,
+        Wheels,
+        end,
+    )
     from evoros.bridge.ros.messages import Messages
     from evoros.bridge.ros.nodes import Nodes
     from evoros.bridge.ros.rest import Rest
@@ -28,7 +37,7 @@ if TYPE_CHECKING:
         write_parameters,
     )
 else:
-    from conversation import COMMANDS, Conversation, Modes, Wheels, end
+    from conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, Conversation, Modes, Wheels, end
     from nodes import Nodes
     from rest import Rest
     from ros2_start import (
@@ -41,14 +50,9 @@ else:
     )
 
 NEEDED = ("rclpy", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
-STEADY = 10
-"""How often in a row all must be at rest before the mission begins: nodes that start sleep now and
-then by the wall clock."""
-PAUSE_S, GRAPH_PAUSE_S, LOOK_S = 0.005, 0.05, 0.0002
+GRAPH_PAUSE_S, LOOK_S = 0.05, 0.0002
 """Between two of these looks. Whether two nodes are connected with each other only they know; Fast
 DDS repeats what got lost of their introduction after a third of a second."""
-OWN_SHARE = 0.9
-"""The part of a wall-clock limit after which this process ends by itself, to tell why."""
 
 
 def main() -> None:
