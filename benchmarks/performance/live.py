@@ -6,7 +6,7 @@ than real time the mission ran. What an autopilot costs by itself is measured in
 that a busy machine slows both:
 
     python benchmarks/performance/live.py ardupilot BINARY
-    python benchmarks/performance/live.py program COMMAND
+    python benchmarks/performance/live.py program COMMAND [OVERRIDE ...]
     python benchmarks/performance/live.py ros1 NODE [PYTHON]
     python benchmarks/performance/live.py ros2 NODE [PYTHON]
 """
@@ -27,6 +27,7 @@ from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.filter.protocol import Filter
 from evoros.mission.mission import Mission
+from evoros.mission.outcome import SIMULATION_FAILURE
 from evoros.mission.rollout import run_mission
 from evoros.sensor.protocol import Mount
 from evoros.world.course import Course
@@ -135,6 +136,8 @@ def time_mission(
     run_mission(scenario, mission)
     outcome, _ = run_mission(scenario, mission)
     wall = perf_counter() - controller.begun
+    if outcome.ended == SIMULATION_FAILURE:
+        sys.exit(f"live.py: {name}: the mission failed: {outcome.reason}")
     decisions = round(outcome.time_s / controller.period_s)
     start = controller.begun - controller.launched
     median = float(np.median(controller.seconds))
@@ -185,10 +188,9 @@ def time_frames(pilot: Pilot, briefing: Briefing) -> float:
 
 def measure_program(arguments: Sequence[str]) -> Iterator[Row]:
     """Measure a program, which a command starts."""
-    (command,) = arguments
-    yield time_mission(
-        "program, 10 Hz", build("controller=program", f"controller.command={command!r}")
-    )
+    command, *overrides = arguments
+    choices = ["controller=program", f"controller.command={command!r}", *overrides]
+    yield time_mission("program, 10 Hz", build(*choices))
 
 
 def measure_ros1(arguments: Sequence[str]) -> Iterator[Row]:

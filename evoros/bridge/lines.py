@@ -13,6 +13,7 @@ READ_FROM, WRITE_TO = "EVOROS_IN", "EVOROS_OUT"
 """The variables that tell a program its descriptors, so that its standard output is free."""
 ENDING_S = 1.0
 """Between the end of a process's pipes and its own end, on a busy machine."""
+READ_BYTES = 4096
 LONGEST_LINE = 1 << 20
 """Bytes; a program that writes more without an end of line does not speak in lines."""
 
@@ -84,7 +85,7 @@ class LineConversation:
     def _read(self, until: float, limit_s: float, time: float | None) -> None:
         self._wait(self._readable, until, f"did not answer within {limit_s:g} s", time)
         try:
-            data = os.read(self._receiving, 1 << 16)
+            data = os.read(self._receiving, READ_BYTES)
         except BlockingIOError:  # the process has ended, and others hold the pipe
             raise self.process.lost("ended", time) from None
         if not data:

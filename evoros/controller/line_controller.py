@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import orjson
 
 from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
 from evoros.base.checks import FLAG, NOT_NEGATIVE, POSITIVE, Rule, checked, is_number, mapping_of
@@ -180,10 +181,11 @@ class LinePilot:
         self, time: float, state: Array, leg: Array, readings: Array, command: Array
     ) -> int:
         """Tell the state, the leg and the readings; take the mode, speed and steering angle."""
-        told = [time, _with_null(state), leg.tolist(), _with_null(readings)]
-        answer = self._conversation.ask(json.dumps(told).encode(), self._limit_s, time)
+        # orjson makes null of NaN, which is a silent sensor or localization.
+        told = orjson.dumps([time, state, leg, readings], option=orjson.OPT_SERIALIZE_NUMPY)
+        answer = self._conversation.ask(told, self._limit_s, time)
         try:
-            mode, speed, steering = json.loads(answer)
+            mode, speed, steering = orjson.loads(answer)
             usable = type(mode) is int and 0 <= mode <= self._modes
             usable = usable and (mode == 0 or (is_number(speed) and is_number(steering)))
         except (ValueError, TypeError, RecursionError, OverflowError):
@@ -202,11 +204,6 @@ class LinePilot:
             f"{self._conversation.process.name} answered {_quote(answer)} at {time:g} s; it must "
             f"answer [mode, speed, steering] with a mode from 0 to {self._modes} and finite numbers"
         )
-
-
-def _with_null(values: Array) -> list[float | None]:
-    """Return the values, null where a sensor or the localization is silent."""
-    return [None if value != value else value for value in values.tolist()]
 
 
 def _quote(answer: bytes) -> str:

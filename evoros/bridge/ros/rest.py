@@ -14,45 +14,20 @@ from __future__ import annotations
 
 import ctypes
 import os
-import re
 import resource
-import struct
-import threading
 import time
-from typing import NamedTuple
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from evoros.bridge.ros.watched_thread import WatchedThread, tells_places
+else:
+    from watched_thread import WatchedThread, tells_places
 
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.00002, 0.0002
-TRIAL_LOOKS = 20
-"""How often, at most, a thread is looked at that soon waits."""
 
 # linux/prctl.h
 SET_TIMER_SLACK, SET_SUBREAPER = 29, 36
-
-# asm/unistd.h: futex, select, poll, epoll, recv, accept, wait, pause, sigtimedwait
-_WAITING = {
-    "x86_64": "202 23 270 7 271 232 281 441 45 47 299 43 288 61 247 34 128",
-    "aarch64": "98 72 73 22 441 207 212 243 202 242 260 95 137",
-}
-WAITING = frozenset(_WAITING.get(os.uname().machine, "").encode().split())
-"""The calls in which a thread waits for something outside of it, and never for a disk."""
-# asm/unistd.h: clock_nanosleep, nanosleep
-_SLEEPING = {"x86_64": "230 35", "aarch64": "115 101"}
-CLOCK_SLEEP, SLEEP = _SLEEPING.get(os.uname().machine, "none none").encode().split()
-UNTIL = 1  # linux/time.h: TIMER_ABSTIME
-NOWHERE = b"0"  # in wchan
-ENDED = (b"Z", b"X")  # in stat
-SHORT_S = 0.001
-"""Who sleeps for less is at work. Python's time.sleep(0), by which a publisher of rospy lets other
-threads send, sleeps for as long as the kernel may delay timers, 50 us."""
-
-
-class Files(NamedTuple):
-    """The open files of a thread in /proc."""
-
-    call: int
-    state: int
-    place: int  # where in the kernel it waits
-    leads: bool  # its process, and stops with all threads of it
 
 
 class Rest:
@@ -67,11 +42,10 @@ class Rest:
             OSError: the kernel does not tell what is needed.
         """
         self._isolated = isolated
-        self._files: dict[tuple[int, int], Files] = {}  # by process and thread
+        self._threads: list[WatchedThread] = []
         self._clocks: list[int] = []  # of CPU time
-        self._places: dict[tuple[int, int], bytes] = {}  # where a thread is known to wait
-        self._working: tuple[int, int] | None = None  # the thread that was last seen at work
-        self._tells_places = _tells_places()
+        self._working: WatchedThread | None = None  # the one that was last seen at work
+        self._tells_places = tells_places()
         self._population: object = None  # for which these were drawn up
         self._newest = os.open("/proc/loadavg", os.O_RDONLY)
         # Who loses its parent becomes a child of this process, which may look at its descendants.
@@ -92,10 +66,8 @@ class Rest:
     def working(self) -> list[str]:
         """Return the processes that are not asleep at this moment, as their commands."""
         self._draw_up()
-        pids = {
-            pid for pid, tid in self._files if pid != os.getpid() and not self._waits((pid, tid))
-        }
-        return [_command(pid) for pid in sorted(pids)]
+        pids = {thread.pid for thread in self._threads if not thread.waits(self._tells_places)}
+        return [_command(pid) for pid in sorted(pids - {os.getpid()})]
 
     def prepare(self) -> None:
         """Allow short pauses and many open files; call it after the start of all processes.
@@ -108,18 +80,12 @@ class Rest:
 
     def _at_rest(self) -> bool:
         try:
-            if self._working is not None and not self._waits(self._working):
+            if self._working is not None and not self._working.waits(self._tells_places):
                 return False  # most often it is the same thread that works on
             if self._who() != self._population:
                 self._draw_up()
             before = list(map(time.clock_gettime_ns, self._clocks))
-            for thread in self._files:
-                if not self._waits(thread):
-                    self._working = thread
-                    return False
-            if not self._tells_places and not all(
-                _sleeps(files.state) for files in self._files.values()
-            ):
+            if not self._all_wait():
                 return False
             after = list(map(time.clock_gettime_ns, self._clocks))
         except PermissionError as error:
@@ -129,51 +95,39 @@ class Rest:
             return False
         return before == after and self._who() == self._population
 
-    def _waits(self, thread: tuple[int, int]) -> bool:
-        """Whether a thread waits for something outside of it, or has ended."""
-        files = self._files[thread]
-        if files.leads and not _sleeps(files.state):
-            return False
-        if self._tells_places:
-            place = os.pread(files.place, 64, 0)
-            if place == NOWHERE:
-                return _state(files.state) in ENDED
-            if place == self._places.get(thread):
-                return True
-        call, *arguments = _call(files)
-        if call in WAITING:
-            if self._tells_places:
-                self._places[thread] = place
-            return True
-        if call in (CLOCK_SLEEP, SLEEP):
-            return _sleeps_long(thread[0], call, arguments)
-        # It may wait for a disk, or in a call that is not in the list.
-        return call != b"running" and _sleeps(files.state) and call == _call(files)[0]
+    def _all_wait(self) -> bool:
+        """Look at each thread once, first at those that worked last; most are where they wait."""
+        for number, thread in enumerate(self._threads):
+            if not thread.waits(self._tells_places):
+                self._working = thread
+                self._threads.insert(0, self._threads.pop(number))
+                return False
+        return True
 
     def _who(self) -> object:
         """Return a value that changes whenever a process or thread of the mission begins."""
         if self._isolated:  # the number of the newest thread of this namespace
             return os.pread(self._newest, 128, 0).split()[-1]
-        return frozenset(self._threads())
+        return frozenset(self._list_threads())
 
     def _draw_up(self) -> None:
         """Open the files of new threads, and close those of threads that have ended."""
         self._population, self._working = self._who(), None
-        threads = self._threads()
-        for thread in self._files.keys() - threads:
-            self._places.pop(thread, None)
-            for file in self._files.pop(thread)[:3]:
-                os.close(file)
-        for thread in threads - self._files.keys():
-            files = _open(*thread)
-            if files is not None:
-                self._files[thread] = files
+        numbers = self._list_threads()
+        known = {thread.numbers for thread in self._threads}
+        for thread in self._threads:
+            if thread.numbers not in numbers:
+                thread.close()
+        self._threads = [thread for thread in self._threads if thread.numbers in numbers]
+        for pid, tid in numbers - known:
+            with suppress(FileNotFoundError, ProcessLookupError):  # it has ended
+                self._threads.append(WatchedThread(pid, tid))
         me = os.getpid()
         # linux/posix-timers.h: how the CPU clock of a process and of a thread is numbered
-        self._clocks = [~pid << 3 | 2 for pid in {pid for pid, _ in self._files} - {me}]
-        self._clocks += [~tid << 3 | 6 for pid, tid in self._files if pid == me]
+        self._clocks = [~pid << 3 | 2 for pid in {thread.pid for thread in self._threads} - {me}]
+        self._clocks += [~thread.tid << 3 | 6 for thread in self._threads if thread.pid == me]
 
-    def _threads(self) -> set[tuple[int, int]]:
+    def _list_threads(self) -> set[tuple[int, int]]:
         """Return the threads of all processes of the mission except this one's main thread."""
         me = os.getpid()
         threads: set[tuple[int, int]] = set()
@@ -187,68 +141,6 @@ class Rest:
                 if not self._isolated:
                     pids += _children(pid, tid)
         return threads - {(me, me)}
-
-
-def _open(pid: int, tid: int) -> Files | None:
-    """Open the files of a thread; None if it has ended."""
-    opened: list[int] = []
-    names = ("syscall", "stat", "wchan")
-    try:
-        opened.extend(os.open(f"/proc/{pid}/task/{tid}/{name}", os.O_RDONLY) for name in names)
-    except (FileNotFoundError, ProcessLookupError):
-        for file in opened:
-            os.close(file)
-        return None
-    call, state, place = opened
-    return Files(call, state, place, leads=pid == tid)
-
-
-def _tells_places() -> bool:
-    """Whether the kernel tells where a thread waits, and nothing of one that was woken.
-
-    It does so from version 5.16 on, if it has the names of its functions.
-    """
-    version = re.match(r"(\d+)\.(\d+)", os.uname().release)
-    if version is None or tuple(map(int, version.groups())) < (5, 16):
-        return False
-    done = threading.Event()
-    thread = threading.Thread(target=done.wait, daemon=True)
-    thread.start()
-    told = False
-    with open(f"/proc/self/task/{thread.native_id}/wchan", "rb") as file:
-        for _ in range(TRIAL_LOOKS):
-            time.sleep(LAST_PAUSE_S)
-            told = told or os.pread(file.fileno(), 64, 0) not in (b"", NOWHERE)
-    done.set()
-    thread.join()
-    return told
-
-
-def _call(files: Files) -> list[bytes]:
-    """Return the number and the arguments of a thread's call, or ``running``."""
-    return os.pread(files.call, 192, 0).split()
-
-
-def _sleeps_long(pid: int, call: bytes, arguments: list[bytes]) -> bool:
-    """Whether a call that sleeps for a wall-clock time does so for long."""
-    clock, flags, at = 0, 0, int(arguments[0], 16)
-    if call == CLOCK_SLEEP:
-        clock, flags, at = (int(argument, 16) for argument in arguments[:3])
-    with open(f"/proc/{pid}/mem", "rb", buffering=0) as memory:  # another one after an exec
-        seconds, nanoseconds = struct.unpack("qq", os.pread(memory.fileno(), 16, at))
-    left: float = seconds + 1e-9 * nanoseconds
-    return left - (time.clock_gettime(clock) if flags == UNTIL else 0.0) > SHORT_S
-
-
-def _sleeps(state: int) -> bool:
-    """Whether a thread sleeps or has ended; one that was stopped (T) does neither."""
-    return _state(state) in (b"S", *ENDED)
-
-
-def _state(file: int) -> bytes:
-    text = os.pread(file, 128, 0)
-    at = text.rindex(b")") + 2  # the name in brackets may contain anything
-    return text[at : at + 1]
 
 
 def _numbers(folder: str) -> list[int]:

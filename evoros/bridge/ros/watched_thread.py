@@ -1,0 +1,130 @@
+"""What Linux tells of a thread of another process: whether it waits. Standard library only."""
+
+from __future__ import annotations
+
+import os
+import re
+import struct
+import threading
+import time
+
+# asm/unistd.h: futex, select, poll, epoll, recv, accept, wait, pause, sigtimedwait
+_WAITING = {
+    "x86_64": "202 23 270 7 271 232 281 441 45 47 299 43 288 61 247 34 128",
+    "aarch64": "98 72 73 22 441 207 212 243 202 242 260 95 137",
+}
+WAITING = frozenset(_WAITING.get(os.uname().machine, "").encode().split())
+"""The calls in which a thread waits for something outside of it, and never for a disk."""
+# asm/unistd.h: clock_nanosleep, nanosleep
+_SLEEPING = {"x86_64": "230 35", "aarch64": "115 101"}
+CLOCK_SLEEP, SLEEP = _SLEEPING.get(os.uname().machine, "none none").encode().split()
+UNTIL = 1  # linux/time.h: TIMER_ABSTIME
+NOWHERE = b"0"  # in wchan
+ASLEEP, ENDED = b"S", (b"Z", b"X")  # in stat
+UNTOLD = b"0 0 0\n"  # in schedstat
+PLACE_BYTES = 64
+"""More than the name of a function of Linux has that threads wait in."""
+SHORT_S = 0.001
+"""Who sleeps for less is at work. Python's time.sleep(0), by which a publisher of rospy lets other
+threads send, sleeps for as long as the kernel may delay timers, 50 us."""
+TRIAL_LOOKS, TRIAL_PAUSE_S = 20, 0.0002
+"""How often, at most, a thread is looked at that soon waits."""
+
+
+class WatchedThread:
+    """The open files of a thread in /proc, and what was found there."""
+
+    def __init__(self, pid: int, tid: int) -> None:
+        """Open the files.
+
+        Raises:
+            FileNotFoundError, ProcessLookupError: the thread has ended.
+        """
+        self.pid, self.tid = pid, tid
+        self._files: list[int] = []
+        try:
+            for name in ("wchan", "syscall", "stat", "schedstat"):
+                self._files.append(os.open(f"/proc/{pid}/task/{tid}/{name}", os.O_RDONLY))
+        except OSError:
+            self.close()
+            raise
+        self._place, self._call, self._state, self._runs = self._files
+        self._known_place = b""  # where it was in one of the calls WAITING
+        # What schedstat said during a sleep, and when that ends by time.monotonic().
+        self._sleep: tuple[bytes, float] = (UNTOLD, 0.0)
+
+    @property
+    def numbers(self) -> tuple[int, int]:
+        """Its process and its thread."""
+        return self.pid, self.tid
+
+    def close(self) -> None:
+        """Close the files."""
+        for file in self._files:
+            os.close(file)
+
+    def waits(self, tells_places: bool) -> bool:
+        """Whether it waits for something outside of it, or has ended.
+
+        Without ``tells_places`` the call is read before the state, see ``Rest``.
+        """
+        place = os.pread(self._place, PLACE_BYTES, 0) if tells_places else b""
+        if place and place == self._known_place:
+            return True
+        runs = os.pread(self._runs, 128, 0)
+        if place not in (b"", NOWHERE) and runs == self._sleep[0]:
+            return self._sleep[1] - time.monotonic() > SHORT_S  # it has not run since
+        call, *arguments = _words(self._call)
+        state = self._read_state()
+        if state != ASLEEP or place == NOWHERE:  # also one that was stopped
+            return state in ENDED
+        if call in WAITING:
+            self._known_place = place
+            return True
+        if call in (CLOCK_SLEEP, SLEEP):
+            left = self._sleeps_for(call, arguments)
+            self._sleep = (runs if runs != UNTOLD else b"", time.monotonic() + left)
+            return left > SHORT_S
+        return call != b"running" and call == _words(self._call)[0]  # it is not in the list
+
+    def _sleeps_for(self, call: bytes, arguments: list[bytes]) -> float:
+        """Return for how long a call still sleeps [s]."""
+        clock, flags, at = 0, 0, int(arguments[0], 16)
+        if call == CLOCK_SLEEP:
+            clock, flags, at = (int(argument, 16) for argument in arguments[:3])
+        # Its memory is another one after an exec.
+        with open(f"/proc/{self.pid}/mem", "rb", buffering=0) as memory:
+            seconds, nanoseconds = struct.unpack("qq", os.pread(memory.fileno(), 16, at))
+        left: float = seconds + 1e-9 * nanoseconds
+        return left - (time.clock_gettime(clock) if flags == UNTIL else 0.0)
+
+    def _read_state(self) -> bytes:
+        text = os.pread(self._state, 128, 0)
+        at = text.rindex(b")") + 2  # the name in brackets may contain anything
+        return text[at : at + 1]
+
+
+def _words(file: int) -> list[bytes]:
+    """Return the number and the arguments of a thread's call, or ``running``."""
+    return os.pread(file, 192, 0).split()
+
+
+def tells_places() -> bool:
+    """Whether the kernel tells where a thread waits, and nothing of one that was woken.
+
+    It does so from version 5.16 on, if it has the names of its functions.
+    """
+    version = re.match(r"(\d+)\.(\d+)", os.uname().release)
+    if version is None or tuple(map(int, version.groups())) < (5, 16):
+        return False
+    done = threading.Event()
+    thread = threading.Thread(target=done.wait, daemon=True)
+    thread.start()
+    told = False
+    with open(f"/proc/self/task/{thread.native_id}/wchan", "rb") as file:
+        for _ in range(TRIAL_LOOKS):
+            time.sleep(TRIAL_PAUSE_S)
+            told = told or os.pread(file.fileno(), PLACE_BYTES, 0) not in (b"", NOWHERE)
+    done.set()
+    thread.join()
+    return told
