@@ -13,6 +13,7 @@ from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.parts import Joint, read_joint
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Pose
+from evoros.mission.plan import count_round
 from evoros.storage.figure_context import Beam, FigureContext
 from evoros.storage.mission_log import ROBOT_AS_LOADED
 from evoros.storage.trajectory_files import (
@@ -111,6 +112,7 @@ def _assemble(
     root = next(iter({*links} - {joint.child for joint in joints}))
     columns = [column for column in trajectory if str(column).startswith("range_")]
     rng = generator(str(row["draws"]), "course")
+    number = count_round(str(row["purpose"]), int(row["generation"]), int(row["trial"]))
     return RecordedMission(
         name=name,
         trajectory=trajectory,
@@ -120,7 +122,7 @@ def _assemble(
         root_pose=_find_root(root, loaded),
         sensors=_find_sensors(links, context, len(columns), described),
         world=world,
-        route=world.course.route(world.course.goes_forward(int(row["generation"]), rng)),
+        route=world.course.route(world.course.goes_forward(number, rng)),
         modes=context.modes,
     )
 

@@ -98,6 +98,17 @@ class Plan:
         ]
 
 
+def count_round(purpose: str, generation: int, trial: int) -> int:
+    """Number the round of a mission for courses whose direction is that of its parity.
+
+    A selection counts generations, as the original runs did. A validation or an evaluation
+    compares designs of all generations, so it counts its trials: each design meets both directions.
+    """
+    if purpose in (SELECTION, CONFIRMATION):
+        return generation
+    return trial if purpose == VALIDATION else generation + trial
+
+
 def describe(mission: Mission) -> str:
     """Name a mission in a message."""
     return (

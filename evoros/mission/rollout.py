@@ -33,6 +33,7 @@ from evoros.mission.pipeline import (
     start_localization,
     start_sensor_filters,
 )
+from evoros.mission.plan import count_round
 from evoros.mission.scenario import Scenario
 from evoros.world.model import World
 
@@ -96,7 +97,8 @@ def _run(scenario: Scenario, mission: Mission, prepare: Prepare) -> tuple[Outcom
     world = scenario.world[mission.world].at(mission.draws)
     course, timing = world.course, _compute_timing(scenario, world)
     draws: Draws = partial(generator, mission.draws)
-    route = course.route(course.goes_forward(mission.generation, draws("course")))
+    number = count_round(mission.purpose, mission.generation, mission.trial)
+    route = course.route(course.goes_forward(number, draws("course")))
     goal = Goal(route, course.acceptance_m, course.end_on_collision)
     faults = scenario.failure.draw(describe_sensors(robot), draws("failure"))
     with open_layers(scenario, course, route, draws) as layers:

@@ -37,7 +37,7 @@ class Course:
     waypoints: Annotated[Sequence[Sequence[float]], PAIRS]  # the corners [m]; home is appended
     acceptance_m: Annotated[float, POSITIVE]  # a waypoint counts within this distance
     time_limit_s: Annotated[float, POSITIVE]
-    direction: Annotated[str, DIRECTION]  # of the first phase; parity: that of the generation
+    direction: Annotated[str, DIRECTION]  # of the first phase; parity: forward in even rounds
     end_on_collision: Annotated[bool, FLAG]
 
     def __post_init__(self) -> None:
@@ -55,15 +55,15 @@ class Course:
         """The start of the robot: x, y, z [m] and yaw [rad]."""
         return (self.home_x_m, self.home_y_m, self.home_z_m, self.home_yaw_rad)
 
-    def goes_forward(self, generation: int, rng: Generator) -> bool:
-        """Return whether the first phase visits the corners in their order.
+    def goes_forward(self, number: int, rng: Generator) -> bool:
+        """Return whether the first phase of a round visits the corners in their order.
 
         Only a random direction draws a number from ``rng``.
         """
         if self.direction == "random":
             return bool(rng.random() < 0.5)
         if self.direction == "parity":
-            return generation % 2 == 0
+            return number % 2 == 0
         return self.direction == "forward"
 
     def route(self, forward: bool) -> Array:

@@ -8,7 +8,15 @@ from evoros.base.errors import InputError
 from evoros.design.design import Design
 from evoros.fitness.scoring import compute_fitness
 from evoros.mission.outcome import LOST, Outcome
-from evoros.mission.plan import POLICIES, Plan
+from evoros.mission.plan import (
+    CONFIRMATION,
+    EVALUATION,
+    POLICIES,
+    SELECTION,
+    VALIDATION,
+    Plan,
+    count_round,
+)
 
 DESIGN = Design(())
 WORLDS = ("a", "b")
@@ -62,6 +70,23 @@ def test_who_meets_the_same_draws() -> None:
         again = [a.draws == b.draws for a, b in zip(first, other, strict=True)]
         assert set(same) == {policy != "individual"}
         assert set(again) == {policy == "run"}
+
+
+def test_a_validation_is_the_same_round_for_every_generation_and_has_both_directions() -> None:
+    plan = Plan(0, WORLDS, 1, 4, "generation")
+    rounds = {
+        purpose: [
+            [
+                count_round(mission.purpose, mission.generation, mission.trial)
+                for mission in plan.missions(purpose, generation, 1, DESIGN)
+                if mission.world == "a"
+            ]
+            for generation in range(3)
+        ]
+        for purpose in (SELECTION, CONFIRMATION, VALIDATION, EVALUATION)
+    }
+    assert rounds[SELECTION] == rounds[CONFIRMATION] == rounds[EVALUATION] == [[0], [1], [2]]
+    assert rounds[VALIDATION] == [[1, 2, 3, 4]] * 3
 
 
 @pytest.mark.parametrize("policy", POLICIES)

@@ -116,6 +116,20 @@ def test_designs_meet_the_same_draws(whole: Path) -> None:
     assert missions["draws"].nunique() == 6
 
 
+def test_trials_alternate_the_direction_as_generations_do(tmp_path: Path) -> None:
+    """The even trials are those of an evaluation that only goes forward, the others backward."""
+    (tmp_path / "one.csv").write_text(f"{HEADER}\na,0,0.2,0,0\n")
+    rows = []
+    for direction in ("parity", "forward", "backward"):
+        folder, key = tmp_path / direction, "world.near.course.direction"
+        only = ("~world.far", "trials=2", f"{key}={direction}")
+        assert scored(folder, tmp_path / "one.csv", *only) == DONE
+        rows.append(pd.read_csv(folder / "missions.csv").drop(columns="reason"))
+    parity, forward, backward = rows
+    assert not forward.equals(backward)
+    assert parity.equals(forward.where(forward["trial"] % 2 == 0, backward))
+
+
 def test_what_is_left_out_is_the_robots_mount_and_the_only_type(tmp_path: Path) -> None:
     robot = compose(["experiment=tiny"], USER_PARTS).build().robot
     (tmp_path / "short.csv").write_text(f"{HEADER},z_m\n0,0,0.2,0.1,30,\n")
