@@ -11,7 +11,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.formats.strict_xml import find_child, parse
 from evoros.formats.urdf.parts import read_origin, read_value
-from evoros.formats.urdf.tree import Urdf, read_tree
+from evoros.formats.urdf.tree import Urdf, read_frames, read_tree
 from evoros.geometry.shapes import Pose, Shape
 from evoros.storage.figure_context import Beam
 from evoros.storage.mission_log import ROBOT_AS_LOADED
@@ -76,15 +76,16 @@ def read_champion(record: Record) -> Champion:
     folder = record.path / "champion"
     robot = _parse_file(folder / ROBOT)
     loaded = folder / ROBOT_AS_LOADED
-    shown = robot if not loaded.exists() else _parse_file(loaded)
-    described = read_tree(robot, str(folder / ROBOT))
+    shown = folder / ROBOT if not loaded.exists() else loaded
+    urdf = read_tree(_parse_file(shown), str(shown))
+    described = read_frames(robot, str(folder / ROBOT))  # it may have meshes
     values = dict(_effective_values(record))
     ground = Pose(record.context.places[described.root][:3])
     return Champion(
         record=record,
         robot=robot,
-        shown=read_tree(shown, str(folder / ROBOT_AS_LOADED)),
-        sensors=tuple(_read_sensors(record, described, values)),
+        shown=urdf,
+        sensors=tuple(_read_sensors(record, urdf, values)),
         centre_m=_centre_of_mass(robot, described, ground),
         values=values,
     )

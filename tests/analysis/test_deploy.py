@@ -1,10 +1,12 @@
 """A champion as a package: what the robot gets is where and what the design is."""
 
 import ast
+import io
 import json
 import math
 import os
 import re
+import shutil
 import subprocess
 from dataclasses import replace
 from itertools import pairwise
@@ -13,7 +15,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
+import yourdfpy
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.deploy.ardupilot import INSTANCES
 from evoros.analysis.deploy.champion import Champion, MountedSensor, read_champion
@@ -40,6 +44,8 @@ from evoros.bridge.ros.ros2_start import SENSOR
 from evoros.controller.ardupilot import ArduPilot
 from evoros.controller.line_controller import describe_drive
 from evoros.design.design import Design
+from evoros.drive.automatic import AutomaticDescription
+from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
@@ -440,6 +446,72 @@ def test_meshes_travel_and_other_files_do_not(record: Record, tmp_path: Path) ->
     assert b"<exec_depend>their_robot</exec_depend>" in files["package.xml"]
     assert b" meshes " in files["CMakeLists.txt"]
     assert all(note in files["README.md"].decode() for note in notes)
+
+
+ROVER_OF_MESHES = """
+<robot name="hull">
+  <link name="base_link">
+    <collision>
+      <origin xyz="0 0 0.12"/>
+      <geometry><mesh filename="body.stl" scale="0.001 0.001 0.001"/></geometry>
+    </collision>
+    <inertial>
+      <mass value="2"/><inertia ixx="0.02" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+  </link>
+  <link name="mast">
+    <visual><geometry><mesh filename="mast.dae"/></geometry></visual>
+    <collision><geometry><mesh filename="mast.dae"/></geometry></collision>
+  </link>
+  <joint name="mast_joint" type="fixed">
+    <parent link="base_link"/><child link="mast"/><origin xyz="0.05 0 0.25"/>
+  </joint>
+  {wheels}
+</robot>"""
+WHEEL = """
+  <link name="{0}_wheel"><collision><origin rpy="1.5707963 0 0"/><geometry>
+    <cylinder radius="0.05" length="0.03"/></geometry></collision>
+  </link>
+  <joint name="{0}_wheel_joint" type="continuous">
+    <parent link="base_link"/><child link="{0}_wheel"/>
+    <origin xyz="0 {1} 0.05"/><axis xyz="0 1 0"/><limit effort="1" velocity="8"/>
+  </joint>"""
+
+
+def test_a_robot_of_meshes_becomes_a_package_that_loads(record: Record, tmp_path: Path) -> None:
+    """Anywhere, by another reader, without the files that the description was read from."""
+    theirs, package = tmp_path / "theirs", tmp_path / OPTIONS.name
+    theirs.mkdir()
+    trimesh.creation.box((300.0, 180.0, 120.0)).export(theirs / "body.stl")
+    trimesh.creation.box((0.04, 0.04, 0.2)).export(theirs / "mast.dae")
+    wheels = WHEEL.format("left", 0.12) + WHEEL.format("right", -0.12)
+    (theirs / "hull.urdf").write_text(ROVER_OF_MESHES.format(wheels=wheels))
+    robot = load_robot(str(theirs / "hull.urdf"), AutomaticDescription())
+    mounts = [Mount("sonar", "base_link", 0.1, 0.02, 0.12, 10.0, 5.0)]
+    champion = champion_of(record, robot, mounts, tmp_path)
+    files, _ = write_package(champion, OPTIONS, {})
+    shutil.rmtree(theirs)
+    for name, contents in files.items():
+        (package / name).parent.mkdir(parents=True, exist_ok=True)
+        (package / name).write_bytes(contents)
+
+    def locate(fname: str) -> str:
+        return fname.replace(f"package://{package.name}", str(package))
+
+    text = files["urdf/hull.urdf"]
+    urdf = yourdfpy.URDF.load(
+        io.BytesIO(text),
+        filename_handler=locate,
+        build_collision_scene_graph=True,
+        load_collision_meshes=True,
+    )
+    sizes = {tuple(np.round(g.extents, 6)) for g in urdf.collision_scene.geometry.values()}
+    assert {(0.3, 0.18, 0.12), (0.04, 0.04, 0.2)} <= sizes
+    (sensor,) = champion.sensors
+    root = np.array(robot.sensor_links["base_link"][:3])
+    place = urdf.get_transform(sensor.link, "base_link")[:3, 3] + root
+    np.testing.assert_allclose(place, sensor.position_m, atol=1e-9)
+    np.testing.assert_allclose(champion.centre_m, independent_centre(urdf) + root, atol=1e-6)
 
 
 def test_only_its_own_unchanged_output_is_replaced(tmp_path: Path) -> None:

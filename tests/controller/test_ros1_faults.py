@@ -1,5 +1,6 @@
 """Nodes of ROS 1 that fail, hang or do not fit: each mission ends with one line that says why."""
 
+import os
 import re
 import sys
 from collections.abc import Iterator
@@ -7,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
-from ros1_cases import controller, faulty, needs_ros1, node
+from ros1_cases import PYTHON, controller, faulty, needs_ros1, node
 from ros_cases import NODES, brief, fly, require_nothing_left
 
 from evoros.base.errors import LaunchError, PilotLost, SimulationError
@@ -28,6 +29,7 @@ FAULTS = {
     "closes": (PilotLost, r"a node no longer publishes on /cmd_vel"),
     "stops": (PilotLost, r"did not come to rest: .*faulty.py'? stops"),
     "spins": (PilotLost, r"did not come to rest: .*faulty.py'? spins"),
+    "hides": (PilotLost, r"must let evoros see .* unlike .*faulty.py'? hides"),
     "nan": (SimulationError, r"NaN.* at 1.9 s; it must answer"),
     "infinite": (SimulationError, r"Infinity.* at 1.9 s; it must answer"),
     "mode": (SimulationError, r"dancing.* at 1.9 s; it must answer"),
@@ -35,9 +37,14 @@ FAULTS = {
 
 
 @pytest.fixture(scope="module")
-def endings() -> dict[str, Exception | None]:
+def endings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Exception | None]:
     """How missions with each fault ended."""
-    return end_all({fault: faulty(fault) for fault in FAULTS})
+    python = tmp_path_factory.mktemp("bin") / "python3"
+    command = f"setpriv --bounding-set=-sys_ptrace {PYTHON}" if os.geteuid() == 0 else PYTHON
+    python.write_text(f'#!/bin/sh\nexec {command} "$@"\n')  # root may look at all processes
+    python.chmod(0o755)
+    changes: dict[str, dict[str, Any]] = {"hides": {"python": str(python)}}
+    return end_all({fault: faulty(fault, **changes.get(fault, {})) for fault in FAULTS})
 
 
 def end_all(controllers: dict[str, Ros1]) -> dict[str, Exception | None]:

@@ -1,8 +1,9 @@
 """Watches processes that hand a byte on in a ring, each by two threads; prints what rest saw.
 
-rest_ring.py ring|spin|stop (isolated|shared) FOLDER_OF_REST
+rest_ring.py ring|spin|stop|hide (isolated|shared) FOLDER_OF_REST
 """
 
+import ctypes
 import os
 import queue
 import random
@@ -29,11 +30,17 @@ def station(source: int, sink: int, goal: int) -> None:
                 subprocess.run(["true"], check=True)
             os.write(sink if byte[0] else goal, bytes([max(0, byte[0] - 1)]))
 
+    signal.signal(signal.SIGUSR1, hide)
     threading.Thread(target=send, daemon=True).start()
     threading.Thread(target=time.sleep, args=(3600.0,), daemon=True).start()  # as rospy.spin does
     while byte := os.read(source, 1):
         sum(range(work.randrange(2_000)))
         arrived.put(byte)
+
+
+def hide(*_: object) -> None:
+    """Let no process see this one that has not all capabilities."""
+    ctypes.CDLL(None).prctl(4, 0, 0, 0, 0)  # PR_SET_DUMPABLE
 
 
 def start(kind: str, *ends: int) -> "subprocess.Popen[bytes]":
@@ -44,7 +51,7 @@ def start(kind: str, *ends: int) -> "subprocess.Popen[bytes]":
 def main() -> None:
     kind, where, folder = sys.argv[1:]
     sys.path.insert(0, folder)
-    from rest import Rest  # type: ignore[import-not-found, unused-ignore]
+    from rest import Hidden, Rest  # type: ignore[import-not-found, unused-ignore]
 
     rest = Rest(where == "isolated")
     pipes = [os.pipe() for _ in range(STATIONS)]
@@ -58,7 +65,14 @@ def main() -> None:
         if kind == "stop":
             started[0].send_signal(signal.SIGSTOP)
             os.waitid(os.P_PID, started[0].pid, os.WSTOPPED)
-        print(rest.wait(0.2), *rest.working(), sep="\n")
+        if kind == "hide":
+            print(rest.wait(10.0))
+            started[0].send_signal(signal.SIGUSR1)
+            time.sleep(0.2)
+        try:
+            print(rest.wait(0.2), *rest.working(), sep="\n")
+        except Hidden as error:
+            print(error)
     else:
         time.sleep(0.5)
         print(rest.wait(10.0))

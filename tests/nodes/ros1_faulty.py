@@ -1,5 +1,6 @@
 """A node of ROS 1 with a fault, in its twentieth answer or from its start: ros1_faulty.py FAULT"""
 
+import ctypes
 import math
 import os
 import signal
@@ -37,6 +38,8 @@ def on_odometry(_):
         if fault == "spins":
             while True:
                 pass
+        if fault == "hides":
+            ctypes.CDLL(None).prctl(4, 0, 0, 0, 0)  # PR_SET_DUMPABLE
         if fault == "nan":
             twist.angular.z = math.nan
         if fault == "infinite":

@@ -9,7 +9,8 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
 from typing import Any, NamedTuple, NoReturn
 from xml.etree import ElementTree
 
@@ -46,6 +47,23 @@ class Conversation:
         for file in (self._source, self._sink):
             os.set_inheritable(file.fileno(), False)
         self.briefing: dict[str, Any] = json.loads(self._source.readline())
+        self._begun = False
+
+    def require(self, ros: str, modules: Sequence[str], advice: str) -> None:
+        """Refuse the mission unless this Python has all modules, which belong to ``ros``."""
+        for module in modules:
+            if find_spec(module) is None:
+                self.refuse(
+                    f"controller.python: must be a Python with {ros}, and {sys.executable} has no "
+                    f"module {module}; name the one that your nodes need, often "
+                    f"/usr/bin/python3{advice}"
+                )
+
+    def fail(self, why: str) -> NoReturn:
+        """Refuse the mission, or end it if it has begun."""
+        if self._begun:
+            end(why)
+        self.refuse(why)
 
     def refuse(self, why: str) -> NoReturn:
         """Refuse the mission, and end. ``why`` is one line: key or node, rule, value, fix."""
@@ -55,6 +73,7 @@ class Conversation:
     def ready(self) -> None:
         """Tell evoros that the mission can begin."""
         self._send({"ready": True})
+        self._begun = True
 
     def ticks(self) -> Iterator[Tick]:
         """Yield what evoros tells, until the end of the mission."""

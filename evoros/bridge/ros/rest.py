@@ -30,6 +30,18 @@ FIRST_PAUSE_S, LAST_PAUSE_S = 0.00002, 0.0002
 SET_TIMER_SLACK, SET_SUBREAPER = 29, 36
 
 
+class Hidden(Exception):
+    """A process of the mission does not let this one see what it waits for."""
+
+    def __init__(self, error: PermissionError) -> None:
+        """``error``: on opening or reading a file of the process in /proc."""
+        command = _command(int(str(error.filename).split("/")[2]))
+        super().__init__(
+            f"all processes must let evoros see what they wait for, unlike {command} ({error}); "
+            f"run them as the user and with the capabilities of evoros"
+        )
+
+
 class Rest:
     """Watches all processes of a mission, and the threads of this one except the main thread."""
 
@@ -53,7 +65,11 @@ class Rest:
         os.stat(f"/proc/self/task/{os.getpid()}/children")
 
     def wait(self, limit_s: float) -> bool:
-        """Return when all rest: True; False if they still work after ``limit_s`` of wall time."""
+        """Return when all rest: True; False if they still work after ``limit_s`` of wall time.
+
+        Raises:
+            Hidden: a process cannot be watched.
+        """
         end = time.monotonic() + limit_s
         pause = 0.0
         while not self._at_rest():
@@ -64,9 +80,20 @@ class Rest:
         return True
 
     def working(self) -> list[str]:
-        """Return the processes that are not asleep at this moment, as their commands."""
-        self._draw_up()
-        pids = {thread.pid for thread in self._threads if not thread.waits(self._tells_places)}
+        """Return the processes that are not asleep at this moment, as their commands.
+
+        Raises:
+            Hidden: a process cannot be watched.
+        """
+        pids = set()
+        try:
+            self._draw_up()
+            for thread in self._threads:
+                with suppress(FileNotFoundError, ProcessLookupError):  # it has ended
+                    if not thread.waits(self._tells_places):
+                        pids.add(thread.pid)
+        except PermissionError as error:
+            raise Hidden(error) from error
         return [_command(pid) for pid in sorted(pids - {os.getpid()})]
 
     def prepare(self) -> None:
@@ -89,7 +116,7 @@ class Rest:
                 return False
             after = list(map(time.clock_gettime_ns, self._clocks))
         except PermissionError as error:
-            raise OSError(f"/proc shows no calls of nodes ({error}); allow tracing") from error
+            raise Hidden(error) from error
         except OSError:  # a thread or process has ended
             self._population = self._working = None
             return False

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import logging
 import os
-import sys
 import time
 from importlib import import_module
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -27,12 +25,12 @@ if TYPE_CHECKING:
         end,
     )
     from evoros.bridge.ros.nodes import Nodes
-    from evoros.bridge.ros.rest import Rest
+    from evoros.bridge.ros.rest import Hidden, Rest
     from evoros.bridge.ros.ros1_master import set_parameters, start_master
 else:
     from conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, Conversation, Modes, Wheels, end
     from nodes import Nodes
-    from rest import Rest
+    from rest import Hidden, Rest
     from ros1_master import set_parameters, start_master
 
 NEEDED = ("rospy", "rosmaster", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
@@ -43,20 +41,18 @@ def main() -> None:
     conversation = Conversation()
     options = conversation.briefing["ros"]
     until = time.monotonic() + OWN_SHARE * options["start_limit_s"]
-    for module in NEEDED:
-        if find_spec(module) is None:
-            conversation.refuse(
-                f"controller.python: must be a Python with ROS 1, and {sys.executable} has no "
-                f"module {module}; name the one that your nodes need, often /usr/bin/python3"
-            )
+    conversation.require("ROS 1", NEEDED, "")
     try:
         rest = Rest(options["isolate"])
     except OSError as error:
         conversation.refuse(f"the system must show what threads wait for ({error})")
-    mission = Mission(conversation, rest, start_nodes(conversation, until))
-    mission.connect(until)
-    conversation.ready()
-    mission.fly()
+    try:
+        mission = Mission(conversation, rest, start_nodes(conversation, until))
+        mission.connect(until)
+        conversation.ready()
+        mission.fly()
+    except Hidden as error:
+        conversation.fail(f"controller.nodes: {error}")
     os._exit(0)  # whatever the threads of rospy do
 
 

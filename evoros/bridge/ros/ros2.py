@@ -7,10 +7,8 @@ messages. docs/ros.md describes the topics, the parameters and the lock-step.
 from __future__ import annotations
 
 import os
-import sys
 import time
 from importlib import import_module
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -27,7 +25,7 @@ if TYPE_CHECKING:
     )
     from evoros.bridge.ros.messages import Messages
     from evoros.bridge.ros.nodes import Nodes
-    from evoros.bridge.ros.rest import Rest
+    from evoros.bridge.ros.rest import Hidden, Rest
     from evoros.bridge.ros.ros2_start import (
         complete,
         group,
@@ -39,7 +37,7 @@ if TYPE_CHECKING:
 else:
     from conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, Conversation, Modes, Wheels, end
     from nodes import Nodes
-    from rest import Rest
+    from rest import Hidden, Rest
     from ros2_start import (
         complete,
         group,
@@ -60,22 +58,20 @@ def main() -> None:
     conversation = Conversation()
     options = conversation.briefing["ros"]
     until = time.monotonic() + OWN_SHARE * options["start_limit_s"]
-    for module in NEEDED:
-        if find_spec(module) is None:
-            conversation.refuse(
-                f"controller.python: must be a Python with ROS 2, and {sys.executable} has no "
-                f"module {module}; name the one that your nodes need, often /usr/bin/python3, and "
-                f"source /opt/ros/DISTRIBUTION/setup.bash before evoros"
-            )
+    advice = ", and source /opt/ros/DISTRIBUTION/setup.bash before evoros"
+    conversation.require("ROS 2", NEEDED, advice)
     try:
         rest = Rest(options["isolate"])
         claim = set_environment(options["isolate"])
     except OSError as error:
         conversation.refuse(f"controller: this system cannot fly ROS 2 ({error})")
-    mission = Mission(conversation, rest)
-    mission.connect(until)
-    conversation.ready()
-    mission.fly()
+    try:
+        mission = Mission(conversation, rest)
+        mission.connect(until)
+        conversation.ready()
+        mission.fly()
+    except Hidden as error:
+        conversation.fail(f"controller.nodes: {error}")
     del claim
     os._exit(0)  # whatever the threads of DDS do
 

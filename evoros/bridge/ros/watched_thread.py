@@ -67,6 +67,9 @@ class WatchedThread:
         """Whether it waits for something outside of it, or has ended.
 
         Without ``tells_places`` the call is read before the state, see ``Rest``.
+
+        Raises:
+            PermissionError: the process does not let others see it; has the name of the file.
         """
         place = os.pread(self._place, PLACE_BYTES, 0) if tells_places else b""
         if place and place == self._known_place:
@@ -74,7 +77,7 @@ class WatchedThread:
         runs = os.pread(self._runs, 128, 0)
         if place not in (b"", NOWHERE) and runs == self._sleep[0]:
             return self._sleep[1] - time.monotonic() > SHORT_S  # it has not run since
-        call, *arguments = _words(self._call)
+        call, *arguments = self._read_call()
         state = self._read_state()
         if state != ASLEEP or place == NOWHERE:  # also one that was stopped
             return state in ENDED
@@ -85,7 +88,7 @@ class WatchedThread:
             left = self._sleeps_for(call, arguments)
             self._sleep = (runs if runs != UNTOLD else b"", time.monotonic() + left)
             return left > SHORT_S
-        return call != b"running" and call == _words(self._call)[0]  # it is not in the list
+        return call != b"running" and call == self._read_call()[0]  # it is not in the list
 
     def _sleeps_for(self, call: bytes, arguments: list[bytes]) -> float:
         """Return for how long a call still sleeps [s]."""
@@ -98,15 +101,18 @@ class WatchedThread:
         left: float = seconds + 1e-9 * nanoseconds
         return left - (time.clock_gettime(clock) if flags == UNTIL else 0.0)
 
+    def _read_call(self) -> list[bytes]:
+        """Return the number and the arguments of its call, or ``running``."""
+        try:
+            return os.pread(self._call, 192, 0).split()
+        except PermissionError as error:
+            error.filename = f"/proc/{self.pid}/task/{self.tid}/syscall"
+            raise
+
     def _read_state(self) -> bytes:
         text = os.pread(self._state, 128, 0)
         at = text.rindex(b")") + 2  # the name in brackets may contain anything
         return text[at : at + 1]
-
-
-def _words(file: int) -> list[bytes]:
-    """Return the number and the arguments of a thread's call, or ``running``."""
-    return os.pread(file, 192, 0).split()
 
 
 def tells_places() -> bool:

@@ -1,6 +1,7 @@
 """The tree of a URDF's links and joints, placed at zero joint positions."""
 
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 
 from lxml.etree import _Element as Element
@@ -106,6 +107,19 @@ def read_tree(robot: Element, source: str) -> Urdf:
         plugins=tuple(_read_plugins(robot)),
         actuated=_find_actuated(robot),
     )
+
+
+def read_frames(robot: Element, source: str) -> Urdf:
+    """Read the links and joints of a ``<robot>`` without its shapes, which may be of any kind.
+
+    Raises:
+        InputError: an element is missing or invalid, or the links form no tree.
+    """
+    bare = deepcopy(robot)
+    for link in bare.findall("link"):
+        for shape in [*link.findall("collision"), *link.findall("visual")]:
+            link.remove(shape)
+    return read_tree(bare, source)
 
 
 def _read_plugins(robot: Element) -> Iterator[Plugin]:
