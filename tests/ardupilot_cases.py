@@ -4,7 +4,7 @@ import os
 import shlex
 import signal
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,10 +15,9 @@ from helpers import ROOT
 from evoros.base.arrays import Array
 from evoros.config.compose import compose
 from evoros.controller.ardupilot import ArduPilot
-from evoros.controller.protocol import Briefing, Layer, Pilot
+from evoros.controller.protocol import Briefing, Pilot
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
-from evoros.filter.protocol import Filter
 from evoros.mission.mission import Mission
 from evoros.mission.scenario import Scenario
 from evoros.sensor.protocol import Mount
@@ -88,37 +87,16 @@ def find_processes(binary: Path) -> list[int]:
     return found
 
 
-@dataclass(frozen=True)
-class Interrupted:
+@dataclass(frozen=True, kw_only=True)
+class Interrupted(ArduPilot):
     """An ArduPilot whose processes get a signal before one of its decisions."""
 
-    inner: ArduPilot
     tick: int
     number: signal.Signals
 
-    @property
-    def period_s(self) -> float:
-        return self.inner.period_s
-
-    @property
-    def localization(self) -> Mapping[str, Filter]:
-        return self.inner.localization
-
-    @property
-    def modes(self) -> Sequence[str]:
-        return self.inner.modes
-
-    @property
-    def files(self) -> Sequence[str]:
-        return self.inner.files
-
-    @property
-    def avoidance(self) -> Layer:
-        return self.inner.avoidance
-
     @contextmanager
     def launch(self, briefing: Briefing) -> Iterator[Pilot]:
-        with self.inner.launch(briefing) as pilot:
+        with super().launch(briefing) as pilot:
             yield InterruptedPilot(pilot, self)
 
 
@@ -132,7 +110,7 @@ class InterruptedPilot:
         self, time: float, state: Array, leg: Array, readings: Array, command: Array
     ) -> int:
         if self._tick == self._settings.tick:
-            processes = find_processes(Path(self._settings.inner.binary))
+            processes = find_processes(Path(self._settings.binary))
             assert processes
             for process in processes:
                 with suppress(ProcessLookupError):

@@ -4,11 +4,22 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+from evoros.controller.range_finders import (
+    AXES,
+    LIMITS,
+    OCTANTS,
+    ORIENTATION,
+    count_octants,
+    name_limit,
+    name_parameter,
+    to_body,
+)
+
 from .champion import Champion, MountedSensor, Triple
 
 INSTANCES = "123456789A"
 """The range finders that ArduPilot can have, as their parameters name them."""
-_EIGHTH_DEG = 45.0
+_EIGHTH_DEG = 360.0 / OCTANTS
 DIRECTIONS = (
     "forward",
     "forward right",
@@ -67,12 +78,13 @@ def list_range_finders(sensors: Sequence[MountedSensor], origin_m: Triple) -> li
 
 def _convert(instance: str, sensor: MountedSensor, origin_m: Triple) -> RangeFinder:
     x, y, z = (place - zero for place, zero in zip(sensor.position_m, origin_m, strict=True))
-    eighths = round(-sensor.yaw_deg / _EIGHTH_DEG)
+    eighths = count_octants(math.radians(sensor.yaw_deg))
+    forward, right, down = to_body((x, y, z))
     return RangeFinder(
         instance=instance,
         link=sensor.link,
-        position_m=(_round(x), _round(-y), _round(-z)),
-        orientation=eighths % len(DIRECTIONS),
+        position_m=(_round(forward), _round(right), _round(down)),
+        orientation=eighths % OCTANTS,
         yaw_error_deg=sensor.yaw_deg + _EIGHTH_DEG * eighths,
         pitch_deg=sensor.pitch_deg,
         minimum_m=sensor.beam.range_min_m,
@@ -97,7 +109,8 @@ def write_parameters(
     for finder in finders:
         lines += ["#", f"# {finder.link}: {describe_orientation(finder)}"]
         lines += [
-            f"RNGFND{finder.instance}_{name} {value}" for name, value in _rows(finder, metres)
+            f"{name_parameter(finder.instance, name)} {value}"
+            for name, value in _rows(finder, metres)
         ]
     return "\n".join([*lines, *flown]) + "\n"
 
@@ -114,15 +127,16 @@ def describe_orientation(finder: RangeFinder) -> str:
 
 
 def _rows(finder: RangeFinder, metres: bool) -> Iterator[tuple[str, str]]:
-    for axis, value in zip("XYZ", finder.position_m, strict=True):
-        yield f"POS_{axis}", f"{value:.4f}"
-    yield "ORIENT", f"{finder.orientation}"
-    for name, value in (("MIN", finder.minimum_m), ("MAX", finder.maximum_m)):
-        yield (name, f"{value:.3f}") if metres else (f"{name}_CM", f"{_centimetres(name, value)}")
+    for axis, value in zip(AXES, finder.position_m, strict=True):
+        yield axis, f"{value:.4f}"
+    yield ORIENTATION, f"{finder.orientation}"
+    for limit, value in zip(LIMITS, (finder.minimum_m, finder.maximum_m), strict=True):
+        text = f"{value:.3f}" if metres else f"{_centimetres(limit, value)}"
+        yield name_limit(limit, metres), text
 
 
-def _centimetres(name: str, metres: float) -> int:
+def _centimetres(limit: str, metres: float) -> int:
     """Return whole centimetres inside the sensor's range, as far as 16 bits hold them."""
     hundredths = round(100.0 * metres, 6)
-    whole = math.ceil(hundredths) if name == "MIN" else math.floor(hundredths)
+    whole = math.ceil(hundredths) if limit == "MIN" else math.floor(hundredths)
     return min(whole, 2**15 - 1)

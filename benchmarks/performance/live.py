@@ -14,7 +14,7 @@ that a busy machine slows both:
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -25,7 +25,6 @@ from evoros.controller.ardupilot_pilot import ArduPilotPilot
 from evoros.controller.protocol import Briefing, LiveController, Pilot
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
-from evoros.filter.protocol import Filter
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import SIMULATION_FAILURE
 from evoros.mission.rollout import run_mission
@@ -74,36 +73,18 @@ class TimedPilot:
         return mode
 
 
-@dataclass
 class Timed:
     """A live controller that notes when its missions begin; further measurements come first."""
 
-    inner: LiveController
-    alone: Callable[[Pilot, Briefing], float] | None = None
-    launched: float = 0.0
-    begun: float = 0.0
-    alone_s: float | None = None
-    seconds: list[float] = field(default_factory=list)
-
-    @property
-    def period_s(self) -> float:
-        """That of the controller."""
-        return self.inner.period_s
-
-    @property
-    def localization(self) -> Mapping[str, Filter]:
-        """That of the controller."""
-        return self.inner.localization
-
-    @property
-    def modes(self) -> Sequence[str]:
-        """Those of the controller."""
-        return self.inner.modes
-
-    @property
-    def files(self) -> Sequence[str]:
-        """Those of the controller."""
-        return self.inner.files
+    def __init__(
+        self, inner: LiveController, alone: Callable[[Pilot, Briefing], float] | None
+    ) -> None:
+        self.inner, self.alone = inner, alone
+        self.period_s, self.localization = inner.period_s, inner.localization
+        self.modes, self.files = inner.modes, inner.files
+        self.launched = self.begun = 0.0
+        self.alone_s: float | None = None
+        self.seconds: list[float] = []
 
     @contextmanager
     def launch(self, briefing: Briefing) -> Iterator[Pilot]:

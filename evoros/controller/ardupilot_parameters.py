@@ -6,13 +6,22 @@ from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.controller.protocol import Briefing
+from evoros.controller.range_finders import (
+    AXES,
+    LIMITS,
+    OCTANTS,
+    ORIENTATION,
+    count_octants,
+    name_limit,
+    name_parameter,
+    to_body,
+)
 from evoros.robot.model import Robot
 
 MAX_RANGE_FINDERS = 6
 """As many as a state of the JSON backend can carry."""
 SIMULATED = 100
 """The type of a range finder that the simulation feeds."""
-OCTANTS = 8
 EVEN_THROTTLE = 50
 DEFAULT_GAIN, GREATEST_GAIN = 1.0, 6.0
 """Of the velocity: what ArduPilot has by default, and at most."""
@@ -49,21 +58,20 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
 
 
 def _describe_range_finders(robot: Robot) -> Iterator[tuple[str, float]]:
-    """Yield the parameters of the range finders, forward, right, down; their limits by two names.
+    """Yield the parameters of the range finders.
 
-    Versions until 4.6 name the limits in centimetres, and each version passes over the others'.
+    The limits have the names of all versions, because each passes over those of the others.
     """
     poses = robot.sensor_poses().tolist()[:MAX_RANGE_FINDERS]
     for number, (mount, (x, y, z, yaw, _)) in enumerate(zip(robot.mounts, poses, strict=False), 1):
-        sensor, name = robot.sensors[mount.sensor], f"RNGFND{number}_"
-        yield f"{name}TYPE", SIMULATED
-        yield f"{name}ORIENT", round(-yaw / (2.0 * math.pi) * OCTANTS) % OCTANTS
-        yield f"{name}POS_X", x
-        yield f"{name}POS_Y", -y
-        yield f"{name}POS_Z", -z
-        for limit, metres in (("MIN", sensor.range_min_m), ("MAX", sensor.range_max_m)):
-            yield f"{name}{limit}", metres
-            yield f"{name}{limit}_CM", 100.0 * metres
+        sensor, instance = robot.sensors[mount.sensor], str(number)
+        yield name_parameter(instance, "TYPE"), SIMULATED
+        yield name_parameter(instance, ORIENTATION), count_octants(yaw) % OCTANTS
+        for axis, value in zip(AXES, to_body((x, y, z)), strict=True):
+            yield name_parameter(instance, axis), value
+        for limit, value in zip(LIMITS, (sensor.range_min_m, sensor.range_max_m), strict=True):
+            yield name_parameter(instance, name_limit(limit, metres=True)), value
+            yield name_parameter(instance, name_limit(limit, metres=False)), 100.0 * value
 
 
 def write_parameters(parameters: Mapping[str, float]) -> str:

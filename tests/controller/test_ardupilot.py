@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import fields, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import cast
@@ -203,7 +203,8 @@ def test_a_stopped_autopilot_is_lost_at_its_time(short: Scenario, tick: int) -> 
 
 def interrupted(scenario: Scenario, tick: int, number: signal.Signals) -> Scenario:
     inner = cast(ArduPilot, scenario.controller)
-    return replace(scenario, controller=Interrupted(inner, tick, number))
+    settings = {field.name: getattr(inner, field.name) for field in fields(inner)}
+    return replace(scenario, controller=Interrupted(**settings, tick=tick, number=number))
 
 
 @of_the_peer
