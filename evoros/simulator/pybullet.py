@@ -3,7 +3,8 @@
 The set-up is the cheapest faithful one (``benchmarks/fidelity/engine.py`` measures each choice):
 
 - Wheels meet the ground only; the chassis, which covers the wheels, meets obstacles.
-- Movable bodies sleep until something comes near them.
+- Movable bodies sleep until something comes near them. In missions that go on after contact, steps
+  are finer while they move.
 - Links on fixed joints are merged.
 - The engine skips pairs of bodies that cannot move against each other.
 - Rays are computed once, in the frame of the chassis, and the engine moves them along.
@@ -26,7 +27,7 @@ from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
-"""At longer steps, bodies that the robot pushes sink into the ground (``docs/simulation.md``)."""
+"""The longest step at which the rover drives within 1 % of the finest (``docs/simulation.md``)."""
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """The bodies of a world in PyBullet: their collision groups, and when they sleep."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -116,6 +117,14 @@ def _is_carried(bullet: Any, client: int, number: int) -> bool:
         if other != number
         for point in bullet.getClosestPoints(number, other, GAP_M, physicsClientId=client)
     )
+
+
+def measure_radius(bullet: Any, client: int, number: int) -> float:
+    """Return a radius [m] about its centre of mass within which a body lies, however it turns."""
+    low, high = bullet.getAABB(number, -1, client)
+    centre, _ = bullet.getBasePositionAndOrientation(number, client)
+    middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+    return math.dist(middle, centre) + math.dist(low, high) / 2
 
 
 def wake(bullet: Any, client: int, number: int) -> None:

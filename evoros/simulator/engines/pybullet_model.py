@@ -6,13 +6,14 @@ from typing import Any, NamedTuple
 
 from evoros.base.errors import SimulationError
 from evoros.robot.model import Robot
-from evoros.simulator.engines.pybullet_bodies import add_body, find_falling, wake
+from evoros.simulator.engines.pybullet_bodies import add_body, find_falling, measure_radius, wake
 from evoros.simulator.engines.pybullet_robot import LoadedRobot, load_robot
 from evoros.simulator.engines.pybullet_shapes import Frame
 from evoros.simulator.engines.set_down import home_frame
 from evoros.world.model import World
 
 LIFT_M = 1000.0  # height at which a robot is far from everything
+AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))  # velocity and angular velocity of a body
 
 
 class Settings(NamedTuple):
@@ -32,6 +33,7 @@ class Model:
     ground: frozenset[int]  # bodies that are not obstacles
     movable: Mapping[int, Frame]  # bodies that can be pushed, and where they stood when built
     falling: tuple[int, ...]  # movable bodies in the air
+    watched: Mapping[int, float]  # movable bodies that need finer steps, and their radii [m]
 
 
 class Engine:
@@ -59,7 +61,8 @@ class Engine:
         """
         drive = robot.drive
         joints = (drive.steering_joints, drive.wheel_joints, drive.caster_links)
-        surroundings = (world.bodies, world.gravity_mps2, world.course.home)
+        course = world.course
+        surroundings = (world.bodies, world.gravity_mps2, course.home, course.end_on_collision)
         described = (robot.urdf, robot.engine_text, joints, robot.exposed_links)
         source = (described, surroundings, settings)
         if self._model is None or self._built_from != source or self._disturbed(self._model):
@@ -70,6 +73,7 @@ class Engine:
                 reason = f"PyBullet refuses {robot.name} in {world.name}: {error}"
                 raise SimulationError(reason) from error
             self._built_from = source
+        self.bullet.setTimeStep(settings.time_step, self.client)  # a mission may have made it finer
         self._reset(self._model.robot)
         for number in self._model.falling:
             wake(self.bullet, self.client, number)
@@ -82,10 +86,9 @@ class Engine:
         body can move without being touched.
         """
         bullet, client = self.bullet, self.client
-        rest = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         return bool(model.falling) or any(
             bullet.getBasePositionAndOrientation(body, client) != frame
-            or bullet.getBaseVelocity(body, client) != rest
+            or bullet.getBaseVelocity(body, client) != AT_REST
             for body, frame in model.movable.items()
         )
 
@@ -131,5 +134,9 @@ class Engine:
         }
         ground = frozenset(number for number, body in numbers if body.is_ground)
         falling = find_falling(bullet, client, world, movable)
+        # A mission that ends at the first contact pushes nothing.
+        pushing = falling or not world.course.end_on_collision
+        watched = {n: measure_radius(bullet, client, n) for n in movable if pushing}
         home, friction = home_frame(robot, world), settings.wheel_friction
-        return Model(load_robot(bullet, client, robot, home, friction), ground, frames, falling)
+        loaded = load_robot(bullet, client, robot, home, friction)
+        return Model(loaded, ground, frames, falling, watched)

@@ -9,12 +9,22 @@ import numpy as np
 from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_bodies import VISIBLE
-from evoros.simulator.engines.pybullet_model import Model, Settings
+from evoros.simulator.engines.pybullet_model import AT_REST, Model, Settings
 from evoros.simulator.engines.pybullet_shapes import Frame
 from evoros.simulator.engines.rays import sensor_beams
 
 MAX_RAYS = 16_383
 """One call of rayTestBatch takes no more."""
+
+
+FINE_STEP_S = 0.0025
+"""The step while a movable body moves. The engine finds one contact with a plane in a step, and
+keeps it until the body has slid by 2 % of its size. At long steps, which lose their contacts at
+once, a body rests on one corner at a time, and sinks."""
+
+NEAR_STEPS = (
+    2.0  # way of the robot before it touches a body, in long steps, for which they are fine
+)
 
 
 class Span(NamedTuple):
@@ -45,7 +55,11 @@ class PyBulletSimulation:
     ) -> None:
         self._bullet, self._client, self._model = bullet, client, model
         self._drive, self._time_step = robot.drive, settings.time_step
-        self._gains = (_gain(settings),) * len(model.robot.steering)
+        self._lag = settings.steering_lag_s
+        self._finer = math.ceil(settings.time_step / FINE_STEP_S - 1e-9)  # steps that replace one
+        self._substeps = 1
+        self._gap = NEAR_STEPS * robot.drive.max_speed_mps * settings.time_step
+        self._reach = self._gap + 2.0 * float(np.hypot(*robot.outline.T).max())
         self._command: tuple[float, float] | None = None
         self._touched = False  # since the last observation
         self._batches = _batches(robot, bullet, model.robot.to_base)
@@ -102,11 +116,35 @@ class PyBulletSimulation:
         if self._command != (speed, steering):
             self._command = (speed, steering)
             self._set_motors(speed, steering)
-        step, client = self._bullet.stepSimulation, self._client
+        step, client, watched = self._bullet.stepSimulation, self._client, self._model.watched
         for _ in range(round(duration / self._time_step)):
-            step(client)
-            if not self._touched and self._touches():
-                self._touched = True
+            if watched:
+                self._adapt_step(speed, steering)
+            for _ in range(self._substeps):
+                step(client)
+                if not self._touched and self._touches():
+                    self._touched = True
+
+    def _adapt_step(self, speed: float, steering: float) -> None:
+        """Divide the step while a body moves or is about to be pushed."""
+        disturbed = any(map(self._is_disturbed, self._model.watched))
+        substeps = self._finer if disturbed else 1
+        if substeps != self._substeps:
+            self._substeps = substeps
+            self._bullet.setTimeStep(self._time_step / substeps, self._client)
+            self._set_motors(speed, steering)  # whose gains count per step
+
+    def _is_disturbed(self, body: int) -> bool:
+        """Whether a movable body moves, or is so near that the robot may reach it in this step."""
+        bullet, client, robot = self._bullet, self._client, self._model.robot.body
+        if bullet.getBaseVelocity(body, client) != AT_REST:
+            return True
+        (x, y, _), _ = bullet.getBasePositionAndOrientation(robot, client)
+        (bx, by, _), _ = bullet.getBasePositionAndOrientation(body, client)
+        reach = self._reach + self._model.watched[body]
+        if (bx - x) * (bx - x) + (by - y) * (by - y) > reach * reach:
+            return False
+        return bool(bullet.getClosestPoints(robot, body, self._gap, physicsClientId=client))
 
     def _set_motors(self, speed: float, steering: float) -> None:
         bullet, robot = self._bullet, self._model.robot
@@ -118,7 +156,7 @@ class PyBulletSimulation:
                 bullet.POSITION_CONTROL,
                 targetPositions=angles,
                 forces=robot.steering_forces,
-                positionGains=self._gains,
+                positionGains=(self._gain(),) * len(angles),
                 physicsClientId=self._client,
             )
         bullet.setJointMotorControlArray(
@@ -130,15 +168,14 @@ class PyBulletSimulation:
             physicsClientId=self._client,
         )
 
+    def _gain(self) -> float:
+        """Share of its error that the steering makes up in one step.
 
-def _gain(settings: Settings) -> float:
-    """Share of its error that the steering makes up in one step.
-
-    With the engine's own constant gain the lag would be ten steps, however long they are.
-    """
-    if settings.steering_lag_s == 0.0:
-        return 1.0
-    return -math.expm1(-settings.time_step / settings.steering_lag_s)
+        With the engine's own constant gain the lag would be ten steps, however long they are.
+        """
+        if self._lag == 0.0:
+            return 1.0
+        return -math.expm1(-self._time_step / self._substeps / self._lag)
 
 
 def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
