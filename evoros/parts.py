@@ -68,7 +68,7 @@ from evoros.formats.urdf.tree import Urdf
 from evoros.mission.outcome import Outcome
 from evoros.optimizer.protocol import Candidate, Individual, Optimizer, Search, Space
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import Mount, Sensor
+from evoros.sensor.protocol import RANGE, Channel, Mount, RangeSensor, Sensor, sees
 from evoros.simulator.protocol import Simulation, Simulator
 from evoros.world.course import Course
 from evoros.world.model import World
@@ -83,7 +83,8 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "Array", "RuleArrays", "NO_PARAMETERS", "NO_MEMORY", "X", "Y", "YAW", "SPEED", "YAW_RATE",
     "CONTACT", "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "compilable",
     # Protocols, and the values that parts exchange.
-    "Generator", "Robot", "World", "Course", "Sensor", "Mount", "Drive", "DriveDescription", "Urdf",
+    "Generator", "Robot", "World", "Course", "Drive", "DriveDescription", "Urdf",
+    "Sensor", "RangeSensor", "Channel", "RANGE", "sees", "Mount",
     "RegionDescription", "BoundRegion", "Area", "SensorPose",
     "Filter", "Channels", "Silence", "Failure", "Fault", "Controller", "Layer", "StartedLayer",
     "LiveController", "LimitedController", "VersionedController", "Briefing", "Pilot",

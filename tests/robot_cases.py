@@ -4,12 +4,13 @@ import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from lxml import etree
+from numpy.typing import NDArray
 from omegaconf import OmegaConf
 
 from evoros.base import resources as assets
@@ -19,7 +20,7 @@ from evoros.filter.protocol import Filter
 from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
 from evoros.robot.mounting import MountDefaults
-from evoros.sensor.protocol import Mount
+from evoros.sensor.protocol import RANGE, Channel, Mount
 
 ROBOTS = ["erle_rover", "erle_rover_as_run", "two_wheeler"]
 
@@ -28,6 +29,7 @@ ROBOTS = ["erle_rover", "erle_rover_as_run", "two_wheeler"]
 class Whisker:
     """The least sensor: one ray."""
 
+    measures: ClassVar[str] = RANGE
     period_s: float = 0.1
     range_min_m: float = 0.0
     range_max_m: float = 1.0
@@ -35,8 +37,15 @@ class Whisker:
     mass_kg: float = 0.012
     filters: Mapping[str, Filter] = field(default_factory=dict)
 
+    @property
+    def channels(self) -> tuple[Channel]:
+        return (Channel("range", "m", self.range_min_m, self.range_max_m),)
+
     def rays(self) -> Array:
         return np.array([[1.0, 0.0, 0.0]])
+
+    def channel_of(self) -> NDArray[np.int64]:
+        return np.zeros(1, dtype=np.int64)
 
     def gazebo(self, name: str) -> str:
         return f'<sensor name="{name}" type="ray"/>'

@@ -17,6 +17,7 @@ from evoros.controller.range_finders import (
     to_body,
 )
 from evoros.robot.model import Robot
+from evoros.sensor.protocol import RangeSensor, sees
 
 MAX_RANGE_FINDERS = 6
 """As many as a state of the JSON backend can carry."""
@@ -57,14 +58,21 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
     return {name: value for name, value in derived.items() if name not in given}
 
 
+def list_range_finders(robot: Robot) -> list[tuple[int, RangeSensor]]:
+    """List the mounts that the autopilot is told: the first ones with a single range."""
+    sensors = enumerate(robot.mounted_sensors())
+    single = [(i, each) for i, each in sensors if sees(each) and len(each.channels) == 1]
+    return single[:MAX_RANGE_FINDERS]
+
+
 def _describe_range_finders(robot: Robot) -> Iterator[tuple[str, float]]:
     """Yield the parameters of the range finders.
 
     The limits have the names of all versions, because each passes over those of the others.
     """
-    poses = robot.sensor_poses().tolist()[:MAX_RANGE_FINDERS]
-    for number, (mount, (x, y, z, yaw, _)) in enumerate(zip(robot.mounts, poses, strict=False), 1):
-        sensor, instance = robot.sensors[mount.sensor], str(number)
+    poses = robot.sensor_poses().tolist()
+    for number, (mount, sensor) in enumerate(list_range_finders(robot), 1):
+        instance, (x, y, z, yaw, _) = str(number), poses[mount]
         yield name_parameter(instance, "TYPE"), SIMULATED
         yield name_parameter(instance, ORIENTATION), count_octants(yaw) % OCTANTS
         for axis, value in zip(AXES, to_body((x, y, z)), strict=True):

@@ -12,7 +12,7 @@ from evoros.base.rng import generator
 from evoros.bridge.mavlink import RELEASED, GroundStation
 from evoros.bridge.process import OutsideProcess
 from evoros.bridge.sitl import NO_PULSE, SitlFrames
-from evoros.controller.ardupilot_parameters import MAX_RANGE_FINDERS
+from evoros.controller.ardupilot_parameters import list_range_finders
 from evoros.controller.protocol import Briefing
 
 if TYPE_CHECKING:
@@ -48,10 +48,11 @@ class ArduPilotPilot:
         self._settings, self._briefing = settings, briefing
         self._process, self._station = process, station
         self._full_speed, self._full_lock = drive.max_speed_mps, drive.steering_limit
-        kinds = [robot.sensors[mount.sensor] for mount in robot.mounts[:MAX_RANGE_FINDERS]]
-        self._nothing_seen = [float(kind.range_max_m) for kind in kinds]
+        finders = list_range_finders(robot)
+        self._told = [robot.layout[mount].start for mount, _ in finders]
+        self._nothing_seen = [float(sensor.range_max_m) for _, sensor in finders]
         self._silent = [reading + BEYOND_M for reading in self._nothing_seen]
-        count, servos = len(kinds), process.sockets["servos"]
+        count, servos = len(finders), process.sockets["servos"]
         self._frames = SitlFrames(process, servos, -drive.rear_axle_x_m, count)
         x, y, _, yaw = map(float, briefing.home)
         self._at_home = (x, y, yaw)
@@ -104,7 +105,7 @@ class ArduPilotPilot:
             self._avoid(time, state, leg, readings)
         self._tick += 1
         x, y, yaw, speed, rate, _ = state.tolist()
-        values = zip(readings.tolist(), self._silent, strict=False)
+        values = zip(readings[self._told].tolist(), self._silent, strict=True)
         ranges = [value if value == value else silent for value, silent in values]
         widths = self._advance((x, y, yaw), (speed, rate), ranges, time)
         steering, throttle = widths[STEERING_SERVO], widths[THROTTLE_SERVO]

@@ -10,19 +10,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import orjson
 
 from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
 from evoros.base.checks import FLAG, NOT_NEGATIVE, POSITIVE, Rule, checked, is_number, mapping_of
 from evoros.base.errors import LaunchError, SimulationError, single_line
 from evoros.bridge.lines import LineConversation, start_conversation
+from evoros.controller.briefing_text import describe_briefing
 from evoros.controller.protocol import Briefing, Pilot
-from evoros.drive.protocol import Drive
 from evoros.filter.protocol import FILTERS, Filter
+from evoros.robot.model import Robot
 
-VERSION = 1
-"""The version of the lines; docs/programs.md specifies them."""
 TIME_TOLERANCE_S = 1e-9
 
 TEXTS = Rule(
@@ -83,7 +81,7 @@ class LineController:
             content = {**describe_briefing(briefing), **self._describe(), **(told or {})}
             answer = conversation.ask(json.dumps(content).encode(), self.start_limit_s)
             _require_ready(conversation.process.name, answer)
-            yield LinePilot(conversation, self)
+            yield LinePilot(conversation, self, briefing.robot)
 
     def _describe(self) -> dict[str, Any]:
         """Return what the first line tells of the controller itself."""
@@ -101,49 +99,6 @@ def _is_plain(value: object) -> bool:
     if isinstance(value, list | tuple):
         return all(map(_is_plain, value))
     return value is None or isinstance(value, bool | str | int) or is_number(value)
-
-
-def describe_briefing(briefing: Briefing) -> dict[str, Any]:
-    """Return what the first line tells of the mission."""
-    return {
-        "evoros": VERSION,
-        "robot": briefing.robot.name,
-        "sensors": list(_describe_sensors(briefing)),
-        "drive": describe_drive(briefing.robot.drive),
-        "home": list(map(float, briefing.home)),
-        "route": briefing.route.tolist(),
-        "acceptance_m": float(briefing.acceptance_m),
-        "time_limit_s": float(briefing.time_limit_s),
-        "seed": briefing.seed,
-    }
-
-
-def describe_drive(drive: Drive) -> dict[str, float]:
-    """Return what programs are told of a drive."""
-    return {
-        "wheelbase_m": float(drive.wheelbase_m),
-        "steering_limit_rad": float(drive.steering_limit),
-        "max_speed_mps": float(drive.max_speed_mps),
-        "rear_axle_x_m": float(drive.rear_axle_x_m),
-        "turn_ratio": float(drive.turn_ratio),
-    }
-
-
-def _describe_sensors(briefing: Briefing) -> Iterator[dict[str, Any]]:
-    robot = briefing.robot
-    poses = robot.sensor_poses().tolist()
-    for (name, mount), pose in zip(robot.named_mounts(), poses, strict=True):
-        sensor = robot.sensors[mount.sensor]
-        rays = np.asarray(sensor.rays())
-        yield {
-            "name": name,
-            "type": mount.sensor,
-            "pose": pose,
-            "range_min_m": float(sensor.range_min_m),
-            "range_max_m": float(sensor.range_max_m),
-            "field_of_view_rad": float(np.ptp(np.arctan2(rays[:, 1], rays[:, 0]))),
-            "period_s": float(sensor.period_s),
-        }
 
 
 def _require_ready(name: str, answer: bytes) -> None:
@@ -170,8 +125,12 @@ def _require_ready(name: str, answer: bytes) -> None:
 class LinePilot:
     """A command in one mission: a line at each decision."""
 
-    def __init__(self, conversation: LineConversation, controller: LineController) -> None:
+    def __init__(
+        self, conversation: LineConversation, controller: LineController, robot: Robot
+    ) -> None:
         self._conversation, self._limit_s = conversation, controller.answer_limit_s
+        several = any(part.stop - part.start > 1 for part in robot.layout)
+        self._parts = robot.layout if several else None  # None: a number is a sensor's reading
         self._modes = len(controller.modes)
         timeout = controller.command_timeout_s
         self._timeout_s = math.inf if timeout is None else timeout
@@ -182,7 +141,8 @@ class LinePilot:
     ) -> int:
         """Tell the state, the leg and the readings; take the mode, speed and steering angle."""
         # orjson makes null of NaN, which is a silent sensor or localization.
-        told = orjson.dumps([time, state, leg, readings], option=orjson.OPT_SERIALIZE_NUMPY)
+        seen = readings if self._parts is None else _group(readings, self._parts)
+        told = orjson.dumps([time, state, leg, seen], option=orjson.OPT_SERIALIZE_NUMPY)
         answer = self._conversation.ask(told, self._limit_s, time)
         try:
             mode, speed, steering = orjson.loads(answer)
@@ -204,6 +164,13 @@ class LinePilot:
             f"{self._conversation.process.name} answered {_quote(answer)} at {time:g} s; it must "
             f"answer [mode, speed, steering] with a mode from 0 to {self._modes} and finite numbers"
         )
+
+
+def _group(readings: Array, parts: Sequence[slice]) -> list[Any]:
+    """Return the reading of each sensor: a number, or an array if it has several channels."""
+    return [
+        readings[part] if part.stop - part.start > 1 else readings[part.start] for part in parts
+    ]
 
 
 def _quote(answer: bytes) -> str:

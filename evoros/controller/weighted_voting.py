@@ -10,8 +10,10 @@ from numpy.random import Generator
 from evoros.base.arrays import DRIVE_SPEED, NO_MEMORY, STEERING, Array, RuleArrays
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_number
 from evoros.robot.model import Robot
+from evoros.sensor.protocol import sees
 
-# The rule's parameters; the direction of each sensor's vote follows (1: left, -1: right).
+# The rule's parameters. For each reading follow the direction of its vote (1: left, -1: right, 0:
+# it has none), and then whether it is the last of its sensor (1 or 0).
 RANGE, MAX_RANGE, SPEED, FULL_LOCK, DEADLOCK_DIFFERENCE, DEADLOCK_SUM, DIRECTIONS = range(7)
 
 HALF_TURN = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v) and 0 <= v < 180)
@@ -26,10 +28,11 @@ class WeightedVoting:
 
     A reading below ``range_m`` is a vote of weight ``range_m - reading``: for the left from a
     sensor that faces right or ahead (within ``ahead_deg``, itself included), for the right from
-    one that faces left. The robot steers towards the greater sum by ``|difference| /
-    max_range_m`` of full lock, at most full lock (Eq. 2); equal sums go straight on. If the sums
-    differ by at most ``deadlock_difference_m`` and both exceed ``deadlock_sum_m``, the obstacle is
-    straight ahead and the robot turns hard left.
+    one that faces left. A sensor with several beams has a vote for each side, that of the nearest
+    reading of its beams that face the other. Sensors that cast no rays have none. The robot steers
+    towards the greater sum by ``|difference| / max_range_m`` of full lock, at most full lock (Eq.
+    2); equal sums go straight on. If the sums differ by at most ``deadlock_difference_m`` and both
+    exceed ``deadlock_sum_m``, the obstacle is straight ahead and the robot turns hard left.
 
     Raises:
         InputError: a value is out of range.
@@ -44,18 +47,24 @@ class WeightedVoting:
     deadlock_sum_m: Annotated[float, NOT_NEGATIVE] = 1.5
 
     def start(self, robot: Robot, period: float, rng: Generator) -> RuleArrays:
-        """Return the parameters, with the direction of each mounted sensor; no memory.
+        """Return the parameters, with the direction of each reading; no memory.
 
         Raises:
             InputError: ``range_m`` exceeds the range of a sensor, so that the sensor would vote
                 even if it sees nothing.
         """
-        shortest = min((robot.sensors[m.sensor].range_max_m for m in robot.mounts), default=np.inf)
+        ranges = [sensor.range_max_m for sensor in robot.mounted_sensors() if sees(sensor)]
+        shortest = min(ranges, default=np.inf)
         if self.range_m > shortest:
             rule = f"must be at most the smallest range_max_m of the sensors, which is {shortest:g}"
             raise invalid(self, "range_m", self.range_m, rule, "lower it to less than that")
         ahead = math.radians(self.ahead_deg) + ROUNDING
-        yaws = [math.atan2(math.sin(yaw), math.cos(yaw)) for yaw in robot.sensor_poses()[:, 3]]
+        votes = [
+            0.0 if math.isnan(yaw) else 1.0 if _wrap(yaw) <= ahead else -1.0
+            for yaw in robot.channel_yaws()
+        ]
+        last = np.zeros(robot.channel_count)
+        last[[part.stop - 1 for part in robot.layout]] = 1.0
         parameters = np.array(
             [
                 self.range_m,
@@ -64,7 +73,8 @@ class WeightedVoting:
                 robot.drive.steering_limit,
                 self.deadlock_difference_m,
                 self.deadlock_sum_m,
-                *(1.0 if yaw <= ahead else -1.0 for yaw in yaws),
+                *votes,
+                *last,
             ]
         )
         return parameters, NO_MEMORY
@@ -83,16 +93,23 @@ class WeightedVoting:
         threshold = float(parameters[RANGE])
         left = 0.0
         right = 0.0
-        seen = False
-        for i in range(len(readings)):
+        ahead = threshold  # the nearest reading of one sensor that votes for the left
+        aside = threshold  # and for the right
+        count = len(readings)
+        for i in range(count):
             reading = float(readings[i])
             if reading < threshold:
-                seen = True
-                if parameters[DIRECTIONS + i] > 0.0:
-                    left += threshold - reading
-                else:
-                    right += threshold - reading
-        if not seen:
+                vote = parameters[DIRECTIONS + i]
+                if vote > 0.0:
+                    ahead = min(ahead, reading)
+                elif vote < 0.0:
+                    aside = min(aside, reading)
+            if parameters[DIRECTIONS + count + i] > 0.0:
+                left += threshold - ahead
+                right += threshold - aside
+                ahead = threshold
+                aside = threshold
+        if left == 0.0 and right == 0.0:
             return False
         surplus = left - right
         turn = min(max(surplus / float(parameters[MAX_RANGE]), -1.0), 1.0)
@@ -103,3 +120,7 @@ class WeightedVoting:
         command[DRIVE_SPEED] = parameters[SPEED]
         command[STEERING] = turn * float(parameters[FULL_LOCK])
         return True
+
+
+def _wrap(angle: float) -> float:
+    return math.atan2(math.sin(angle), math.cos(angle))

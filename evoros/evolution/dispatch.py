@@ -120,7 +120,7 @@ class Dispatcher:
         packed = pack(scenario)
         futures = [self.pool.submit(run_for_trajectory, packed, mission) for mission in missions]
         return [
-            self.take_result(mission, future, partial(_lost_trajectory, mission))
+            self.take_result(mission, future, partial(_lost_trajectory, scenario, mission))
             for mission, future in zip(missions, futures, strict=True)
         ]
 
@@ -220,12 +220,12 @@ class _Batch:
             future.cancel()
 
 
-def _lost_trajectory(mission: Mission, reason: str) -> Array:
-    return empty_trajectory(mission)
+def _lost_trajectory(scenario: Scenario, mission: Mission, reason: str) -> Array:
+    return empty_trajectory(scenario, mission)
 
 
 def _lost_outcome(scenario: Scenario, mission: Mission, reason: str) -> list[CallResult]:
-    return [(failed_mission(scenario, mission, LOST, reason), empty_trajectory(mission))]
+    return [(failed_mission(scenario, mission, LOST, reason), empty_trajectory(scenario, mission))]
 
 
 def _error_of(future: "Future[Any]") -> BaseException | None:

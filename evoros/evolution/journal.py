@@ -67,6 +67,7 @@ class Champion:
     robot: Robot | None  # with the design's sensors and values; None if a part refuses these
     worlds: Mapping[str, World]  # by name
     tracks: Sequence[str]  # names of the worlds whose trajectories are kept
+    readings: Sequence[str]  # columns of the sensors in a trajectory
 
 
 class Observer(Protocol):

@@ -65,6 +65,7 @@ def _record_champion(
         robot=robot,
         worlds={each.world: scenario.world[each.world].at(each.draws) for each in missions},
         tracks=[] if experiment.record == NONE else [each.world for each in missions],
+        readings=scenario.name_readings(design),
     )
     if not journal.has_champion(champion):
         if experiment.record == CHAMPION:

@@ -101,8 +101,10 @@ def _start_stages(experiment: Experiment, scenario: Scenario, draws: Draws) -> S
     )
     robot = scenario.with_design(Design(mounts, middle.values)).robot
     faults = scenario.failure.draw(describe_sensors(robot), draws("failure"))
-    readings, tick = np.zeros(len(robot.mounts)), scenario.simulator.time_step
-    filters = start_sensor_filters(robot, faults, readings, readings, tick, draws)
+    ranges, readings = np.zeros(robot.beam_count), np.zeros(robot.channel_count)
+    filters = start_sensor_filters(
+        robot, faults, ranges, readings, scenario.simulator.time_step, draws
+    )
     equipped = scenario.with_design(middle)
     localization = start_localization(equipped.controller, np.zeros(POSE_SIZE), draws)
     return filters, localization, _start_layers(equipped, draws)

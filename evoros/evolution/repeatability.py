@@ -1,5 +1,6 @@
 """Finds live controllers that do not do the same twice, by a mission that is run twice."""
 
+from collections.abc import Sequence
 from concurrent.futures import CancelledError
 
 import numpy as np
@@ -30,7 +31,8 @@ def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> No
         raise
     except Exception:  # the same mission will tell, as a part of the run
         return
-    difference = find_difference(first, second)
+    columns = [*TRAJECTORY, *scenario.name_readings(mission.design)]
+    difference = find_difference(first, second, columns)
     if difference:
         LOGGER.warning(
             "controller: %s was run twice, and %s; nothing that depends on it can be repeated bit "
@@ -40,7 +42,7 @@ def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> No
         )
 
 
-def find_difference(first: Array, second: Array) -> str:
+def find_difference(first: Array, second: Array, columns: Sequence[str]) -> str:
     """Describe the first difference of two trajectories (rows, columns); empty if there is none."""
     rows = min(len(first), len(second))
     same = (first[:rows] == second[:rows]) | (np.isnan(first[:rows]) & np.isnan(second[:rows]))
@@ -48,9 +50,7 @@ def find_difference(first: Array, second: Array) -> str:
     if len(differing):
         row = int(differing[0])
         column = int(np.flatnonzero(~same[row])[0])
-        sensors = first.shape[1] - len(TRAJECTORY)
-        name = (*TRAJECTORY, *(f"range_{i}_m" for i in range(sensors)))[column]
-        values = f"{name} {first[row, column]:g} and {second[row, column]:g}"
+        values = f"{columns[column]} {first[row, column]:g} and {second[row, column]:g}"
         return f"the two differ from tick {row} on, at {first[row, TIME]:g} s ({values})"
     if len(first) != len(second):
         times = f"{first[-1:, TIME].sum():g} and {second[-1:, TIME].sum():g} s"

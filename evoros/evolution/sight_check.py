@@ -15,7 +15,7 @@ from evoros.evolution.layer_values import find_avoidance_range
 from evoros.geometry.shapes import Body, Pose
 from evoros.mission.scenario import Scenario
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import Mount
+from evoros.sensor.protocol import Mount, sees
 from evoros.simulator.planar import Planar
 from evoros.world.course import Course
 from evoros.world.floors import GROUND
@@ -71,12 +71,15 @@ def _find_seen(scenario: Scenario, itself: bool) -> Iterator[Sight]:
     if found is None or not robot.mounts:
         return
     key, limit = found
-    readings = _read(robot, itself)
+    ranges = _read(robot, itself)
     if itself:
-        readings = np.where(readings < _read(robot, False), readings, np.inf)
+        ranges = np.where(ranges < _read(robot, False), ranges, np.inf)
     frames = robot.sensor_frames()
-    for mount, reading, frame in zip(robot.mounts, readings.tolist(), frames, strict=True):
+    for mount, beams, frame in zip(robot.mounts, robot.beam_layout, frames, strict=True):
         sensor = robot.sensors[mount.sensor]
+        if not sees(sensor):
+            continue
+        reading = float(ranges[beams].min())
         if reading < min(limit, sensor.range_max_m):
             lowest = float((sensor.rays() @ frame[:3, :3].T)[:, 2].min())
             drop = math.degrees(math.asin(-lowest))
@@ -84,17 +87,17 @@ def _find_seen(scenario: Scenario, itself: bool) -> Iterator[Sight]:
 
 
 def _read(robot: Robot, itself: bool) -> Array:
-    """Return the readings [m] on empty ground; of the robot's own shapes too if ``itself``."""
+    """Return the ranges [m] on empty ground; to the robot's own shapes too if ``itself``."""
     bodies = [
         Body(f"shape {i}", Pose(), (replace(solid.shape, pose=solid.pose),))
         for i, solid in enumerate(robot.solids if itself else ())
     ]
     world = World("empty", (GROUND, *bodies), _AWAY, "preflight", "")
-    readings = np.empty(len(robot.mounts))
+    ranges = np.empty(robot.beam_count)
     with Planar().open(robot, world) as simulation:
         simulation.memory[[X, Y]] = 0.0
-        simulation.sense(readings)
-    return readings
+        simulation.sense(ranges)
+    return ranges
 
 
 def _describe_ground(sight: Sight) -> str:

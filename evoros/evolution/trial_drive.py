@@ -3,9 +3,10 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evoros.base.arrays import (
     COMMAND_SIZE,
@@ -19,7 +20,7 @@ from evoros.base.arrays import (
 )
 from evoros.filter.protocol import Filter
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import Mount
+from evoros.sensor.protocol import RANGE, Channel, Mount
 from evoros.simulator.protocol import Simulation, Simulator
 from evoros.world.model import World
 
@@ -43,6 +44,7 @@ class TrialDrive(NamedTuple):
 class Plumb:
     """A sensor that measures the distance from the ground below it."""
 
+    measures: ClassVar[str] = RANGE
     period_s: float = 0.1
     range_min_m: float = 0.0
     range_max_m: float = 10.0
@@ -50,9 +52,18 @@ class Plumb:
     mass_kg: float = 1e-6
     filters: Mapping[str, Filter] = field(default_factory=dict)
 
+    @property
+    def channels(self) -> tuple[Channel]:
+        """The distance."""
+        return (Channel("range", "m", self.range_min_m, self.range_max_m),)
+
     def rays(self) -> Array:
         """Return the only ray, down."""
         return np.array([[0.0, 0.0, -1.0]])
+
+    def channel_of(self) -> NDArray[np.int64]:
+        """Return the only channel."""
+        return np.zeros(1, dtype=np.int64)
 
     def gazebo(self, name: str) -> str:
         """Return nothing: no file of a robot has this sensor."""
@@ -87,7 +98,7 @@ def drive_trial(simulator: Simulator, robot: Robot, world: World, speed: float) 
 
 def _measure_posture(simulation: Simulation, robot: Robot) -> tuple[float, float]:
     """Return how far [m] the robot sank, and its tilt [deg]; zeros if its rays do not tell."""
-    readings = np.zeros(len(robot.mounts))
+    readings = np.zeros(robot.beam_count)
     simulation.sense(readings)
     errors = readings - robot.sensor_poses()[:, 2]
     if not np.abs(errors).max() < READABLE_M:

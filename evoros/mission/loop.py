@@ -67,10 +67,10 @@ class Arrays(NamedTuple):
     pose: Array  # (STATE_SIZE,) as localized
     leg: Array  # (LEG_SIZE,)
     command: Array  # (COMMAND_SIZE,)
-    raw: Array  # (sensors,) true ranges [m]
-    readings: Array  # (sensors,) after the filters
+    ranges: Array  # (beams,) true [m]
+    readings: Array  # (channels,) of all sensors, after the filters
     decisions: Array  # (1 + layers,) how many each layer took; first: how many no layer took
-    trajectory: Array  # (rows, columns + sensors)
+    trajectory: Array  # (rows, columns + channels)
 
 
 class LoopResult(NamedTuple):
@@ -97,7 +97,7 @@ def run_loop(inputs: LoopInputs, goal: Goal, timing: Timing, arrays: Arrays) -> 
     observe, sense, advance, parameters, memory, filters, localization, layers = inputs
     route, acceptance, end_on_collision = goal
     tick, sense_every, decide_every, record_every, limit = timing
-    state, pose, leg, command, raw, readings, decisions, trajectory = arrays
+    state, pose, leg, command, ranges, readings, decisions, trajectory = arrays
     legs, reach_squared = len(route), acceptance * acceptance
     visited = collisions = mode = rows = 0
     first_collision, touching, ended = -1, False, RUNNING
@@ -134,7 +134,7 @@ def run_loop(inputs: LoopInputs, goal: Goal, timing: Timing, arrays: Arrays) -> 
             ended = TIME_LIMIT
         if ended == RUNNING:
             if k % sense_every == 0:
-                sense(parameters, memory, raw)
+                sense(parameters, memory, ranges)
                 for every, change, stage_parameters, stage_memory, rng, values in filters:
                     if every == 0:
                         break

@@ -35,8 +35,8 @@ def collect_inputs(
     def observe(parameters: Array, memory: Array, state: Array) -> None:
         simulation.observe(state)
 
-    def sense(parameters: Array, memory: Array, readings: Array) -> None:
-        simulation.sense(readings)
+    def sense(parameters: Array, memory: Array, ranges: Array) -> None:
+        simulation.sense(ranges)
 
     def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
         simulation.advance(command, duration)

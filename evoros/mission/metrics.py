@@ -24,7 +24,7 @@ class Rollout:
     collisions: int
     first_collision: float  # [s], NaN: none
     avoiding: float  # share of the decisions, 0..1
-    trajectory: Array  # (rows, len(TRAJECTORY) + sensors)
+    trajectory: Array  # (rows, len(TRAJECTORY) + channels)
 
 
 def measure(

@@ -16,37 +16,51 @@ Draws = Callable[[str], Generator]
 """Creates the generator of a named part in one mission."""
 
 
-def describe_sensors(robot: Robot, first: int = 0, last: int | None = None) -> Channels:
-    """Describe the sensors from ``first`` to before ``last`` to filters; all by default."""
-    sensors = [robot.sensors[mount.sensor] for mount in robot.mounts[first:last]]
+def describe_sensors(robot: Robot) -> Channels:
+    """Describe the sensors to failures, as one value each, whatever they have of channels."""
+    sensors = robot.mounted_sensors()
     return Channels(
-        low=np.array([sensor.range_min_m for sensor in sensors]),
-        high=np.array([sensor.range_max_m for sensor in sensors]),
-        position=np.ascontiguousarray(robot.sensor_poses()[first:last, :3]),
+        low=np.array([min(channel.low for channel in sensor.channels) for sensor in sensors]),
+        high=np.array([max(channel.high for channel in sensor.channels) for sensor in sensors]),
+        position=np.ascontiguousarray(robot.sensor_poses()[:, :3]),
         period=min((sensor.period_s for sensor in sensors), default=0.0),
     )
 
 
+def _describe_channels(robot: Robot, first: int, last: int) -> Channels:
+    """Describe the channels of the sensors from ``first`` to before ``last``, of one type."""
+    sensor, count = robot.mounted_sensors()[first], last - first
+    channels = sensor.channels
+    return Channels(
+        low=np.array([channel.low for channel in channels] * count),
+        high=np.array([channel.high for channel in channels] * count),
+        position=np.repeat(robot.sensor_poses()[first:last, :3], len(channels), axis=0),
+        period=sensor.period_s,
+    )
+
+
 def start_sensor_filters(
-    robot: Robot, faults: Sequence[Fault], raw: Array, readings: Array, tick: float, draws: Draws
+    robot: Robot, faults: Sequence[Fault], ranges: Array, readings: Array, tick: float, draws: Draws
 ) -> list[FilterStage]:
     """Start, for each sensor type, the publication of its readings, its filters and the faults.
 
-    ``raw`` and ``readings`` (sensors,) are arrays of the mission [m], and ``tick`` is that of its
-    clock [s]. Each stage acts on the sensors of one type, whenever they have new readings.
+    ``ranges`` (beams,) [m] and ``readings`` (channels,) are arrays of the mission, and ``tick`` is
+    that of its clock [s]. Each stage acts on the sensors of one type, whenever they have new
+    readings. A fault acts on all channels of a sensor from the same time on.
     """
     names = [mount.sensor for mount in robot.mounts]
     stages: list[FilterStage] = []
     for name in dict.fromkeys(names):
         first = names.index(name)
         last = first + names.count(name)
-        channels, values = describe_sensors(robot, first, last), readings[first:last]
+        channels = _describe_channels(robot, first, last)
+        values = readings[robot.layout[first].start : robot.layout[last - 1].stop]
+        source = ranges[robot.beam_layout[first].start : robot.beam_layout[last - 1].stop]
         every, part = round(channels.period / tick), f"sensor.{name}"
-        source = raw[first:last]
         stages.append(FilterStage(every, publish, NO_PARAMETERS, source, draws(part), values))
         stages += _start_filters(part, robot.sensors[name].filters, channels, values, every, draws)
         for number, fault in _number_by_name(faults):
-            onset = fault.onset[first:last]
+            onset = np.repeat(fault.onset[first:last], channels.size // (last - first))
             rng = draws(f"fault.{fault.name}.{number}.{name}")
             if np.isfinite(onset).any():
                 arrays = fault.filter.start(channels, onset, rng)

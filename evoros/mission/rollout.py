@@ -35,6 +35,7 @@ from evoros.mission.pipeline import (
 )
 from evoros.mission.plan import count_round
 from evoros.mission.scenario import Scenario
+from evoros.robot.model import Robot
 from evoros.world.model import World
 
 ENDED = {
@@ -53,7 +54,7 @@ Prepare = Callable[[LoopInputs], tuple[Loop, LoopInputs]]
 def run_mission(
     scenario: Scenario, mission: Mission, prepare: Prepare = prepare
 ) -> tuple[Outcome, Array]:
-    """Run a mission and return its outcome and its trajectory, (rows, columns + sensors).
+    """Run a mission and return its outcome and its trajectory, (rows, columns + channels).
 
     A failure of the simulation is an outcome, because it would recur. So are evolved values that
     a part refuses, because other designs can still be evaluated.
@@ -77,7 +78,7 @@ def run_mission(
             if not mission.design.values:
                 raise
             ended, reason = outcome.REFUSED, str(error)
-    return failed_mission(scenario, mission, ended, reason), empty_trajectory(mission)
+    return failed_mission(scenario, mission, ended, reason), empty_trajectory(scenario, mission)
 
 
 def failed_mission(scenario: Scenario, mission: Mission, ended: str, reason: str) -> Outcome:
@@ -86,9 +87,9 @@ def failed_mission(scenario: Scenario, mission: Mission, ended: str, reason: str
     return Outcome.failure(ended, reason, limit, len(mission.design.mounts))
 
 
-def empty_trajectory(mission: Mission) -> Array:
+def empty_trajectory(scenario: Scenario, mission: Mission) -> Array:
     """Create the trajectory of a mission that could not be run, with all columns and no row."""
-    return np.empty((0, len(TRAJECTORY) + len(mission.design.mounts)))
+    return np.empty((0, len(TRAJECTORY) + len(scenario.name_readings(mission.design))))
 
 
 def _run(scenario: Scenario, mission: Mission, prepare: Prepare) -> tuple[Outcome, Array]:
@@ -102,9 +103,9 @@ def _run(scenario: Scenario, mission: Mission, prepare: Prepare) -> tuple[Outcom
     goal = Goal(route, course.acceptance_m, course.end_on_collision)
     faults = scenario.failure.draw(describe_sensors(robot), draws("failure"))
     with open_layers(scenario, course, route, draws) as layers:
-        arrays = _create_arrays(timing, world, route, len(robot.mounts), len(layers))
-        raw, readings, pose = arrays.raw, arrays.readings, arrays.pose[:POSE_SIZE]
-        filters = start_sensor_filters(robot, faults, raw, readings, timing.tick, draws)
+        arrays = _create_arrays(timing, world, route, robot, len(layers))
+        ranges, readings, pose = arrays.ranges, arrays.readings, arrays.pose[:POSE_SIZE]
+        filters = start_sensor_filters(robot, faults, ranges, readings, timing.tick, draws)
         localization = start_localization(controller, pose, draws)
         with scenario.simulator.open(robot, world) as simulation:
             loop, inputs = prepare(collect_inputs(simulation, filters, localization, layers))
@@ -113,17 +114,18 @@ def _run(scenario: Scenario, mission: Mission, prepare: Prepare) -> tuple[Outcom
     return measure(rollout, robot, world, route, faults), rollout.trajectory
 
 
-def _create_arrays(timing: Timing, world: World, route: Array, sensors: int, layers: int) -> Arrays:
+def _create_arrays(timing: Timing, world: World, route: Array, robot: Robot, layers: int) -> Arrays:
+    channels = robot.channel_count
     rows = timing.limit // timing.record_every + 2
     return Arrays(
         state=np.zeros(STATE_SIZE),
         pose=np.zeros(STATE_SIZE),
         leg=np.array([*world.course.home[:2], *route[0]], dtype=float),
         command=np.zeros(COMMAND_SIZE),
-        raw=np.zeros(sensors),
-        readings=np.zeros(sensors),
+        ranges=np.zeros(robot.beam_count),
+        readings=np.zeros(channels),
         decisions=np.zeros(1 + layers),
-        trajectory=np.empty((rows, len(TRAJECTORY) + sensors)),
+        trajectory=np.empty((rows, len(TRAJECTORY) + channels)),
     )
 
 

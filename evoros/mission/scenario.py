@@ -13,6 +13,7 @@ from evoros.design.genes import replace_values
 from evoros.design.space import SensorDesign
 from evoros.failure.protocol import Failure
 from evoros.robot.model import Robot
+from evoros.sensor.protocol import name_channels
 from evoros.simulator.protocol import A_SIMULATOR, SelectiveSimulator, Simulator
 from evoros.world.model import World
 
@@ -101,3 +102,14 @@ class Scenario:
         return replace(
             scenario, robot=scenario.robot.with_sensors(design.mounts, scenario.design.sensors)
         )
+
+    def name_readings(self, design: Design) -> list[str]:
+        """Return the columns of a trajectory that the readings of a design's sensors have.
+
+        A design that a part refuses has those of the sensors before its values are set.
+        """
+        try:
+            sensors = self.with_design(design).design.sensors
+        except InputError:
+            sensors = self.design.sensors
+        return list(name_channels(sensors[mount.sensor] for mount in design.mounts))

@@ -4,6 +4,8 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 from lxml import etree
@@ -18,7 +20,7 @@ from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.mounting import level_pitch
 from evoros.robot.outline import SolidShape
 from evoros.robot.sensor_elements import sensor_elements
-from evoros.sensor.protocol import Mount, Sensor
+from evoros.sensor.protocol import Mount, Sensor, sees
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -117,6 +119,31 @@ class Robot:
                 )
         return replace(self, mounts=ordered, sensors=dict(sensors))
 
+    @cached_property
+    def layout(self) -> tuple[slice, ...]:
+        """The part of the flat readings that each mount has: a value for each of its channels."""
+        return _place([len(sensor.channels) for sensor in self.mounted_sensors()])
+
+    @cached_property
+    def beam_layout(self) -> tuple[slice, ...]:
+        """The part of the true ranges that each mount has; empty if it casts no rays."""
+        sensors = self.mounted_sensors()
+        return _place([len(sensor.channels) if sees(sensor) else 0 for sensor in sensors])
+
+    @property
+    def channel_count(self) -> int:
+        """The number of all readings."""
+        return self.layout[-1].stop if self.layout else 0
+
+    @property
+    def beam_count(self) -> int:
+        """The number of true ranges, which simulators sense."""
+        return self.beam_layout[-1].stop if self.beam_layout else 0
+
+    def mounted_sensors(self) -> list[Sensor]:
+        """Return the sensor type of each mount."""
+        return [self.sensors[mount.sensor] for mount in self.mounts]
+
     def default_pitch(self, sensors: Iterable[Sensor]) -> float:
         """Return the pitch [deg] of the default mount for these types of sensors."""
         return level_pitch(sensors) if self.mount_pitch_deg is None else self.mount_pitch_deg
@@ -135,6 +162,27 @@ class Robot:
                 math.radians(mount.pitch_deg),
             )
         return poses
+
+    def channel_yaws(self) -> list[float]:
+        """Return the yaw [rad] of each reading, left positive; NaN if its sensor casts no rays.
+
+        Those of a sensor with several channels are of the middle of each channel's rays.
+        """
+        yaws: list[float] = []
+        frames = self.sensor_frames()
+        for sensor, pose, frame in zip(
+            self.mounted_sensors(), self.sensor_poses(), frames, strict=True
+        ):
+            count = len(sensor.channels)
+            if not sees(sensor):
+                yaws += [math.nan] * count
+            elif count == 1:
+                yaws.append(float(pose[3]))
+            else:
+                middles = np.zeros((count, 3))
+                np.add.at(middles, sensor.channel_of(), sensor.rays() @ frame[:3, :3].T)
+                yaws += np.arctan2(middles[:, 1], middles[:, 0]).tolist()
+        return yaws
 
     def sensor_frames(self) -> Array:
         """Return the frames (n, 4, 4) [m], x along the beam, in the robot's frame."""
@@ -174,3 +222,9 @@ class Robot:
             f"robot {self.name}: mount link must be fixed to the root link and upright, "
             f"not {link!r}; name one of {', '.join(self.sensor_links)}"
         )
+
+
+def _place(sizes: Sequence[int]) -> tuple[slice, ...]:
+    """Return the slices of parts of these sizes, one after another."""
+    ends = list(accumulate(sizes))
+    return tuple(slice(end - size, end) for size, end in zip(sizes, ends, strict=True))

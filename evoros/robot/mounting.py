@@ -9,7 +9,7 @@ import numpy as np
 
 from evoros.base.checks import NUMBER, TEXT, checked
 from evoros.robot.outline import SolidShape, compute_outline
-from evoros.sensor.protocol import Sensor
+from evoros.sensor.protocol import RangeSensor, Sensor, sees
 
 Places = Mapping[str, tuple[float, float, float, float]]
 """Links that can carry sensors: x, y, z [m], yaw [rad] in the robot's frame."""
@@ -55,10 +55,10 @@ def level_pitch(sensors: Iterable[Sensor]) -> float:
 
     It is 0 for a sensor that sees behind itself, which tilting would point at the ground there.
     """
-    return max(map(_level_pitch, sensors), default=0.0)
+    return max((_level_pitch(sensor) for sensor in sensors if sees(sensor)), default=0.0)
 
 
-def _level_pitch(sensor: Sensor) -> float:
+def _level_pitch(sensor: RangeSensor) -> float:
     x, _, z = sensor.rays().T
     if x.min() <= 0.0:
         return 0.0

@@ -1,8 +1,12 @@
-"""What a sensor must offer, and where it is mounted."""
+"""What a sensor must offer, where it is mounted, and how its readings are named."""
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, TypeGuard, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.filter.protocol import Filter
@@ -21,9 +25,22 @@ class Mount:
     pitch_deg: float  # nose up positive
 
 
+RANGE = "range"
+"""What a sensor measures that casts rays: distances [m]."""
+
+
+class Channel(NamedTuple):
+    """One of the values that a sensor reads."""
+
+    name: str  # of the quantity, the begin of its columns: range
+    unit: str  # the end of its columns: m
+    low: float  # the minimum reading, -inf if there is none
+    high: float  # the maximum reading; that of a range is what the sensor reads if it sees nothing
+
+
 @runtime_checkable
 class Sensor(Protocol):
-    """A type of range sensor: what it sees along which rays, how often, how well."""
+    """A type of sensor: what it measures on how many channels, how often, how well."""
 
     @property
     def period_s(self) -> float:
@@ -31,13 +48,13 @@ class Sensor(Protocol):
         ...
 
     @property
-    def range_min_m(self) -> float:
-        """The least that it can read."""
+    def measures(self) -> str:
+        """What a simulator must offer to it: ``range``, along the rays of a ``RangeSensor``."""
         ...
 
     @property
-    def range_max_m(self) -> float:
-        """What it reads where it sees nothing."""
+    def channels(self) -> Sequence[Channel]:
+        """The values of one reading, at least one."""
         ...
 
     @property
@@ -55,10 +72,57 @@ class Sensor(Protocol):
         """Mass of its body, greater than 0: simulators drop a body without mass."""
         ...
 
-    def rays(self) -> Array:
-        """(k, 3) unit vectors in the sensor's frame (x forward); the nearest hit is the reading."""
-        ...
-
     def gazebo(self, name: str) -> str:
         """The ``<sensor>`` element (SDF) that makes Gazebo simulate this sensor."""
         ...
+
+
+@runtime_checkable
+class RangeSensor(Sensor, Protocol):
+    """A type of sensor that measures distances along rays, all of them with the same limits."""
+
+    @property
+    def range_min_m(self) -> float:
+        """The least that it can read."""
+        ...
+
+    @property
+    def range_max_m(self) -> float:
+        """What it reads where it sees nothing."""
+        ...
+
+    def rays(self) -> Array:
+        """(k, 3) unit vectors in the sensor's frame, x forward."""
+        ...
+
+    def channel_of(self) -> NDArray[np.int64]:
+        """(k,) the channel of each ray, whose reading is the nearest hit of all its rays."""
+        ...
+
+
+def sees(sensor: Sensor) -> TypeGuard[RangeSensor]:
+    """Whether a sensor casts rays."""
+    return sensor.measures == RANGE
+
+
+def sensor_bearings(sensor: RangeSensor) -> list[float]:
+    """Return the bearing [rad] of the middle of each channel's rays in the sensor's frame."""
+    middles = np.zeros((len(sensor.channels), 3))
+    np.add.at(middles, sensor.channel_of(), sensor.rays())
+    bearings: list[float] = np.arctan2(middles[:, 1], middles[:, 0]).tolist()
+    return bearings
+
+
+def name_channels(sensors: Iterable[Sensor]) -> Iterator[str]:
+    """Yield the column of each channel of mounted sensors, in their order.
+
+    ``range_N_m`` is the range of sensor N. A sensor with several channels of one name numbers them
+    too, as ``range_N_K_m``.
+    """
+    for number, sensor in enumerate(sensors):
+        sizes = Counter(channel.name for channel in sensor.channels)
+        seen = Counter[str]()
+        for name, unit, *_ in sensor.channels:
+            place = f"{number}" if sizes[name] == 1 else f"{number}_{seen[name]}"
+            seen[name] += 1
+            yield f"{name}_{place}_{unit}"

@@ -3,10 +3,11 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, ClassVar
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.base.checks import (
@@ -20,6 +21,7 @@ from evoros.base.checks import (
 )
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import FILTERS, Filter
+from evoros.sensor.protocol import RANGE, Channel
 
 BOX = Rule(
     "a list of three lengths greater than 0",
@@ -69,6 +71,7 @@ class Sonar:
     The defaults, with ``conf/sensor/sonar.yaml``, are the sonar of the 2018 paper (Evo-ROS).
     """
 
+    measures: ClassVar[str] = RANGE
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.06
     range_max_m: Annotated[float, POSITIVE] = 4.5
     fov_deg: Annotated[float, BEAM] = 30.0  # full width of the beam, horizontal and vertical alike
@@ -82,6 +85,15 @@ class Sonar:
         if self.range_min_m >= self.range_max_m:
             rule = f"must be less than range_max_m ({self.range_max_m})"
             raise invalid(self, "range_min_m", self.range_min_m, rule)
+
+    @property
+    def channels(self) -> tuple[Channel]:
+        """The range alone."""
+        return (Channel("range", "m", self.range_min_m, self.range_max_m),)
+
+    def channel_of(self) -> NDArray[np.int64]:
+        """Return the only channel for all rays."""
+        return np.zeros(self.rays_per_axis**2, dtype=np.int64)
 
     def rays(self) -> Array:
         """(rays_per_axis squared, 3) unit vectors in the sensor's frame: x forward, z up.

@@ -9,11 +9,10 @@ from evoros.base.rng import generator
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import TRAJECTORY, Outcome
 from evoros.mission.rollout import run_mission
 from evoros.session.run import rebuild_experiment
 from evoros.storage.reading import Run, load_run
-from evoros.storage.tables import trajectory_columns
 
 
 def replay(
@@ -47,8 +46,10 @@ def replay(
     purpose, draws = str(row["purpose"]), str(row["draws"])
     decoded = replay_designs(run, experiment)[design]
     mission = Mission(generation, design, decoded, world, trial, purpose, draws)
-    outcome, trajectory = run_mission(experiment.scenario_for(purpose), mission)
-    return outcome, pd.DataFrame(trajectory, columns=trajectory_columns(trajectory))
+    scenario = experiment.scenario_for(purpose)
+    outcome, trajectory = run_mission(scenario, mission)
+    columns = [*TRAJECTORY, *scenario.name_readings(decoded)]
+    return outcome, pd.DataFrame(trajectory, columns=columns)
 
 
 def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:

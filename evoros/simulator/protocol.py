@@ -20,8 +20,11 @@ class Simulation(Protocol):
         """Fill ``state`` (STATE_SIZE,) with the true state; its contact is that since last time."""
         ...
 
-    def sense(self, readings: Array) -> None:
-        """Fill ``readings`` (n,) with the true range [m] of each sensor, within its limits."""
+    def sense(self, ranges: Array) -> None:
+        """Fill ``ranges`` (n,) with the true range [m] of each beam, within the sensor's limits.
+
+        ``engines.rays.sensor_beams`` lists the beams: one for each channel of a range sensor.
+        """
         ...
 
     def advance(self, command: Array, duration: float) -> None:
@@ -75,7 +78,7 @@ ObserveRule: TypeAlias = Callable[[Array, Array, Array], None]
 """(parameters, memory, state): see ``Simulation.observe``."""
 
 SenseRule: TypeAlias = Callable[[Array, Array, Array], None]
-"""(parameters, memory, readings): see ``Simulation.sense``."""
+"""(parameters, memory, ranges): see ``Simulation.sense``."""
 
 AdvanceRule: TypeAlias = Callable[[Array, Array, Array, float], None]
 """(parameters, memory, command, duration [s]): see ``Simulation.advance``."""
@@ -101,9 +104,9 @@ class RuleSimulation:
         """Fill ``state`` with the true state."""
         self.rules.observe(self.parameters, self.memory, state)
 
-    def sense(self, readings: Array) -> None:
-        """Fill ``readings`` with the true ranges [m]."""
-        self.rules.sense(self.parameters, self.memory, readings)
+    def sense(self, ranges: Array) -> None:
+        """Fill ``ranges`` with the true ranges [m]."""
+        self.rules.sense(self.parameters, self.memory, ranges)
 
     def advance(self, command: Array, duration: float) -> None:
         """Drive with ``command`` for ``duration`` [s]."""

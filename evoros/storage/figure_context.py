@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from evoros.base.errors import EvorosError, InputError, single_line
-from evoros.controller.line_controller import describe_drive
+from evoros.controller.briefing_text import describe_drive
 from evoros.design.protocol import Area, Point
 from evoros.failure.protocol import Failure
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import Sensor
+from evoros.sensor.protocol import RangeSensor, sees
 from evoros.world.course import Course
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ def describe_experiment(experiment: "Experiment") -> FigureContext:
         robot=robot.name,
         parts=tuple(_parts(robot)),
         places=dict(robot.sensor_links),
-        beams={name: _beam(sensor) for name, sensor in experiment.design.sensors.items()},
+        beams={name: _beam(each) for name, each in experiment.design.sensors.items() if sees(each)},
         regions={name: region.area() for name, region in regions.items()},
         mirrored=experiment.design.mirrored,
         rings=tuple(_rings(experiment.failure)),
@@ -159,7 +159,7 @@ def _parts(robot: Robot) -> Iterator[Part]:
         yield Part(visible.link, corners, float(area.radius), float(top), visible.rolls)
 
 
-def _beam(sensor: Sensor) -> Beam:
+def _beam(sensor: RangeSensor) -> Beam:
     rays = np.asarray(sensor.rays())
     opening = math.degrees(float(np.ptp(np.arctan2(rays[:, 1], rays[:, 0]))))
     limits = float(sensor.range_min_m), float(sensor.range_max_m)

@@ -160,7 +160,10 @@ class RunFolder(MissionLog):
         The last file says whose they are; it is there only while all the others are.
         """
         folder = self.path / CHAMPION
-        tracks = {_trajectory_file(name): trajectory_table(t) for name, t in trajectories.items()}
+        tracks = {
+            _trajectory_file(name): trajectory_table(trajectory, champion.readings)
+            for name, trajectory in trajectories.items()
+        }
         files: dict[str, str | bytes] = {**tracks, **_champion_files(champion)}
         folder.mkdir(exist_ok=True)
         (folder / list(files)[-1]).unlink(missing_ok=True)

@@ -133,17 +133,11 @@ def gene_table(design_id: int, design: Design, names: Mapping[str, str]) -> str:
     return to_csv([GENE_COLUMNS, *rows])
 
 
-def trajectory_table(trajectory: Array) -> str:
-    """Return the text of a trajectory (rows, columns + sensors)."""
+def trajectory_table(trajectory: Array, readings: Sequence[str]) -> str:
+    """Return the text of a trajectory (rows, columns + channels), with the names of readings."""
     whole = {TRAJECTORY.index(name) for name in ("mode", "visited", "contact")}
     rows = (
         [int(value) if i in whole else value for i, value in enumerate(row)]
         for row in trajectory.tolist()
     )
-    return to_csv([trajectory_columns(trajectory), *rows])
-
-
-def trajectory_columns(trajectory: Array) -> list[str]:
-    """Return the names of the columns of a trajectory; those of the sensors come last."""
-    sensors = trajectory.shape[1] - len(TRAJECTORY)
-    return [*TRAJECTORY, *(f"range_{i}_m" for i in range(sensors))]
+    return to_csv([[*TRAJECTORY, *readings], *rows])

@@ -63,10 +63,11 @@ class TrajectoryFiles:
         """Write the trajectory of a mission, and its robot and world unless they are there."""
         self._keep_robot(scenario, mission)
         self._keep_world(scenario, mission)
-        self._write(trajectory_file(mission.key), trajectory_table(trajectory).encode())
+        table = trajectory_table(trajectory, scenario.name_readings(mission.design))
+        self._write(trajectory_file(mission.key), table.encode())
 
     def read(self, mission: Mission) -> Array:
-        """Read the trajectory of a mission, (rows, columns + sensors).
+        """Read the trajectory of a mission, (rows, columns + channels).
 
         Raises:
             InputError: the file is missing or damaged.

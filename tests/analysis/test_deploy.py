@@ -42,7 +42,7 @@ from evoros.base.errors import InputError
 from evoros.bridge.process import start_process
 from evoros.bridge.ros.ros2_start import SENSOR
 from evoros.controller.ardupilot import ArduPilot
-from evoros.controller.line_controller import describe_drive
+from evoros.controller.briefing_text import describe_drive
 from evoros.design.design import Design
 from evoros.drive.automatic import AutomaticDescription
 from evoros.robot.loading import load_robot

@@ -57,10 +57,19 @@ class Frame:
     mounts: tuple[Mount, ...] = ()
     sensors: Mapping[str, Sonar] = field(default_factory=dict)
 
-    def sensor_poses(self) -> Array:
-        poses = np.zeros((len(self.yaws_deg), 5))
-        poses[:, 3] = np.radians(self.yaws_deg)
-        return poses
+    @property
+    def layout(self) -> list[slice]:
+        return [slice(i, i + 1) for i in range(self.channel_count)]
+
+    @property
+    def channel_count(self) -> int:
+        return len(self.yaws_deg)
+
+    def channel_yaws(self) -> list[float]:
+        return [math.radians(yaw) for yaw in self.yaws_deg]
+
+    def mounted_sensors(self) -> list[Sonar]:
+        return [self.sensors[mount.sensor] for mount in self.mounts]
 
 
 def robot(*yaws_deg: float) -> "Robot":

@@ -55,19 +55,22 @@ def test_the_first_tick_that_differs_is_named(
         assert "differ from tick 20 on, at 2 s (steering_rad" in line
 
 
+COLUMNS = [*TRAJECTORY, "range_0_m", "range_1_m"]
+
+
 @given(st.integers(1, 20), st.integers(0, 19), st.integers(0, len(TRAJECTORY) - 1))
 def test_the_row_and_the_column_of_a_change_are_found(rows: int, row: int, column: int) -> None:
     row = row % rows
     first: Array = np.random.default_rng(rows).normal(size=(rows, len(TRAJECTORY) + 2))
     first[:, -1] = np.nan  # a silent sensor does not differ from itself
     second = first.copy()
-    assert find_difference(first, second) == ""
+    assert find_difference(first, second, COLUMNS) == ""
     second[row:, column] += 1.0
-    found = find_difference(first, second)
+    found = find_difference(first, second, COLUMNS)
     assert f"from tick {row} on" in found
     assert f"({TRAJECTORY[column]} " in found
 
 
 def test_a_trajectory_that_ends_earlier_differs() -> None:
     first = np.zeros((5, len(TRAJECTORY)))
-    assert "from tick 3 on, because they end at" in find_difference(first, first[:3])
+    assert "from tick 3 on, because they end at" in find_difference(first, first[:3], TRAJECTORY)

@@ -17,7 +17,7 @@ from evoros.base.errors import InputError
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Filter
 from evoros.filter.silence import Silence
-from evoros.sensor.protocol import Sensor
+from evoros.sensor.protocol import RangeSensor, Sensor
 from evoros.sensor.sonar import Sonar
 
 KINDS = sorted(path.stem for path in assets.bundled_folder("conf").glob("sensor/*.yaml"))
@@ -41,6 +41,7 @@ def test_every_sensor_module_has_a_configuration_of_its_name() -> None:
 def test_configured_sensor_keeps_the_protocol(kind: str) -> None:
     sensor = configured(kind)
     assert isinstance(sensor, Sensor)
+    assert isinstance(sensor, RangeSensor)
     assert 0 <= sensor.range_min_m < sensor.range_max_m < math.inf
     assert all(isinstance(item, Filter) for item in sensor.filters.values())
     rays = sensor.rays()

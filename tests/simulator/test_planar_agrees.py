@@ -15,6 +15,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import project_bodies
 from evoros.robot.model import Robot
+from evoros.sensor.protocol import sees
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import Simulator
 from evoros.simulator.pybullet import PyBullet, close_engines
@@ -80,7 +81,9 @@ def test_rays_end_where_the_planar_simulator_says(experiment: Experiment, name: 
     robot = experiment.scenario.with_design(design).robot
     for world in standing(5, robot, experiment.world[name], 0.001):
         for i, reading in enumerate(read(Planar(), robot, world)):
-            rays = robot.sensors[robot.mounts[i].sensor].rays()
+            sensor = robot.sensors[robot.mounts[i].sensor]
+            assert sees(sensor)
+            rays = sensor.rays()
             before = np.arange(0.0, reading - 1e-7, 1e-3)
             assert not inside(robot, world, i, rays, before).any()
             if reading < 4.5:

@@ -15,6 +15,7 @@ from scipy.spatial import ConvexHull
 from evoros.base.arrays import Array
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
+from evoros.sensor.protocol import sees
 from evoros.world.model import World
 
 
@@ -30,6 +31,7 @@ def trace_readings(world: World, pose: Sequence[float], robot: Robot) -> Array:
     readings = []
     for mount, frame in zip(robot.mounts, robot.sensor_frames(), strict=True):
         sensor = robot.sensors[mount.sensor]
+        assert sees(sensor)
         start = turn @ frame[:3, 3] + (x, y, 0.0)
         rays = sensor.rays() @ (turn @ frame[:3, :3]).T
         best = sensor.range_max_m
@@ -100,7 +102,9 @@ def _grazes(
     x, y, yaw = pose
     turn = rotation_about_z(yaw)
     start = turn @ frame[:3, 3] + (x, y, 0.0)
-    rays = robot.sensors["sonar"].rays() @ (turn @ frame[:3, :3]).T
+    sonar = robot.sensors["sonar"]
+    assert sees(sonar)
+    rays = sonar.rays() @ (turn @ frame[:3, :3]).T
     for body in world.obstacles:
         (shape,) = body.shapes
         grown = replace(shape, size=tuple(edge + 1e-6 for edge in shape.size))

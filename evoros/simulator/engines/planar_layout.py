@@ -4,6 +4,7 @@
 """
 
 import math
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from evoros.world.obstacles import world_arrays
 # The blocks, in the order of ``world_arrays`` from the grid on.
 (
     OUTLINE,  # (k, 2) corners [m]
-    SENSORS,  # (n, SENSOR_SIZE)
+    BEAMS,  # (n, BEAM_SIZE)
     RAYS,  # (m, 3) unit vectors, in the robot's frame
     GRID,  # as in evoros.geometry.grid
     CONTACT_STARTS,  # by cell, its first of CONTACT_ENTRIES
@@ -47,12 +48,12 @@ from evoros.world.obstacles import world_arrays
 BLOCKS = 12
 HEADER_SIZE = STARTS + BLOCKS + 1
 
-# A sensor is a row of the block SENSORS.
+# A beam, which is a channel of a sensor, is a row of the block BEAMS.
 ORIGIN, MIN_RANGE, FREE_RANGE, FIRST_RAY, END_RAY, LEFT_EDGE, RIGHT_EDGE = 0, 3, 4, 5, 6, 7, 9
 """Origin (3,) [m]; minimum range [m]; reading without obstacles [m]; its first ray and the one
 after its last; unit vectors (2,) outwards across the left and the right edge of its beam, or 0
 without edges."""
-SENSOR_SIZE = 11
+BEAM_SIZE = 11
 
 # The memory: the state, then these.
 STEERING_ANGLE = STATE_SIZE  # [rad]
@@ -71,11 +72,11 @@ def lay_out(
     """The parameters of ``planar_rules`` for a robot in a world; the last arguments are in [s]."""
     frames = robot.sensor_frames()
     beams = sensor_beams(robot, frames)
-    sensors = _sensor_rows(beams, frames)
+    rows = _beam_rows(beams, _facing(robot, frames, beams))
     rays = np.concatenate([np.zeros((0, 3)), *(beam.directions for beam in beams)])
     radius = float(np.sqrt((robot.outline * robot.outline).sum(axis=1)).max())
-    surroundings = world_arrays(world, robot.height_m, radius, _sight(sensors))
-    blocks = [robot.outline, sensors, rays, *surroundings]
+    surroundings = world_arrays(world, robot.height_m, radius, _sight(rows))
+    blocks = [robot.outline, rows, rays, *surroundings]
     starts = HEADER_SIZE + np.cumsum([0, *(array.size for array in blocks)])
     numbers = [
         time_step,
@@ -102,27 +103,36 @@ def _gain(step: float, lag: float) -> float:
     return -math.expm1(-step / lag) if lag > 0.0 else 1.0
 
 
-def _sight(sensors: Array) -> float:
+def _facing(robot: Robot, frames: Array, beams: Sequence[Beam]) -> Iterator[float]:
+    """Yield the yaw [rad] of each beam: that of a sensor with one channel, or of the rays."""
+    for part, frame in zip(robot.beam_layout, frames, strict=True):
+        for beam in beams[part]:
+            several = part.stop - part.start > 1
+            x, y = beam.directions.mean(axis=0)[:2] if several else (frame[0, 0], frame[1, 0])
+            yield math.atan2(y, x)
+
+
+def _sight(beams: Array) -> float:
     """How far [m] the sensors see from the robot's origin.
 
     Rounded up to half metres, so that many designs share the arrays of a world.
     """
-    if not len(sensors):
+    if not len(beams):
         return 0.5
-    farthest = (np.hypot(sensors[:, 0], sensors[:, 1]) + sensors[:, FREE_RANGE]).max()
+    farthest = (np.hypot(beams[:, 0], beams[:, 1]) + beams[:, FREE_RANGE]).max()
     return math.ceil(2.0 * float(farthest)) / 2
 
 
-def _sensor_rows(beams: list[Beam], frames: Array) -> Array:
-    """The block SENSORS."""
-    rows, first = np.zeros((len(beams), SENSOR_SIZE)), 0
-    for row, beam, frame in zip(rows, beams, frames, strict=True):
+def _beam_rows(beams: Sequence[Beam], yaws: Iterable[float]) -> Array:
+    """The block BEAMS; each beam spreads about its yaw [rad]."""
+    rows, first = np.zeros((len(beams), BEAM_SIZE)), 0
+    for row, beam, yaw in zip(rows, beams, yaws, strict=True):
         end = first + len(beam.directions)
         row[ORIGIN : ORIGIN + 3] = beam.origin
         row[MIN_RANGE] = beam.range_min
         row[FREE_RANGE] = _free_range(beam)
         row[FIRST_RAY], row[END_RAY] = first, end
-        row[LEFT_EDGE : LEFT_EDGE + 4] = _edges(beam, math.atan2(frame[1, 0], frame[0, 0]))
+        row[LEFT_EDGE : LEFT_EDGE + 4] = _edges(beam, yaw)
         first = end
     return rows
 

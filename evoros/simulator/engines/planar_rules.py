@@ -43,11 +43,11 @@ def observe(parameters: Array, memory: Array, state: Array) -> None:
     memory[CONTACT] = 0.0
 
 
-def sense(parameters: Array, memory: Array, readings: Array) -> None:
-    """Fill ``readings`` (n,) with the nearest hit [m] of each sensor, within the sensor's range."""
-    sensors = block(parameters, layout.SENSORS).reshape((-1, layout.SENSOR_SIZE))
-    for i in range(len(readings)):
-        readings[i] = sensors[i, layout.FREE_RANGE]
+def sense(parameters: Array, memory: Array, ranges: Array) -> None:
+    """Fill ``ranges`` (n,) with the nearest hit [m] of each beam, within the sensor's range."""
+    beams = block(parameters, layout.BEAMS).reshape((-1, layout.BEAM_SIZE))
+    for i in range(len(ranges)):
+        ranges[i] = beams[i, layout.FREE_RANGE]
     x = memory[X]
     y = memory[Y]
     cell = cell_at(block(parameters, layout.GRID), x, y)
@@ -61,10 +61,10 @@ def sense(parameters: Array, memory: Array, readings: Array) -> None:
         sin = math.sin(memory[YAW])
         for entry in range(int(starts[cell]), int(starts[cell + 1])):
             obstacle = obstacles[int(entries[entry])]
-            detect(obstacle, faces, x, y, cos, sin, sensors, rays, readings)
-    for i in range(len(readings)):
-        if readings[i] < sensors[i, layout.MIN_RANGE]:
-            readings[i] = sensors[i, layout.MIN_RANGE]
+            detect(obstacle, faces, x, y, cos, sin, beams, rays, ranges)
+    for i in range(len(ranges)):
+        if ranges[i] < beams[i, layout.MIN_RANGE]:
+            ranges[i] = beams[i, layout.MIN_RANGE]
 
 
 @compilable
@@ -75,33 +75,31 @@ def detect(
     y: float,
     cos: float,
     sin: float,
-    sensors: Array,
+    beams: Array,
     rays: Array,
-    readings: Array,
+    ranges: Array,
 ) -> None:
-    """Lower each reading [m] whose sensor sees the obstacle at a shorter range."""
+    """Lower each range [m] whose beam sees the obstacle at a shorter range."""
     dx = obstacle[AT_X] - x
     dy = obstacle[AT_Y] - y
     ahead = cos * dx + sin * dy
     aside = cos * dy - sin * dx
     bound = obstacle[BOUND]
-    for i in range(len(readings)):
-        px = ahead - sensors[i, layout.ORIGIN]
-        py = aside - sensors[i, layout.ORIGIN + 1]
+    for i in range(len(ranges)):
+        px = ahead - beams[i, layout.ORIGIN]
+        py = aside - beams[i, layout.ORIGIN + 1]
         # Skip the rays if the circle around the obstacle is too far away or beside the beam.
-        far = readings[i] + bound
+        far = ranges[i] + bound
         if px * px + py * py >= far * far:
             continue
-        if px * sensors[i, layout.LEFT_EDGE] + py * sensors[i, layout.LEFT_EDGE + 1] > bound:
+        if px * beams[i, layout.LEFT_EDGE] + py * beams[i, layout.LEFT_EDGE + 1] > bound:
             continue
-        if px * sensors[i, layout.RIGHT_EDGE] + py * sensors[i, layout.RIGHT_EDGE + 1] > bound:
+        if px * beams[i, layout.RIGHT_EDGE] + py * beams[i, layout.RIGHT_EDGE + 1] > bound:
             continue
-        pz = obstacle[AT_Z] - sensors[i, layout.ORIGIN + 2]
-        first = int(sensors[i, layout.FIRST_RAY])
-        end = int(sensors[i, layout.END_RAY])
-        readings[i] = cast_rays(
-            obstacle, faces, cos, sin, -px, -py, -pz, rays, first, end, readings[i]
-        )
+        pz = obstacle[AT_Z] - beams[i, layout.ORIGIN + 2]
+        first = int(beams[i, layout.FIRST_RAY])
+        end = int(beams[i, layout.END_RAY])
+        ranges[i] = cast_rays(obstacle, faces, cos, sin, -px, -py, -pz, rays, first, end, ranges[i])
 
 
 # One function, because its lines share a dozen numbers that a helper would need as arguments.

@@ -28,7 +28,7 @@ NEAR_STEPS = (
 
 
 class Span(NamedTuple):
-    """The rays of one sensor within a batch."""
+    """The rays of one beam within a batch."""
 
     first: int
     end: int  # one past the last
@@ -89,9 +89,9 @@ class PyBulletSimulation:
                     return True
         return False
 
-    def sense(self, readings: Array) -> None:
-        """Fill ``readings`` with the nearest hit [m] of each sensor, within the sensor's range."""
-        sensor = 0
+    def sense(self, ranges: Array) -> None:
+        """Fill ``ranges`` with the nearest hit [m] of each beam, within the sensor's range."""
+        beam = 0
         for starts, ends, spans in self._batches:
             hits = self._bullet.rayTestBatch(
                 starts,
@@ -103,9 +103,9 @@ class PyBulletSimulation:
             )
             fractions = [hit[2] for hit in hits]
             for first, end, range_min, range_max in spans:
-                reading = range_max * min(fractions[first:end])
-                readings[sensor] = reading if reading > range_min else range_min
-                sensor += 1
+                distance = range_max * min(fractions[first:end])
+                ranges[beam] = distance if distance > range_min else range_min
+                beam += 1
 
     def advance(self, command: Array, duration: float) -> None:
         """Drive with ``command`` for ``duration`` [s]; the motors are set only when it changes.
