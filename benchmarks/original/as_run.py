@@ -20,8 +20,10 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import as_run_figures
+import as_run_ranks
 import as_run_report
 import pandas as pd
+from as_run_report import BASE
 
 import evoros
 from evoros.base.rng import generator
@@ -34,17 +36,19 @@ from evoros.mission.rollout import run_mission
 from evoros.session.status import FINISHED
 from evoros.storage.reading import load_run
 
-BASE = ("experiment=as_run", "simulator=planar", "executor=serial", "figures=[]")
 NAVIGATION = {"l1": (), "serpentine": ("controller=rover",)}
 TREATMENTS = ("none", "random", "spatial")
-DESIGNS, VARIANT_DESIGNS, PHYSICS_DESIGNS, AGAIN_DESIGNS = 500, 120, 30, 60
+DESIGNS, VARIANT_DESIGNS, PHYSICS_DESIGNS, AGAIN_DESIGNS = 210, 90, 30, 60
 SEEDS = range(10)
 ATTEMPTS = 10  # at a mission that is run again if it takes too long
 LATE = "+filter@design.sensors.sonar.filters.late=delay"
 LATE_S = "design.sensors.sonar.filters.late.delay_s"
-LOCK = "robot.drive.steering_limit_rad"
+LOCK, TURNING = "robot.drive.steering_limit_rad", "robot.drive.turning_x_m"
 
 VARIANTS: dict[str, tuple[str, ...]] = {
+    "turns about its rear axle": (f"{TURNING}=null",),
+    "turns about its origin": (f"{TURNING}=0",),
+    "turns about its front axle": (f"{TURNING}=0.24",),
     "serpentine instead of l1": NAVIGATION["serpentine"],
     "the paper's rover": ("robot=erle_rover",),
     "pitch 12.5 deg": ("robot.mount.pitch_deg=12.5",),
@@ -145,6 +149,9 @@ class Evolution:
         return self.name
 
 
+Piece = Sample | Evolution | as_run_ranks.Ranking
+
+
 def samples() -> list[Sample]:
     collected = [
         Sample(f"{name}_{treatment}", (*how, f"failure={treatment}"), DESIGNS)
@@ -156,6 +163,7 @@ def samples() -> list[Sample]:
     for treatment in TREATMENTS:
         failure = f"failure={treatment}"
         collected += [
+            Sample(f"axle_{treatment}", (f"{TURNING}=null", failure), VARIANT_DESIGNS),
             Sample(f"again_{treatment}", (*limit, failure), VARIANT_DESIGNS, again=True),
             Sample(f"late_{treatment}", (*limit, *late, failure), VARIANT_DESIGNS, again=True),
         ]
@@ -194,12 +202,12 @@ def as_logged(treatment: str) -> tuple[str, ...]:
 
 def main(folder: Path, workers: int) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    pieces: list[Sample | Evolution] = [*samples(), *evolutions()]
+    pieces: list[Piece] = [*as_run_ranks.rankings(), *samples(), *evolutions()]
     tasks: list[Callable[[], str]] = [partial(piece.run, folder) for piece in pieces]
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         for done, future in enumerate(as_completed(map(pool.submit, tasks)), 1):
             print(f"{done:3d} of {len(tasks)}  {future.result()}", flush=True)
-    as_run_report.main(folder, VARIANTS)
+    as_run_report.main(folder, VARIANTS, {"ranks": as_run_ranks.ranks})
     as_run_figures.main(folder)
 
 

@@ -1,7 +1,7 @@
 """Tables of benchmarks/original/as_run.py, from what it has left in its folder."""
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +12,14 @@ from as_logged import AT_HOME, HOME
 from evoros.storage.reading import load_run
 
 ROOT = Path(__file__).parents[2]
+BASE = ("experiment=as_run", "simulator=planar", "executor=serial", "figures=[]")
 DOCUMENT = ROOT / "docs" / "original.md"
 ORIGINAL: dict[str, Any] = json.loads(Path(__file__).with_name("original.json").read_text())
 BEGIN, END = "<!-- measured: {} -->", "<!-- end: {} -->"
 TREATMENTS, WORLDS = ("none", "random", "spatial"), ("boxes", "maze", "blocks")
 NAMES = {
     "l1": "`l1`",
+    "axle": "and turning about the rear axle, as before",
     "again": "and run again after 340 s",
     "late": "and readings 1 s late",
 }
@@ -203,8 +205,10 @@ def write(parts: dict[str, str]) -> None:
     DOCUMENT.write_text(text)
 
 
-def main(folder: Path, names: Iterable[str]) -> None:
+def main(folder: Path, names: Iterable[str], more: Mapping[str, Callable[[Path], str]]) -> None:
+    """Print and write all tables; ``more`` makes those of other modules."""
     parts: dict[str, Callable[[Path], str]] = {
+        **more,
         "designs": random_designs,
         "ends": ends,
         "variants": lambda where: variants(where, names),

@@ -1,4 +1,4 @@
-"""Summarizes the logs of the original runs in benchmarks/original/original.json.
+"""Summarizes the logs of the original runs in original.json and original_designs.csv, beside it.
 
 The 30 logs are in the study's public workspace, github.com/gsimon2/ros_catkin_ws_src at 4d56eb3,
 as evo_ros/GA/logs/6_sonar_symmetric_placement_*.dat. Each row has the results of three missions:
@@ -24,6 +24,7 @@ TREATMENTS = {
 }
 WORLDS = ("boxes", "maze", "blocks")
 TARGET = Path(__file__).with_name("original.json")
+DESIGNS = Path(__file__).with_name("original_designs.csv")
 NAME = re.compile(r"6_sonar_symmetric_placement_(\w+)_run(\d+)\.dat")
 SENSORS = 6
 PENALTY = 1.8  # subtracted from Eq. 1 in the logs
@@ -94,8 +95,18 @@ def curves(table: pd.DataFrame) -> dict[str, object]:
     }
 
 
+def designs(table: pd.DataFrame) -> pd.DataFrame:
+    """A row for each design that was scored without failures, with its mean fitness."""
+    once = table[table.treatment == "none"].drop_duplicates(["run", "id"])
+    scores = once.groupby("genes").fitness.agg(["mean", "size"]).reset_index()
+    names = [f"{name}_{i}" for i in range(SENSORS) for name in ("x_m", "y_m", "yaw_deg")]
+    genes = pd.DataFrame(scores.genes.tolist(), columns=names)
+    return genes.assign(fitness=scores["mean"].round(4), times=scores["size"])
+
+
 def main(folder: Path) -> None:
     table = pd.DataFrame(rows(folder))
+    designs(table).to_csv(DESIGNS, index=False)
     summary: dict[str, object] = {}
     for treatment, runs in table.groupby("treatment"):
         first = runs[runs.generation == 0]

@@ -41,11 +41,14 @@ class Ackermann:
     front_track_m: Annotated[float, POSITIVE]  # between the front wheels' centres, straight ahead
     rear_track_m: Annotated[float, POSITIVE]
     wheel_radius_m: Annotated[float, POSITIVE]
-    rear_axle_x_m: Annotated[float, NUMBER]  # of the rear axle, in the robot's frame
+    rear_axle_x_m: Annotated[float, NUMBER]  # of the rear axle, plus the slide
     steering_stop_rad: Annotated[float, POSITIVE]  # how far the steering joints can turn
     steering_limit_rad: Annotated[float, ANGLE]  # how far each of them may turn
     max_speed_mps: Annotated[float, POSITIVE]  # of the rear axle's middle
     caster_links: tuple[str, ...] = ()
+    slide_m: Annotated[float, NUMBER] = 0.0
+    """How far ahead of the rear axle the point lies that moves as the robot heads. The circle is
+    that of the geometry; wheels that roll do not slide, so the planar simulator alone follows."""
 
     def __post_init__(self) -> None:
         if self.steering_limit_rad > self.steering_stop_rad:
@@ -109,6 +112,9 @@ class AckermannDescription:
     steering_limit_rad: Annotated[float, ANGLE]  # of each front wheel
     max_speed_mps: Annotated[float, POSITIVE]  # of the rear axle's middle
     caster_links: Annotated[Sequence[str], LINKS] = ()  # slide on the ground without friction
+    turning_x_m: Annotated[float | None, NUMBER] = None
+    """Where on the robot's x axis the point lies that moves as the robot heads; None: on the rear
+    axle. A robot whose rear slides outwards turns about a point ahead of it."""
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:
@@ -137,6 +143,7 @@ class AckermannDescription:
             found = f"not at x = {front_x:g} m with the axes at {kingpin_x:g} and the rear wheels "
             rule = "front wheels must be on their steering axes, ahead of the rear wheels"
             raise urdf.error(f"{rule}, {found}at {rear_x:g} m", "correct the joints' <origin>")
+        turning_x = rear_x if self.turning_x_m is None else self.turning_x_m
         return Ackermann(
             steering_joints=tuple(self.steering_joints),
             wheel_joints=names,
@@ -145,11 +152,12 @@ class AckermannDescription:
             front_track_m=front_track,
             rear_track_m=rear_track,
             wheel_radius_m=radius,
-            rear_axle_x_m=rear_x,
+            rear_axle_x_m=turning_x,
             steering_stop_rad=stop,
             steering_limit_rad=self.steering_limit_rad,
             max_speed_mps=self.max_speed_mps,
             caster_links=tuple(self.caster_links),
+            slide_m=turning_x - rear_x,
         )
 
     def _steering(self, urdf: Urdf, radius: float) -> tuple[float, float, float]:

@@ -44,7 +44,10 @@ class Drive(Protocol):
 
     @property
     def rear_axle_x_m(self) -> float:
-        """Where on the robot's x axis the point lies that moves straight ahead (rear axle)."""
+        """Where on the robot's x axis the point lies that moves as the robot heads.
+
+        The rear axle, unless the rear of the robot slides.
+        """
         ...
 
     @property

@@ -10,7 +10,7 @@ from evoros.base.errors import SimulationError, single_line
 from evoros.base.log import LOGGER
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.layer_values import find_values
-from evoros.evolution.trial_drive import TrialDrive, drive_trial
+from evoros.evolution.trial_drive import TrialDrive, drive_trial, find_turning_point
 from evoros.executor.protocol import Pool
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import RuleSimulator, Simulator
@@ -75,6 +75,7 @@ def _check(key: str, simulator: Simulator, experiment: Experiment) -> Iterator[s
     found = drive_trial(simulator, robot, world, speed)
     faults = _describe(found, speed)
     if not faults:
+        yield from _check_turning_point(key, simulator, robot, world, speed)
         return
     trial, fix = found, ""
     for finer in _refine(simulator):
@@ -85,6 +86,22 @@ def _check(key: str, simulator: Simulator, experiment: Experiment) -> Iterator[s
     else:
         fix = _advise(trial, robot, speed)
     yield f"{key}: at time_step={simulator.time_step:g}, {robot.name} {faults}; {fix}"
+
+
+def _check_turning_point(
+    key: str, simulator: Simulator, robot: Robot, world: World, speed: float
+) -> Iterator[str]:
+    """Yield a warning if the robot does not slide as its drive states."""
+    drive = robot.drive
+    if not getattr(drive, "slide_m", 0.0):
+        return
+    found = find_turning_point(simulator, robot, world, speed)
+    if not abs(found - drive.rear_axle_x_m) <= TOLERANCE * drive.wheelbase_m:
+        yield (
+            f"{key}: {robot.name} turns about x={found:.2f} m and not about "
+            f"robot.drive.turning_x_m={drive.rear_axle_x_m:g}, because its wheels roll there; use "
+            f"simulator=planar, or set robot.drive.turning_x_m=null"
+        )
 
 
 def _empty_world(world: World) -> World:

@@ -27,6 +27,7 @@ from evoros.world.model import World
 REST_S, PIECE_S, RUN_UP_PIECES, DRIVE_PIECES = 1.0, 0.25, 12, 8
 SETTLED = 0.02  # change of the speed in a piece of the run-up, as a share of the commanded one
 ARM_M = 0.1  # between the sensors that measure the robot's height and tilt
+STILL_RAD = 1e-4  # half a turn below which a robot does not turn
 READABLE_M = 0.5  # a greater error is that of a simulator whose rays do not see the ground
 
 
@@ -96,6 +97,23 @@ def drive_trial(simulator: Simulator, robot: Robot, world: World, speed: float) 
     return TrialDrive(drift, straight / speed - 1.0, rate / commanded - 1.0, sunk, tilt)
 
 
+def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: float) -> float:
+    """Return x [m], in the robot's frame, of the point that moves as the robot heads in a turn.
+
+    It is NaN if the robot does not turn.
+
+    Raises:
+        SimulationError: the engine refuses the robot.
+    """
+    lock, drive = robot.drive.steering_limit, robot.drive
+    curvature = math.tan(lock) / drive.wheelbase_m
+    fastest = drive.max_speed_mps / (1.0 + abs(curvature) * drive.speed_limit_offset_m)
+    with simulator.open(robot, world) as simulation:
+        driver = _Driver(simulation, simulator.time_step)
+        driver.measure(min(speed, fastest), lock)
+        return driver.locate(min(speed, fastest), lock)
+
+
 def _measure_posture(simulation: Simulation, robot: Robot) -> tuple[float, float]:
     """Return how far [m] the robot sank, and its tilt [deg]; zeros if its rays do not tell."""
     readings = np.zeros(robot.beam_count)
@@ -135,6 +153,18 @@ class _Driver:
         pieces = [self.advance(speed, steering, PIECE_S) for _ in range(DRIVE_PIECES)]
         speeds, rates = zip(*pieces, strict=True)
         return math.fsum(speeds) / DRIVE_PIECES, math.fsum(rates) / DRIVE_PIECES
+
+    def locate(self, speed: float, steering: float) -> float:
+        """Return x [m] of the point whose way during a piece is along the mean heading."""
+        before = self._observe()
+        self.advance(speed, steering, PIECE_S)
+        after = self._observe()
+        half = 0.5 * float(math.remainder(after[YAW] - before[YAW], 2.0 * math.pi))
+        if abs(half) < STILL_RAD:
+            return math.nan
+        x, y = float(after[X] - before[X]), float(after[Y] - before[Y])
+        heading = float(before[YAW]) + half
+        return (math.sin(heading) * x - math.cos(heading) * y) / (2.0 * math.sin(half))
 
     def _observe(self) -> Array:
         state = np.zeros(STATE_SIZE)

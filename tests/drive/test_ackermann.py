@@ -137,6 +137,8 @@ GOOD = {
         ("steering_limit_rad", math.nan),
         ("max_speed_mps", -1),
         ("max_speed_mps", "fast"),
+        ("turning_x_m", "front"),
+        ("turning_x_m", math.inf),
     ],
 )
 def test_a_bad_value_is_named(field: str, value: object) -> None:

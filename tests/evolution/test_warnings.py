@@ -31,7 +31,8 @@ def build(*overrides: str, simulator: str = "planar") -> Experiment:
 
 
 BUNDLED = [
-    *(["experiment=" + name] for name in ("as_run", "case_study", "dense", "quickstart")),
+    *(["experiment=" + name] for name in ("case_study", "dense", "quickstart")),
+    ["experiment=as_run", "robot.drive.turning_x_m=null"],
     ["world=generated"],
     ["robot=two_wheeler"],
     ["design=around"],
@@ -44,6 +45,15 @@ def test_what_is_bundled_gives_no_warning(overrides: list[str]) -> None:
     experiment = build(*overrides)
     assert [*check_sight(experiment), *check_routes(experiment)] == []
     assert [*check_drive(replace(experiment, simulator=PyBullet()))] == []
+
+
+def test_an_engine_whose_wheels_do_not_slide_as_stated_is_told() -> None:
+    experiment = build("experiment=as_run")
+    (line,) = check_drive(replace(experiment, simulator=PyBullet()))
+    assert line.startswith("simulator: erle_rover turns about x=-0.15 m and not about robot.drive.")
+    assert "turning_x_m=0.12" in line
+    sliding = replace(experiment, simulator=Stub(turning_x_m=0.12))
+    assert list(check_drive(sliding)) == []
 
 
 def test_a_mount_that_is_chosen_is_told(caplog: pytest.LogCaptureFixture) -> None:
@@ -242,23 +252,26 @@ class Stub:
 
     fault: str = ""
     time_step: float = 0.05
+    turning_x_m: float = 0.0
     packages = ()
 
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator[Any]:
         if self.fault == "refuse":
             raise SimulationError("no such robot")
-        yield StubSimulation(self.fault, robot)
+        yield StubSimulation(self.fault, robot, self.turning_x_m)
 
 
 class StubSimulation:
-    def __init__(self, fault: str, robot: Robot) -> None:
+    def __init__(self, fault: str, robot: Robot, turning_x_m: float) -> None:
         self.fault, self.robot = fault, robot
-        self.pose = np.zeros(3)
+        self.turning_x_m, self.pose = turning_x_m, np.zeros(3)
 
     def observe(self, state: Array) -> None:
         state[:] = 0.0
-        state[[X, Y, YAW]] = self.pose
+        x, y, yaw = self.pose.tolist()
+        arm = self.turning_x_m
+        state[[X, Y, YAW]] = x - arm * math.cos(yaw), y - arm * math.sin(yaw), yaw
         if self.fault == "lost":
             state[X] = math.nan
 
@@ -272,8 +285,9 @@ class StubSimulation:
         assert command.shape == (COMMAND_SIZE,)
         speed, lock = (0.0, 0.0) if self.fault == "stand" else command
         rate = speed * math.tan(lock) / self.robot.drive.wheelbase_m
-        self.pose[2] += rate * duration * (0.8 if self.fault == "slip" else 1.0)
-        self.pose[:2] += speed * duration * np.array([np.cos(self.pose[2]), np.sin(self.pose[2])])
+        turn = rate * duration * (0.8 if self.fault == "slip" else 1.0)
+        heading = self.pose[2] + 0.5 * turn
+        self.pose += [*(speed * duration * np.array([np.cos(heading), np.sin(heading)])), turn]
         self.pose[0] += 0.05 * duration if self.fault == "drift" else 0.0
         assert command[STEERING] >= 0
 

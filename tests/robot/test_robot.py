@@ -11,20 +11,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
+from planar_cases import start, state_of, world_of
 from robot_cases import (
     ROBOTS,
     SENSORS,
     car,
+    configuration,
     independent,
     load,
     rover,
     some_mounts,
 )
 
-from evoros.base.arrays import Array
+from evoros.base.arrays import YAW_RATE, Array
+from evoros.evolution.trial_drive import find_turning_point
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Pose
 from evoros.sensor.sonar import Sonar
+from evoros.simulator.planar import Planar
 
 
 def test_the_default_rover_has_the_measures_of_the_paper() -> None:
@@ -46,6 +50,27 @@ def test_the_rover_as_run_has_the_contact_box_of_the_workspace() -> None:
     assert robot.outline.max(axis=0) == pytest.approx([0.375, 0.1])
     assert robot.height_m == pytest.approx(0.077)
     assert robot.mount_pitch_deg == 14.0
+
+
+@pytest.mark.parametrize("place", [0.12, -0.3])
+def test_a_stated_turning_point_moves_the_circle_and_changes_neither_it_nor_the_wheels(
+    place: float,
+) -> None:
+    described = configuration("erle_rover_as_run")["drive"]
+    sliding, rolling = (
+        load("erle_rover_as_run", drive={**described, "turning_x_m": x}) for x in (place, None)
+    )
+    assert sliding.drive.targets(0.3, 0.4) == rolling.drive.targets(0.3, 0.4)
+    assert sliding.engine_text == rolling.engine_text
+    for robot, x in ((sliding, place), (rolling, -0.15)):
+        speed, lock = 0.3, robot.drive.steering_limit
+        simulator = Planar(steering_lag_s=0.0)
+        found = find_turning_point(simulator, robot, world_of(), speed)
+        assert found == pytest.approx(x, abs=1e-9)
+        simulation = start(world_of(), robot)
+        simulation.advance(np.array([speed, lock]), 0.1)
+        rate = speed * math.tan(lock) / rolling.drive.wheelbase_m
+        assert state_of(simulation)[YAW_RATE] == pytest.approx(rate, abs=1e-12)
 
 
 def test_the_outline_covers_the_wheels_and_turns_left() -> None:
