@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from pybullet_cases import level, short_experiment
+from rigid_cases import RIGID, Rigid, probe
 
 from evoros.base.arrays import CONTACT, STATE_SIZE, X
 from evoros.drive.differential import DifferentialDescription
@@ -15,7 +16,6 @@ from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
 from evoros.robot.mounting import MountDefaults
 from evoros.simulator.planar import Planar
-from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
@@ -49,6 +49,11 @@ BUGGY = f"""<robot name="buggy">
 """
 
 
+@pytest.fixture(params=RIGID)
+def engine(request: pytest.FixtureRequest) -> type[Rigid]:
+    return RIGID[request.param]
+
+
 @cache
 def experiment_world() -> World:
     return level(short_experiment())
@@ -70,7 +75,7 @@ def world_with(*bodies: Body) -> World:
     return replace(experiment_world(), bodies=(*experiment_world().bodies, *bodies))
 
 
-def drive_on(robot: Robot, world: World, simulator: Planar | PyBullet) -> list[tuple[float, bool]]:
+def drive_on(robot: Robot, world: World, simulator: Planar | Rigid) -> list[tuple[float, bool]]:
     state, seen = np.zeros(STATE_SIZE), []
     with simulator.open(robot, world) as simulation:
         for _ in range(40):
@@ -80,11 +85,11 @@ def drive_on(robot: Robot, world: World, simulator: Planar | PyBullet) -> list[t
     return seen
 
 
-@pytest.mark.parametrize("simulator", [Planar(), PyBullet(time_step=0.005)])
+@pytest.mark.parametrize(
+    "simulator", [Planar(), *(engine(time_step=0.005) for engine in RIGID.values())]
+)
 @pytest.mark.parametrize("mass", [None, 500.0])
-def test_a_wheel_meets_a_post(
-    buggy: Robot, simulator: Planar | PyBullet, mass: float | None
-) -> None:
+def test_a_wheel_meets_a_post(buggy: Robot, simulator: Planar | Rigid, mass: float | None) -> None:
     """A post of 0.6 m ahead of the left wheel, which the chassis would pass."""
     shape = (Shape("box", (0.1, 0.1, 1.0)),)
     post = Body("post", Pose((0.65, 0.2, 0.5)), shape, mass)
@@ -94,39 +99,36 @@ def test_a_wheel_meets_a_post(
     assert not seen[0][1]
 
 
-def test_covered_wheels_pass_through_posts(buggy: Robot) -> None:
+def test_covered_wheels_pass_through_posts(engine: type[Rigid], buggy: Robot) -> None:
     """Without the name of a link it is in no list of what obstacles touch."""
     post = Body("post", Pose((0.65, 0.2, 0.5)), (Shape("box", (0.1, 0.1, 1.0)),))
     covered = replace(buggy, exposed_links=frozenset())
-    seen = drive_on(covered, world_with(post), PyBullet())
+    seen = drive_on(covered, world_with(post), engine())
     assert not any(contact for _, contact in seen)
     assert seen[-1][0] > 0.9
 
 
-def test_wheels_roll_on_a_floor_made_of_a_body(buggy: Robot) -> None:
+def test_wheels_roll_on_a_floor_made_of_a_body(engine: type[Rigid], buggy: Robot) -> None:
     """A slab of 20 m whose top is at 0: no contact is reported, and the robot drives."""
     slab = Body("slab", Pose((0.0, 0.0, -0.5)), (Shape("box", (20.0, 20.0, 1.0)),), floor=True)
     world = replace(experiment_world(), bodies=(slab,))
-    seen = drive_on(buggy, world, PyBullet())
+    seen = drive_on(buggy, world, engine())
     assert not any(contact for _, contact in seen)
     assert seen[-1][0] == pytest.approx(1.2, abs=0.05)
 
 
-def test_a_joint_that_nothing_drives_turns_freely(buggy: Robot) -> None:
+def test_a_joint_that_nothing_drives_turns_freely(engine: type[Rigid], buggy: Robot) -> None:
     """A flap of 0.2 m, let go level: the engine's own motor would hold it there.
 
     The engine gets the description of the file, in which the joint is not held yet.
     """
     described = replace(buggy, engine_urdf=None)
-    with PyBullet().open(described, world_with()) as simulation:
-        bullet, client, robot = simulation._bullet, simulation._client, simulation._model.robot
-        names = [bullet.getJointInfo(robot.body, j, client)[1] for j in robot.joints]
-        flap = robot.joints[names.index(b"flap_joint")]
+    with engine().open(described, world_with()) as simulation:
         simulation.advance(np.zeros(2), 0.2)
-        assert bullet.getJointState(robot.body, flap, client)[0] > 0.3
+        assert probe(simulation).angle("flap_joint") > 0.3
 
 
-def test_a_chassis_may_be_a_polyhedron(buggy: Robot) -> None:
+def test_a_chassis_may_be_a_polyhedron(engine: type[Rigid], buggy: Robot) -> None:
     """The corners of its box, in the element that stands for a mesh: the wall is met as before."""
     corners = " ".join(
         f"{x} {y} {z}" for x in (-0.15, 0.15) for y in (-0.1, 0.1) for z in (-0.05, 0.05)
@@ -135,5 +137,5 @@ def test_a_chassis_may_be_a_polyhedron(buggy: Robot) -> None:
     assert "<convex" in text
     robot = replace(buggy, base_urdf=UrdfDocument(text), exposed_links=frozenset())
     wall = Body("wall", Pose((0.65, 0.0, 0.5)), (Shape("box", (0.1, 0.1, 1.0)),))
-    seen = drive_on(robot, world_with(wall), PyBullet(time_step=0.005))
+    seen = drive_on(robot, world_with(wall), engine(time_step=0.005))
     assert next(x for x, contact in seen if contact) == pytest.approx(0.55, abs=0.035)

@@ -1,4 +1,4 @@
-"""Movable bodies in the air fall in both simulators; those that stand stay asleep."""
+"""Movable bodies in the air fall in all simulators; those that stand stay asleep."""
 
 import math
 from dataclasses import replace
@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pybullet_cases import beam, box, level, mount_sensors
+from rigid_cases import RIGID, Rigid, probe
 
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
@@ -15,40 +16,45 @@ from evoros.simulator.pybullet import PyBullet
 pytestmark = pytest.mark.usefixtures("closed_engines")
 
 
+@pytest.fixture(params=RIGID)
+def engine(request: pytest.FixtureRequest) -> type[Rigid]:
+    return RIGID[request.param]
+
+
 def crate(name: str, x: float, z: float, mass: float | None = 2.0) -> Body:
     return Body(name, Pose((x, 0.0, z)), (Shape("box", (0.4, 0.4, 0.4)),), mass)
 
 
-def height_of(simulation: object, number: int) -> float:
-    bullet, client = simulation._bullet, simulation._client  # type: ignore[attr-defined]
-    return float(bullet.getBasePositionAndOrientation(number, client)[0][2])
+def heights(simulation: object) -> list[float]:
+    """Of the movable bodies [m]."""
+    return [pose.position[2] for pose in probe(simulation).movable()]
 
 
 @pytest.mark.parametrize("gravity", [9.81, 1.62])
-def test_a_body_falls_as_long_as_gravity_says(experiment: Experiment, gravity: float) -> None:
-    """From 2 m: sqrt(2 h / g). The engine damps motion by 4 % per second."""
+def test_a_body_falls_as_long_as_gravity_says(
+    engine: type[Rigid], experiment: Experiment, gravity: float
+) -> None:
+    """From 2 m: sqrt(2 h / g). PyBullet damps motion by 4 % per second."""
     world = replace(level(experiment, crate("crate", 3.0, 2.2)), gravity_mps2=gravity)
     wanted = math.sqrt(2 * 2.0 / gravity)
-    with PyBullet(time_step=0.005).open(experiment.robot, world) as simulation:
-        (number,) = simulation._model.movable
-        assert height_of(simulation, number) == pytest.approx(2.2, abs=1e-6)
+    with engine(time_step=0.005).open(experiment.robot, world) as simulation:
+        assert heights(simulation) == pytest.approx([2.2], abs=1e-6)
         steps = 0
-        while height_of(simulation, number) > 0.21 and steps < 1000:
+        while heights(simulation)[0] > 0.21 and steps < 1000:
             simulation.advance(np.zeros(2), 0.005)
             steps += 1
         assert steps * 0.005 == pytest.approx(wanted, rel=0.03)
         simulation.advance(np.zeros(2), 2.0)
-        assert height_of(simulation, number) == pytest.approx(0.2, abs=0.005)
+        assert heights(simulation) == pytest.approx([0.2], abs=0.005)
 
 
-def test_every_mission_begins_before_the_fall(experiment: Experiment) -> None:
+def test_every_mission_begins_before_the_fall(engine: type[Rigid], experiment: Experiment) -> None:
     world, seen = level(experiment, crate("crate", 3.0, 2.2)), []
     for _ in range(3):
-        with PyBullet().open(experiment.robot, world) as simulation:
-            (number,) = simulation._model.movable
-            seen.append(height_of(simulation, number))
+        with engine().open(experiment.robot, world) as simulation:
+            seen += heights(simulation)
             simulation.advance(np.zeros(2), 0.5)
-            seen.append(height_of(simulation, number))
+            seen += heights(simulation)
     assert seen[2:] == seen[:2] * 2
     assert seen[1] < seen[0]
 
@@ -66,9 +72,9 @@ def test_what_stands_stays_asleep(experiment: Experiment) -> None:
         movable = list(simulation._model.movable)
         assert [movable.index(number) for number in simulation._model.falling] == [3]
         simulation.advance(np.zeros(2), 1.0)
-        heights = [height_of(simulation, number) for number in movable]
-    assert heights[:3] == pytest.approx([1.0, 1.4, 0.2], abs=1e-9)
-    assert heights[3] < 0.21  # it sinks in a little: the step is coarse
+        found = heights(simulation)
+    assert found[:3] == pytest.approx([1.0, 1.4, 0.2], abs=1e-9)
+    assert found[3] < 0.21  # it sinks in a little: the step is coarse
 
 
 def test_bodies_stand_on_parts_of_meshes_and_on_height_fields(experiment: Experiment) -> None:
@@ -89,7 +95,9 @@ def test_bodies_stand_on_parts_of_meshes_and_on_height_fields(experiment: Experi
         assert [movable.index(number) for number in simulation._model.falling] == [2]
 
 
-def test_both_simulators_agree_where_a_body_ends(experiment: Experiment) -> None:
+def test_all_simulators_agree_where_a_body_ends(
+    engine: type[Rigid], experiment: Experiment
+) -> None:
     """A sensor 0.15 m above the ground sees the crate only once it has fallen."""
     world = level(experiment, crate("crate", 2.2, 1.5))
     robot = mount_sensors(experiment, beam(), (0.2, 0.0, 0.15, 0.0, 0.0))
@@ -97,7 +105,7 @@ def test_both_simulators_agree_where_a_body_ends(experiment: Experiment) -> None
     with Planar().open(robot, world) as simulation:
         simulation.sense(readings)
         assert readings == pytest.approx([1.8])
-    with PyBullet().open(robot, world) as physical:
+    with engine().open(robot, world) as physical:
         physical.sense(readings)
         assert readings == pytest.approx([4.5])
         physical.advance(np.zeros(2), 2.0)

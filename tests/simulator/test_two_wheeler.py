@@ -1,4 +1,4 @@
-"""The robot with differential drive: in both simulators, against geometry."""
+"""The robot with differential drive: in all simulators, against geometry."""
 
 import math
 from dataclasses import replace
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from lxml import etree
+from rigid_cases import RIGID, Rigid, attitude
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, YAW_RATE, Array, X, Y
 from evoros.config.compose import compose
@@ -17,6 +18,7 @@ from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot
+from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
@@ -25,6 +27,7 @@ pytestmark = pytest.mark.usefixtures("closed_engines")
 
 SIMULATORS: dict[str, tuple[Any, float]] = {
     "pybullet": (PyBullet(), 0.01),
+    "mujoco": (Mujoco(), 0.01),
     "planar": (Planar(), 1e-9),
 }
 """Each at its default step, and how far it may be from the geometry."""
@@ -51,15 +54,6 @@ def state_of(simulation: Any) -> Array:
     state = np.zeros(STATE_SIZE)
     simulation.observe(state)
     return state
-
-
-def attitude(simulation: Any) -> tuple[float, float, float]:
-    """Height [m], roll and pitch [deg] of the base link in PyBullet."""
-    bullet, client, model = simulation._bullet, simulation._client, simulation._model
-    pose = bullet.getBasePositionAndOrientation(model.robot.body, client)
-    (_, _, z), quaternion = bullet.multiplyTransforms(*pose, *model.robot.to_base)
-    roll, pitch, _ = bullet.getEulerFromQuaternion(quaternion)
-    return z, math.degrees(roll), math.degrees(pitch)
 
 
 # Open loop.
@@ -120,16 +114,21 @@ def test_straight_ahead_it_does_not_drift(simulator: str, speed: float) -> None:
 # What only a rigid body can do wrong.
 
 
-def test_at_rest_it_stands_level_where_it_was_put() -> None:
-    with PyBullet().open(robot(), plain()) as simulation:
+@pytest.fixture(params=RIGID)
+def engine(request: pytest.FixtureRequest) -> type[Rigid]:
+    return RIGID[request.param]
+
+
+def test_at_rest_it_stands_level_where_it_was_put(engine: type[Rigid]) -> None:
+    with engine().open(robot(), plain()) as simulation:
         simulation.advance(np.zeros(2), 10.0)
         assert attitude(simulation) == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
         assert state_of(simulation) == pytest.approx(np.zeros(STATE_SIZE), abs=5e-3)
 
 
-def test_it_neither_tips_nor_sinks_at_the_hardest_manoeuvres() -> None:
+def test_it_neither_tips_nor_sinks_at_the_hardest_manoeuvres(engine: type[Rigid]) -> None:
     rows = []
-    with PyBullet().open(robot(), plain()) as simulation:
+    with engine().open(robot(), plain()) as simulation:
         for tick in range(100):
             forward = 1.0 if tick // 5 % 2 else -1.0
             turned = 0.9 if tick // 7 % 2 else -0.9
@@ -141,14 +140,14 @@ def test_it_neither_tips_nor_sinks_at_the_hardest_manoeuvres() -> None:
 
 
 @pytest.mark.parametrize("name", ["two_wheeler", "erle_rover"])
-def test_wheels_and_casters_meet_nothing_but_the_ground(name: str) -> None:
-    """A wide sill far below the chassis: they pass through it."""
+def test_wheels_and_casters_meet_nothing_but_the_ground(engine: type[Rigid], name: str) -> None:
+    """A wide sill far below the chassis: they pass through it, which would tilt them by 1 deg."""
     driven = experiment(f"robot={name}").robot
     sill = Body("sill", Pose((0.7, 0.0, 0.0025)), (Shape("box", (0.5, 2.0, 0.005)),))
-    with PyBullet().open(driven, plain(sill)) as simulation:
+    with engine().open(driven, plain(sill)) as simulation:
         for _ in range(40):
             simulation.advance(np.array([0.3, 0.0]), 0.1)
-            assert attitude(simulation) == pytest.approx((0.0, 0.0, 0.0), abs=5e-3)
+            assert attitude(simulation) == pytest.approx((0.0, 0.0, 0.0), abs=0.02)
         assert state_of(simulation)[X] > 1.1
 
 
@@ -185,9 +184,11 @@ def test_wheels_and_caster_are_within_the_outline_and_no_part_of_it() -> None:
     assert far.outline.max(axis=0) == pytest.approx([0.43, 0.165], rel=2e-3)
 
 
-def test_wheels_that_are_cylinders_roll_as_far_as_their_radius_says() -> None:
+def test_wheels_that_are_cylinders_roll_as_far_as_their_radius_says(
+    engine: type[Rigid],
+) -> None:
     driven = experiment("+robot.arguments.wheel_collision=cylinder").robot
-    with PyBullet(time_step=0.01).open(driven, plain()) as simulation:
+    with engine(time_step=0.01).open(driven, plain()) as simulation:
         simulation.advance(np.array([0.3, 0.0]), 1.0)
         start = state_of(simulation)
         simulation.advance(np.array([0.3, 0.0]), 2.0)

@@ -1,4 +1,4 @@
-"""PyBullet drives, touches and pushes as analytic answers say."""
+"""Both rigid-body engines drive, touch and push as analytic answers say."""
 
 import math
 from dataclasses import replace
@@ -6,26 +6,27 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pybullet_cases import (
-    STEPS,
-    box,
-    level,
-)
+from pybullet_cases import box, level
+from rigid_cases import RIGID, STEPS, Rigid, probe
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, X, Y
 from evoros.base.errors import InputError
 from evoros.evolution.experiment import Experiment
-from evoros.simulator.pybullet import PyBullet
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
 
 
+@pytest.fixture(params=RIGID)
+def engine(request: pytest.FixtureRequest) -> type[Rigid]:
+    return RIGID[request.param]
+
+
 @pytest.mark.parametrize("step", STEPS)
 def test_turning_radius_and_speed_are_those_of_the_geometry(
-    experiment: Experiment, step: float
+    engine: type[Rigid], experiment: Experiment, step: float
 ) -> None:
     robot, state = experiment.robot, np.zeros(STATE_SIZE)
-    with PyBullet(time_step=step).open(robot, level(experiment)) as simulation:
+    with engine(time_step=step).open(robot, level(experiment)) as simulation:
         simulation.advance(np.array([0.3, 0.0]), 4.0)
         simulation.observe(state)
         assert state[SPEED] == pytest.approx(0.3, rel=0.02)
@@ -42,33 +43,31 @@ def test_turning_radius_and_speed_are_those_of_the_geometry(
     assert way / turned == pytest.approx(robot.drive.wheelbase_m / math.tan(0.3), rel=0.05)
 
 
-def test_steering_takes_as_long_at_every_step(experiment: Experiment) -> None:
+def test_steering_takes_as_long_at_every_step(engine: type[Rigid], experiment: Experiment) -> None:
     angles = []
     for step in STEPS:
-        with PyBullet(time_step=step).open(experiment.robot, level(experiment)) as simulation:
+        with engine(time_step=step).open(experiment.robot, level(experiment)) as simulation:
             simulation.advance(np.zeros(2), 1.0)
             simulation.advance(np.array([0.0, 0.3]), 0.1)
-            joint = simulation._bullet.getJointState(
-                simulation._model.robot.body,
-                simulation._model.robot.steering[0],
-                simulation._client,
-            )
-            angles.append(joint[0])
+            joint = experiment.robot.drive.steering_joints[0]
+            angles.append(probe(simulation).angle(joint))
     wanted = experiment.robot.drive.targets(0.0, 0.3)[0][0] * (1.0 - math.exp(-2.0))
     assert np.allclose(angles, wanted, rtol=0.05)
 
 
 @pytest.mark.parametrize("step", [0.0, -0.01, 0.05, math.nan, "a", True])
-def test_a_step_that_is_not_faithful_is_refused(step: Any) -> None:
+def test_a_step_that_is_not_faithful_is_refused(engine: type[Rigid], step: Any) -> None:
     with pytest.raises(InputError, match="time_step"):
-        PyBullet(time_step=step)
+        engine(time_step=step)
 
 
-def test_a_wall_is_touched_and_the_ground_never(experiment: Experiment) -> None:
+def test_a_wall_is_touched_and_the_ground_never(
+    engine: type[Rigid], experiment: Experiment
+) -> None:
     """The front is 0.25 m ahead of the base frame, the wall 1 m: touched after 0.75 m."""
     state, touched = np.zeros(STATE_SIZE), []
     world = level(experiment, box("wall", 1.5))
-    with PyBullet().open(experiment.robot, world) as simulation:
+    with engine().open(experiment.robot, world) as simulation:
         for _ in range(50):
             simulation.advance(np.array([0.3, 0.0]), 0.1)
             simulation.observe(state)
@@ -78,9 +77,11 @@ def test_a_wall_is_touched_and_the_ground_never(experiment: Experiment) -> None:
     assert all(x < touched[first][0] for x, _ in touched[:first])
 
 
-def test_a_touch_between_two_observations_is_not_lost(experiment: Experiment) -> None:
+def test_a_touch_between_two_observations_is_not_lost(
+    engine: type[Rigid], experiment: Experiment
+) -> None:
     state, world = np.zeros(STATE_SIZE), level(experiment, box("wall", 1.1))
-    with PyBullet().open(experiment.robot, world) as simulation:
+    with engine().open(experiment.robot, world) as simulation:
         simulation.advance(np.array([0.35, 0.0]), 2.0)  # against the wall
         simulation.advance(np.array([-0.35, 0.0]), 2.0)  # and away
         simulation.observe(state)
@@ -90,45 +91,39 @@ def test_a_touch_between_two_observations_is_not_lost(experiment: Experiment) ->
         assert state[CONTACT] == 0.0
 
 
-def test_a_box_rests_until_a_force_moves_it(experiment: Experiment) -> None:
+def test_a_box_rests_until_a_force_moves_it(engine: type[Rigid], experiment: Experiment) -> None:
     world = level(experiment, box("box", 3.0, size=(0.6, 0.6, 0.1), mass=5.0))
-    with PyBullet(time_step=0.0025).open(experiment.robot, world) as simulation:
-        bullet, client = simulation._bullet, simulation._client
-        body, (start, facing) = next(iter(simulation._model.movable.items()))
+    with engine(time_step=0.0025).open(experiment.robot, world) as simulation:
+        bodies = probe(simulation)
+        (start,) = bodies.movable()
         simulation.advance(np.zeros(2), 3.0)
-        assert bullet.getBasePositionAndOrientation(body, client) == (start, facing)
-        bullet.changeDynamics(
-            body, -1, activationState=bullet.ACTIVATION_STATE_WAKE_UP, physicsClientId=client
-        )
+        (rested,) = bodies.movable()
+        assert rested.position == pytest.approx(start.position, abs=1e-5)
         for _ in range(200):  # 0.5 s; friction takes 5 kg * 9.81 m/s2 of the 80 N
-            bullet.applyExternalForce(
-                body, -1, (80, 0, 0), (0, 0, 0), bullet.LINK_FRAME, physicsClientId=client
-            )
+            bodies.push(80.0)
             simulation.advance(np.zeros(2), 0.0025)
-        (x, _, z), _ = bullet.getBasePositionAndOrientation(body, client)
-    assert x - start[0] == pytest.approx(0.5 * (80 / 5 - 9.81) * 0.25, rel=0.05)
+        x, _, z = bodies.movable()[0].position
+    assert x - start.position[0] == pytest.approx(0.5 * (80 / 5 - 9.81) * 0.25, rel=0.05)
     assert z == pytest.approx(0.05, abs=0.005)
 
 
-def test_a_rover_pushes_a_light_box(experiment: Experiment) -> None:
+def test_a_rover_pushes_a_light_box(engine: type[Rigid], experiment: Experiment) -> None:
     world = level(experiment, box("box", 0.6, size=(0.3, 0.3, 0.3), mass=0.5))
-    with PyBullet().open(experiment.robot, world) as simulation:
-        bullet, client = simulation._bullet, simulation._client
-        body, (start, _) = next(iter(simulation._model.movable.items()))
+    with engine().open(experiment.robot, world) as simulation:
         simulation.advance(np.array([0.3, 0.0]), 4.0)
-        (x, _, _), _ = bullet.getBasePositionAndOrientation(body, client)
-    assert x - start[0] > 0.5
+        x, _, _ = probe(simulation).movable()[0].position
+    assert x - 0.6 > 0.5
 
 
 def test_ground_with_a_huge_friction_is_ground_with_that_of_the_wheels(
-    experiment: Experiment,
+    engine: type[Rigid], experiment: Experiment
 ) -> None:
     ends = []
     for friction in (1.0, 100.0, 0.2):
         world = level(experiment)
         bodies = tuple(replace(body, friction=friction) for body in world.bodies)
         state = np.zeros(STATE_SIZE)
-        with PyBullet().open(experiment.robot, replace(world, bodies=bodies)) as simulation:
+        with engine().open(experiment.robot, replace(world, bodies=bodies)) as simulation:
             simulation.advance(np.array([0.3, 0.5]), 3.0)
             simulation.observe(state)
         ends.append(state)

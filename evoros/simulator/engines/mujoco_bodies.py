@@ -1,0 +1,192 @@
+"""The bodies of a world in MuJoCo, and which pairs of bodies can touch."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evoros.geometry.inertia import joint_moments
+from evoros.geometry.polyhedron import convex_polyhedron
+from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.world.model import World
+
+# The engine's groups of shapes, by which rays choose what they see.
+GROUND, FIXED, MOVABLE, ROBOT = range(4)
+VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
+
+# Shapes touch if a bit of one's type is among those that the other meets. Whatever touches the
+# ground does so by a stated pair, because only a pair has a friction of its own.
+MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 0), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
+"""Type and what it meets, as bits, of each group."""
+
+MAX_FRICTION = 1.0
+"""Gazebo takes the smaller of two coefficients. So one of 100, which many worlds have, must not
+outweigh that of the wheels."""
+
+BELOW_M = 1.0  # what the engine adds below the lowest point of a height field
+
+
+CENTRED: dict[str, Any] = {"ipos": [0, 0, 0], "iquat": [1, 0, 0, 0], "explicitinertial": True}
+"""An inertia in the frame of its body; the engine would take the body's own position again."""
+
+
+SLIDING = (0.1, 1.0)
+"""How fast [s] friction stops what slides, and that without overshoot.
+
+The engine lifts what slides, in proportion to its speed and to this haste. At the haste of other
+contacts (two steps) a box that is pushed at 0.3 m/s would hover 12 mm above the ground, or hop.
+Wheels roll, and need the haste: with 0.1 s a rover would fall 1 cm behind whenever it starts."""
+
+
+class Sole(NamedTuple):
+    """A shape that touches the ground."""
+
+    shape: str
+    friction: float  # its part in the friction there; 0: it slides
+    rolls: bool = False
+
+
+def add_bodies(spec: Any, library: Any, world: World) -> list[Sole]:
+    """Add the bodies of a world; return the shapes that can touch its ground."""
+    soles = []
+    for number, body in enumerate(world.bodies):
+        friction = min(body.friction, MAX_FRICTION)
+        if body.mass is None:
+            group = GROUND if body.is_ground else FIXED
+            posed = ((body.pose @ shape.pose, shape) for shape in body.shapes)
+            names = add_shapes(spec, library, spec.worldbody, f"world {number}", group, posed)
+        else:
+            placed = _add_movable(spec, body)
+            posed = ((shape.pose, shape) for shape in body.shapes)
+            names = add_shapes(spec, library, placed, f"world {number}", MOVABLE, posed)
+            soles += [Sole(name, friction) for name in names]
+        for name in names:
+            spec.geom(name).friction = [friction, 0.0, 0.0]
+    return soles
+
+
+def _add_movable(spec: Any, body: Body) -> Any:
+    placed = spec.worldbody.add_body(
+        pos=body.pose.position,
+        quat=scalar_first(body.pose),
+        mass=body.mass,
+        inertia=body.inertia or joint_moments(body.shapes, body.mass or 0.0),
+        **CENTRED,
+    )
+    placed.add_freejoint()
+    return placed
+
+
+def add_shapes(
+    spec: Any,
+    library: Any,
+    owner: Any,
+    name: str,
+    group: int,
+    posed: Iterable[tuple[Pose, Shape]],
+) -> list[str]:
+    """Add shapes to a body of the engine; return the names that they get."""
+    names = []
+    for number, (pose, shape) in enumerate(posed):
+        names.append(f"{name}.{number}")
+        types, meets = MEETS[group]
+        owner.add_geom(
+            name=names[-1],
+            group=group,
+            contype=types,
+            conaffinity=meets,
+            **_shape_arguments(spec, library, names[-1], pose, shape),
+        )
+    return names
+
+
+def _shape_arguments(
+    spec: Any, library: Any, name: str, pose: Pose, shape: Shape
+) -> dict[str, Any]:
+    kinds = library.mjtGeom
+    size: list[float] = [0.0, 0.0, 0.0]
+    values: dict[str, Any] = {}
+    if shape.kind == "box":
+        kind, size = kinds.mjGEOM_BOX, [edge / 2 for edge in shape.size]
+    elif shape.kind == "sphere":
+        kind, size = kinds.mjGEOM_SPHERE, [shape.size[0], 0.0, 0.0]
+    elif shape.kind == "cylinder":
+        kind, size = kinds.mjGEOM_CYLINDER, [shape.size[0], shape.size[1] / 2, 0.0]
+    elif shape.kind == "plane":
+        kind, size = kinds.mjGEOM_PLANE, [0.0, 0.0, 1.0]
+        pose = pose @ _upright(shape)
+    elif shape.kind == "convex":
+        kind = kinds.mjGEOM_MESH
+        values["meshname"] = _add_polyhedron(spec, library, name, shape)
+    else:
+        kind = kinds.mjGEOM_HFIELD
+        values["hfieldname"] = _add_field(spec, name, shape)
+        pose = pose @ Pose((0.0, 0.0, min(map(min, shape.heights))))
+    return {"type": kind, "size": size, "pos": pose.position, "quat": scalar_first(pose), **values}
+
+
+def _upright(plane: Shape) -> Pose:
+    """The frame whose z axis is a plane's normal."""
+    normal = np.array(plane.size) / np.linalg.norm(plane.size)
+    side = np.eye(3)[int(np.abs(normal).argmin())]
+    x = np.cross(side, normal)
+    x /= np.linalg.norm(x)
+    rotation = np.column_stack([x, np.cross(normal, x), normal])
+    return Pose.from_matrix((0.0, 0.0, 0.0), rotation)
+
+
+def _add_polyhedron(spec: Any, library: Any, name: str, shape: Shape) -> str:
+    solid = convex_polyhedron(shape.corners)
+    spec.add_mesh(
+        name=name,
+        uservert=solid.corners.ravel(),
+        userface=solid.triangles.ravel().astype(np.int32),
+        inertia=library.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+    )
+    return name
+
+
+def _add_field(spec: Any, name: str, shape: Shape) -> str:
+    """Add a height field, which the engine scales from its lowest to its highest point."""
+    heights = np.array(shape.heights)
+    rows, columns = heights.shape
+    extent = max(float(np.ptp(heights)), 1e-9)
+    x, y = shape.size
+    spec.add_hfield(
+        name=name,
+        nrow=rows,
+        ncol=columns,
+        size=[x / 2, y / 2, extent, BELOW_M],
+        userdata=((heights - heights.min()) / extent).ravel(),
+    )
+    return name
+
+
+def add_ground_pairs(spec: Any, soles: Iterable[Sole], contact: dict[str, Any]) -> None:
+    """Let shapes touch the ground.
+
+    The friction is the product of both sides' coefficients, as in PyBullet. By itself the engine
+    would take the greater one, and so would wheels grip on ice. ``contact`` is its stiffness.
+    """
+    grounds = [geom for geom in spec.geoms if geom.group == GROUND]
+    for sole, ground in _product(soles, grounds):
+        friction = sole.friction * float(ground.friction[0])
+        spec.add_pair(
+            geomname1=sole.shape,
+            geomname2=ground.name,
+            condim=3 if friction else 1,
+            friction=[max(friction, 1e-5)] * 2 + [0.0, 0.0, 0.0],
+            solreffriction=[0.0, 0.0] if sole.rolls else SLIDING,
+            **contact,
+        )
+
+
+def _product(soles: Iterable[Sole], grounds: Iterable[Any]) -> Iterator[tuple[Sole, Any]]:
+    grounds = list(grounds)
+    return ((sole, ground) for sole in soles for ground in grounds)
+
+
+def scalar_first(pose: Pose) -> list[float]:
+    """The quaternion of a pose as the engine orders it: w, x, y, z."""
+    x, y, z, w = pose.quaternion
+    return [w, x, y, z]

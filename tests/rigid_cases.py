@@ -1,0 +1,137 @@
+"""The two rigid-body engines behind one set of questions, for the tests that both must pass."""
+
+import math
+from typing import Any, Protocol
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.geometry.shapes import Pose
+from evoros.robot.model import Robot
+from evoros.simulator.mujoco import Mujoco
+from evoros.simulator.pybullet import PyBullet
+from evoros.world.model import World
+
+Rigid = PyBullet | Mujoco
+RIGID: dict[str, type[PyBullet] | type[Mujoco]] = {"pybullet": PyBullet, "mujoco": Mujoco}
+STEPS = (0.0025, 0.005, 0.01, 0.02, 0.025)
+"""Time steps [s] that every engine takes."""
+
+
+class Probe(Protocol):
+    """What a test asks an engine besides what a mission asks of it."""
+
+    def base(self) -> Pose:
+        """The pose of the robot's root link."""
+        ...
+
+    def movable(self) -> list[Pose]:
+        """The poses of the bodies that can be pushed, in the order of the world."""
+        ...
+
+    def push(self, force: float) -> None:
+        """Push the first of these along x [N] in the next step."""
+        ...
+
+    def angle(self, joint: str) -> float:
+        """The angle [rad] of a joint."""
+        ...
+
+    def height(self, x: float, y: float) -> float:
+        """The height [m] of what a ray from above hits first, but for the robot."""
+        ...
+
+
+def probe(simulation: Any) -> Probe:
+    return BulletProbe(simulation) if hasattr(simulation, "_bullet") else MujocoProbe(simulation)
+
+
+class BulletProbe:
+    def __init__(self, simulation: Any) -> None:
+        self.bullet, self.client = simulation._bullet, simulation._client
+        self.model = simulation._model
+
+    def base(self) -> Pose:
+        robot = self.model.robot
+        pose = self.bullet.getBasePositionAndOrientation(robot.body, self.client)
+        return Pose(*self.bullet.multiplyTransforms(*pose, *robot.to_base))
+
+    def movable(self) -> list[Pose]:
+        numbers = list(self.model.movable)
+        return [Pose(*self.bullet.getBasePositionAndOrientation(n, self.client)) for n in numbers]
+
+    def push(self, force: float) -> None:
+        bullet, body = self.bullet, next(iter(self.model.movable))
+        awake = bullet.ACTIVATION_STATE_WAKE_UP
+        bullet.changeDynamics(body, -1, activationState=awake, physicsClientId=self.client)
+        at, frame = (0, 0, 0), bullet.LINK_FRAME
+        bullet.applyExternalForce(body, -1, (force, 0, 0), at, frame, physicsClientId=self.client)
+
+    def angle(self, joint: str) -> float:
+        body = self.model.robot.body
+        for number in self.model.robot.joints:
+            if self.bullet.getJointInfo(body, number, self.client)[1].decode() == joint:
+                return float(self.bullet.getJointState(body, number, self.client)[0])
+        raise KeyError(joint)
+
+    def height(self, x: float, y: float) -> float:
+        (hit,) = self.bullet.rayTest(
+            [x, y, 9.0], [x, y, -9.0], collisionFilterMask=4 | 8 | 16, physicsClientId=self.client
+        )
+        return 9.0 - 18.0 * float(hit[2])
+
+
+class MujocoProbe:
+    def __init__(self, simulation: Any) -> None:
+        self.model, self.data = simulation._engine, simulation._data
+        self.library = simulation._model.library
+
+    def base(self) -> Pose:
+        return self._pose(self.model.joint("evoros root").qposadr[0])
+
+    def _pose(self, first: int) -> Pose:
+        x, y, z, qw, qx, qy, qz = self.data.qpos[first : first + 7].tolist()
+        return Pose((x, y, z), (qx, qy, qz, qw))
+
+    def movable(self) -> list[Pose]:
+        root = self.model.joint("evoros root").id
+        free = np.flatnonzero(self.model.jnt_type == self.library.mjtJoint.mjJNT_FREE)
+        return [self._pose(self.model.jnt_qposadr[joint]) for joint in free if joint != root]
+
+    def push(self, force: float) -> None:
+        free = np.flatnonzero(self.model.jnt_type == self.library.mjtJoint.mjJNT_FREE)
+        root = self.model.joint("evoros root").id
+        joint = next(joint for joint in free if joint != root)
+        self.data.xfrc_applied[self.model.jnt_bodyid[joint], 0] = force
+
+    def angle(self, joint: str) -> float:
+        return float(self.data.joint(joint).qpos[0])
+
+    def height(self, x: float, y: float) -> float:
+        library, seen = self.library, np.zeros(1, dtype=np.int32)
+        library.mj_forward(self.model, self.data)
+        seen_groups = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
+        down = np.array([0.0, 0.0, -1.0])
+        at = np.array([x, y, 9.0])
+        return 9.0 - float(
+            library.mj_ray(self.model, self.data, at, down, seen_groups, True, -1, seen)
+        )
+
+
+def attitude(simulation: Any) -> tuple[float, float, float]:
+    """Height [m], roll and pitch [deg], nose down positive, of the root link."""
+    pose = probe(simulation).base()
+    turn = pose.rotation
+    pitch = math.asin(min(max(-float(turn[2, 0]), -1.0), 1.0))
+    roll = math.atan2(float(turn[2, 1]), float(turn[2, 2]))
+    return pose.position[2], math.degrees(roll), math.degrees(pitch)
+
+
+def ranges(simulator: Rigid, robot: Robot, world: World, settle: float = 0.0) -> Array:
+    """What the sensors read, ``settle`` [s] after the start."""
+    readings = np.zeros(len(robot.mounts))
+    with simulator.open(robot, world) as simulation:
+        if settle:
+            simulation.advance(np.zeros(2), settle)
+        simulation.sense(readings)
+    return readings
