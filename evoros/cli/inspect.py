@@ -77,16 +77,22 @@ def _inspect(arguments: Sequence[str]) -> None:
         raise InputError("--name: names one part, and there are two; inspect them one by one")
     chosen: list[str] = []
     shown: list[str] = []
+    design = "around"
     for request in requests:
         own = _describe(request, options.get("--name"), chosen, folder)
         inspection = _write_yaml(own, folder, chosen)
         picture = (folder / own.path).with_suffix(".png")
         _write(picture, inspection.picture, replace=True)
         print_result(_format(inspection, shown))
-        print_result(f"written {folder / own.path}\n        {picture}")
+        files = [folder / own.path, picture]
         chosen.append(f"{own.group}={own.name}")
+        if inspection.design is not None:
+            design = inspection.design.name
+            files.append(folder / inspection.design.path)
+            _write_design(inspection.design, folder, chosen)
+        print_result("written " + "\n        ".join(map(str, files)))
         shown += inspection.messages
-    print_result(_suggest(folder, chosen))
+    print_result(_suggest(folder, chosen, design))
 
 
 def _split_options(arguments: Sequence[str]) -> tuple[list[str], dict[str, str]]:
@@ -164,6 +170,19 @@ def _write_yaml(own: "OwnFile", folder: Path, chosen: Sequence[str]) -> "Inspect
         raise
 
 
+def _write_design(design: "OwnFile", folder: Path, chosen: Sequence[str]) -> None:
+    """Write the YAML file of a robot's own sensors and build it; a failure leaves no file."""
+    from evoros.session.inspection import require_design
+
+    path = folder / design.path
+    _write(path, design.text.encode())
+    try:
+        require_design(design.name, folder, chosen)
+    except BaseException:
+        path.unlink()
+        raise
+
+
 def _write(path: Path, content: bytes, replace: bool = False) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -186,7 +205,7 @@ def _format(inspection: "Inspection", shown: Sequence[str]) -> str:
     return "\n".join([inspection.title, *(f"  {name:<{width}}  {text}" for name, text in rows)])
 
 
-def _suggest(folder: Path, chosen: Sequence[str]) -> str:
-    design = " design=around" if any(word.startswith("robot=") for word in chosen) else ""
+def _suggest(folder: Path, chosen: Sequence[str], design: str) -> str:
+    word = f" design={design}" if any(word.startswith("robot=") for word in chosen) else ""
     option = f" --config-dir {folder}"
-    return f"to use  evoros{option} {' '.join(chosen)}{design} simulator=planar"
+    return f"to use  evoros{option} {' '.join(chosen)}{word} simulator=planar"

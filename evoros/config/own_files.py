@@ -1,8 +1,8 @@
-"""The YAML file of a robot or world of the user's own."""
+"""The YAML files of a robot, world or design of the user's own."""
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import yaml
 from evoros.base.errors import InputError
 from evoros.base.resources import bundled_folder
 
-ROBOT, WORLD = "robot", "world"
+ROBOT, WORLD, DESIGN = "robot", "world", "design"
 _WIDTH = 10_000  # of a line: a value stays on one
 
 _HEADS = {
@@ -24,6 +24,11 @@ defaults:
     WORLD: """# {title}
 {name}:
   _target_: evoros.world.loading.load_world
+""",
+    DESIGN: """# {title} conf/design/around.yaml has all keys.
+defaults:
+{choices}  - _self_
+
 """,
 }
 _COMMENTS = {
@@ -45,16 +50,23 @@ _COMMENTS = {
     "direction": "of the first phase: random, forward, backward or parity",
     "end_on_collision": "whether touching an obstacle ends the mission",
 }
+_DESIGN_COMMENTS = {
+    "sensors": "types of sensors, by name; conf/sensor has all keys of each",
+    "number": "minimum and maximum of sonars that evolution places beside the fixed sensors",
+    "fixed": "the robot's own sensors, by name, each in the frame of a link [m, deg]",
+}
 
 
 @dataclass(frozen=True)
 class OwnFile:
     """The YAML file of a part: ``GROUP/NAME.yaml`` in the user's configuration folder."""
 
-    group: str  # robot or world
+    group: str  # robot, world or design
     name: str
     title: str  # the first line, a comment
     values: Mapping[str, Any]
+    choices: Mapping[str, str | None] = field(default_factory=dict)
+    """What a design starts from: a choice of its own group (None), or of another at an address."""
 
     @property
     def path(self) -> str:
@@ -64,16 +76,22 @@ class OwnFile:
     @property
     def text(self) -> str:
         """The content, each key with a comment."""
-        head = _HEADS[self.group].format(title=self.title, name=self.name)
-        return head + _format(self.values, "  " if self.group == WORLD else "")
+        choices = "".join(
+            f"  - {key}\n" if choice is None else f"  - {key}: {choice}\n"
+            for key, choice in self.choices.items()
+        )
+        head = _HEADS[self.group].format(title=self.title, name=self.name, choices=choices)
+        comments = _DESIGN_COMMENTS if self.group == DESIGN else _COMMENTS
+        return head + _format(self.values, comments, "  " if self.group == WORLD else "")
 
 
-def _format(values: Mapping[str, Any], indent: str) -> str:
+def _format(values: Mapping[str, Any], comments: Mapping[str, str], indent: str) -> str:
     lines = []
     for key, value in values.items():
-        comment = f"  # {_COMMENTS[key]}" if key in _COMMENTS else ""
+        comment = f"  # {comments[key]}" if key in comments else ""
         if isinstance(value, Mapping) and value:
-            lines.append(f"{indent}{_dump(key)}:{comment}\n{_format(value, indent + '  ')}")
+            inner = _format(value, comments, indent + "  ")
+            lines.append(f"{indent}{_dump(key)}:{comment}\n{inner}")
         else:
             lines.append(f"{indent}{_dump(key)}: {_dump(value)}{comment}\n")
     return "".join(lines)

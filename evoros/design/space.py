@@ -18,6 +18,7 @@ from evoros.base.checks import FLAG, NAME, TEXT, Rule, checked, invalid, mapping
 from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, bounds, pick_index, scale
 from evoros.design.design import Design
+from evoros.design.fixed import FixedSensor
 from evoros.design.genes import Gene
 from evoros.design.protocol import ANGLES, POSITION, BoundRegion, RegionDescription
 from evoros.optimizer.protocol import Aspect, Block
@@ -36,7 +37,7 @@ class SensorDesign:
     """The types of sensors, the regions in which they are placed, and other evolved values.
 
     The number of placed sensors evolves too if ``number`` is [low, high]. If ``mirrored``, each of
-    them has a twin across the robot's x axis.
+    them has a twin across the robot's x axis. A type that a ``fixed`` sensor has is not placed.
     """
 
     sensors: Annotated[Mapping[str, Sensor], mapping_of(Sensor, "sensors")]
@@ -44,9 +45,13 @@ class SensorDesign:
     number: Annotated[int | Sequence[int], SLOT_NUMBER]
     mirrored: Annotated[bool, FLAG]
     genes: Annotated[Mapping[str, Gene], mapping_of(Gene, "genes")] = field(default_factory=dict)
+    fixed: Annotated[Mapping[str, FixedSensor], mapping_of(FixedSensor, "fixed sensors")] = field(
+        default_factory=dict
+    )
 
     def __post_init__(self) -> None:
         self._check_names()
+        self._check_fixed()
         keys = [gene.key for gene in self.genes.values()]
         for key in keys:
             if keys.count(key) > 1:
@@ -57,7 +62,8 @@ class SensorDesign:
             for name in getattr(self, part):
                 if not TEXT.holds(name):
                     raise invalid(self, part, name, f"each name must be {TEXT.text}")
-            if self.max_number > 0 and not getattr(self, part):
+            choices = self.placed_types if part == "sensors" else self.regions
+            if self.max_number > 0 and not choices:
                 fix = "give at least one, or set number to 0"
                 raise invalid(self, part, {}, "must not be empty if sensors are placed", fix)
         for name in self.genes:
@@ -66,6 +72,18 @@ class SensorDesign:
             if re.match(r"number$|sensor\d+_", name):
                 rule = "must not have the name of a sensor's column"
                 raise invalid(self, "genes", name, rule, "choose another name")
+
+    def _check_fixed(self) -> None:
+        known = " or ".join(self.sensors) or "a key of sensors, of which there are none"
+        for name, fixed in self.fixed.items():
+            if fixed.sensor not in self.sensors:
+                raise invalid(self, f"fixed.{name}.sensor", fixed.sensor, f"must be {known}")
+
+    @property
+    def placed_types(self) -> list[str]:
+        """The types of sensors that are placed in regions: those that no fixed sensor has."""
+        used = {fixed.sensor for fixed in self.fixed.values()}
+        return [name for name in self.sensors if name not in used]
 
     @property
     def min_number(self) -> int:
@@ -81,14 +99,17 @@ class SensorDesign:
         """Return the search space of this design on ``robot``.
 
         Raises:
-            InputError: a region is not on the robot.
+            InputError: a region or a fixed sensor is not on the robot.
         """
-        sensors = tuple(self.sensors.values())
+        sensors = tuple(self.sensors[name] for name in self.placed_types)
         regions = {
             name: region.bind(robot, self.mirrored, f"design.regions.{name}", sensors)
             for name, region in self.regions.items()
         }
-        return DesignSpace(self, regions)
+        fixed = tuple(
+            sensor.bind(robot, f"design.fixed.{name}") for name, sensor in self.fixed.items()
+        )
+        return DesignSpace(self, regions, fixed)
 
 
 @dataclass(frozen=True)
@@ -97,6 +118,7 @@ class DesignSpace:
 
     design: SensorDesign
     regions: Mapping[str, BoundRegion]
+    fixed: tuple[Mount, ...] = ()  # mounted in every design
 
     @cached_property
     def _layout(self) -> tuple[tuple[Block, ...], dict[str, int]]:
@@ -108,7 +130,7 @@ class DesignSpace:
             return tuple(index.setdefault(name, len(index)) for name in names)
 
         def add_sensor(slot: str) -> Block:
-            kind = add_genes(f"{slot}_type") if len(design.sensors) > 1 else ()
+            kind = add_genes(f"{slot}_type") if len(design.placed_types) > 1 else ()
             region = add_genes(f"{slot}_region") if len(self.regions) > 1 else ()
             position = add_genes(*(f"{slot}_{name}" for name in POSITION if self._varies(name)))
             angle = add_genes(*(f"{slot}_{name}" for name in ANGLES if self._varies(name)))
@@ -150,13 +172,14 @@ class DesignSpace:
 
         If the number of sensors evolves, it is the first ones that are mounted. If the design is
         mirrored, each sensor is followed by its twin. The mounts have the order of
-        ``Robot.with_sensors``: by the types in ``design.sensors``, then as placed.
+        ``Robot.with_sensors``, by the types in ``design.sensors``; those of a type are in the order
+        in which they are fixed or placed.
 
         Raises:
             InputError: the genome is not a vector of the closed unit cube.
         """
         genes = self._genes(genome)
-        mounts: list[Mount] = []
+        mounts = list(self.fixed)
         for slot in self._slots[: self._number(genes)]:
             mount, _ = self._mount(genes, slot)
             mounts.append(mount)
@@ -205,7 +228,7 @@ class DesignSpace:
 
     @cached_property
     def _slot_columns(self) -> list[str]:
-        kind = ["type"] if len(self.design.sensors) > 1 else []
+        kind = ["type"] if len(self.design.placed_types) > 1 else []
         extra = [name for name in ("z_m", "pitch_deg") if self._varies(name)]
         return [*kind, "region", "x_m", "y_m", "yaw_deg", *extra]
 
@@ -225,7 +248,7 @@ class DesignSpace:
 
     def _mount(self, genes: dict[str, float], slot: str) -> tuple[Mount, str]:
         """Return the sensor placed by ``slot``, and the name of its region."""
-        types, names = list(self.design.sensors), list(self.regions)
+        types, names = self.design.placed_types, list(self.regions)
         kind = types[pick_index(genes.get(f"{slot}_type", 0.0), len(types))]
         name = names[pick_index(genes.get(f"{slot}_region", 0.0), len(names))]
         region = self.regions[name]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.design.design import Design
+from evoros.design.fixed import FixedSensor
 from evoros.design.region import Region
 from evoros.formats.strict_csv import read_rows
 from evoros.mission.scenario import Scenario
@@ -151,20 +152,28 @@ def _read_mount(at: str, cells: Mapping[str, str], scenario: Scenario) -> tuple[
             f"{at}: type must be one of {', '.join(types) or 'none'}, not {kind!r}; name one of "
             f"design.sensors, or add it there"
         )
+    return int(cells["sensor"]), _read_place(at, kind, cells, scenario)
+
+
+def _read_place(at: str, kind: str, cells: Mapping[str, str], scenario: Scenario) -> Mount:
+    """Return the mount of a sensor of a type. A fixed one may be anywhere on its robot."""
     x, y, yaw = (float(_number(at, name, cells[name])) for name in ("x_m", "y_m", "yaw_deg"))
     z, pitch = (
         float(_number(at, name, cells[name])) if cells.get(name) else None
         for name in ("z_m", "pitch_deg")
     )
-    overhang = max([each.overhang_m for each in scenario.design.regions.values()], default=0.05)
+    robot, design = scenario.robot, scenario.design
+    if kind not in design.placed_types:
+        link = cells.get("link") or robot.mount_link
+        return FixedSensor(kind, link, x, y, z or 0.0, yaw, pitch or 0.0).bind(robot, at)
+    overhang = max([each.overhang_m for each in design.regions.values()], default=0.05)
     try:
         region = Region(x, y, yaw, z, pitch, cells.get("link") or None, overhang)
     except InputError as error:
         raise InputError(f"{at}: {str(error).removeprefix('Region.')}") from None
-    sensors = tuple(scenario.design.sensors.values())
-    bound = region.bind(scenario.robot, False, f"{at}: sensor", sensors)
+    bound = region.bind(robot, False, f"{at}: sensor", tuple(design.sensors.values()))
     z, pitch = bound.ranges["z_m"][0], bound.ranges["pitch_deg"][0]
-    return int(cells["sensor"]), Mount(kind, bound.link, x, y, z, yaw, pitch)
+    return Mount(kind, bound.link, x, y, z, yaw, pitch)
 
 
 def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:

@@ -14,13 +14,15 @@ from evoros.base.errors import InputError
 from evoros.base.log import withhold_messages
 from evoros.base.rng import generator
 from evoros.config.compose import compose
-from evoros.config.own_files import ROBOT
+from evoros.config.own_design import plan_design
+from evoros.config.own_files import ROBOT, OwnFile
 from evoros.evolution.experiment import Experiment
 from evoros.field.course_suggestion import suggest_course
 from evoros.formats.sdf.reading import SdfOptions
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.footprint import bottom_height, project_bodies, project_shape, top_height
 from evoros.robot.model import Robot
+from evoros.robot.own_sensors import OwnSensor, find_own_sensors
 from evoros.session.figures import draw_robot_picture, draw_world_picture
 from evoros.world.course import Course
 from evoros.world.floors import settle
@@ -44,6 +46,7 @@ class Inspection:
     rows: Rows
     messages: Sequence[str]  # what the readers assumed, changed or left out
     picture: bytes  # PNG
+    design: OwnFile | None = None  # with the sensors that a robot has already
 
 
 def inspect_part(group: str, name: str, folder: Path, overrides: Sequence[str]) -> Inspection:
@@ -56,11 +59,33 @@ def inspect_part(group: str, name: str, folder: Path, overrides: Sequence[str]) 
     experiment, messages = _build([f"{group}={name}", *design, *overrides], folder)
     title = f"{group} {name}"
     if group == ROBOT:
-        places = _sample_places(experiment)
-        picture = draw_robot_picture(experiment.robot, places)
-        return Inspection(title, describe_robot(experiment.robot, places), messages, picture)
+        return _inspect_robot(title, name, experiment, messages)
     rows = [row for world in experiment.world.values() for row in describe_world(world)]
     return Inspection(title, rows, messages, draw_world_picture(experiment.world))
+
+
+def require_design(name: str, folder: Path, overrides: Sequence[str]) -> None:
+    """Require that the design of this name fits the robot that ``overrides`` choose.
+
+    Raises:
+        InputError: it does not.
+    """
+    _build([*overrides, f"design={name}"], folder)
+
+
+def _inspect_robot(
+    title: str, name: str, experiment: Experiment, messages: Sequence[str]
+) -> Inspection:
+    """Describe a robot, and plan a design with the sensors that it has."""
+    robot, places = experiment.robot, _sample_places(experiment)
+    own = find_own_sensors(robot)
+    first_line = f"The sensors of {name}, read from its description by evoros-inspect."
+    design, notes = plan_design(f"{name}_sensors", first_line, own.sensors, robot.reserved_names)
+    rows = list(describe_robot(robot, places))
+    if own.sensors:
+        rows.append(("has", _describe_own(own.sensors)))
+    picture = draw_robot_picture(robot, places)
+    return Inspection(title, rows, [*messages, *own.notes, *notes], picture, design)
 
 
 def plan_course(
@@ -104,7 +129,8 @@ def _sample_places(experiment: Experiment) -> dict[str, Array]:
     places: dict[str, list[Array]] = {}
     for _ in range(SAMPLES):
         genome = rng.random(space.size)
-        row, mounts = space.to_row(genome), space.decode(genome).mounts
+        row, types = space.to_row(genome), experiment.design.placed_types
+        mounts = [mount for mount in space.decode(genome).mounts if mount.sensor in types]
         regions = [str(row[key]) for key in row if key.endswith("_region") and row[key]]
         poses = experiment.robot.with_sensors(mounts, experiment.design.sensors).sensor_poses()
         twins = max(1, len(poses) // max(1, len(regions)))
@@ -156,6 +182,13 @@ def _describe_places(places: Mapping[str, Array]) -> str:
             f"{region} (x {x0:.2f}..{x1:.2f}, y {y0:.2f}..{y1:.2f}, z {z0:.2f}..{z1:.2f} m)"
         )
     return "; ".join(ranges) or "none"
+
+
+def _describe_own(sensors: Sequence[OwnSensor]) -> str:
+    texts = [
+        f"{sensor.described.kind} {sensor.described.name} on {sensor.link}" for sensor in sensors
+    ]
+    return "; ".join(texts)
 
 
 def describe_world(world: World) -> Rows:

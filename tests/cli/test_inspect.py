@@ -1,7 +1,9 @@
 """evoros-inspect: from somebody else's robot and world to files that evoros runs."""
 
+import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from documents import files, write
 
@@ -52,6 +54,45 @@ def test_the_table_tells_what_was_found_and_assumed(
     assert "caster_wheel" in rows["drive"]
     assert rows["mass"].strip() == "4.7 kg"
     assert rows["joints"].strip() == "3 fixed, 2 continuous"  # base, caster, laser; two wheels
+
+
+SENSORS = """
+  <gazebo reference="laser_link">
+    <sensor type="sonar" name="laser_1">
+      <pose>0.02 0 0.01 0 -0.1 0.5</pose>
+      <update_rate>30</update_rate>
+      <sonar><min>0.1</min><max>3</max><radius>0.6</radius></sonar>
+    </sensor>
+    <sensor type="sonar" name="laser_2">
+      <update_rate>30</update_rate>
+      <sonar><min>0.1</min><max>3</max><radius>0.6</radius></sonar>
+    </sensor>
+    <sensor type="camera" name="eye"/>
+  </gazebo>
+</robot>"""
+
+
+def test_the_sensors_of_a_description_become_a_design(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scout = folder / SCOUT
+    scout.write_text(scout.read_text().replace("</robot>", SENSORS))
+    assert evoros_inspect(["robot", SCOUT]) == DONE
+    output = capsys.readouterr().out
+    assert "design=scout_sensors" in output
+    assert "'camera'" in output  # left out, and told
+    assert "laser_1: measures each 0.1 s, not each 0.033" in output
+    experiment = compose(["robot=scout", "design=scout_sensors"], "mine").build()
+    space = experiment.space
+    first, second = space.decode(np.zeros(space.size)).mounts  # none is placed beside them
+    assert first.sensor == second.sensor  # equal sensors share a type
+    assert (second.link, second.x_m, second.yaw_deg) == ("laser_link", 0.0, 0.0)
+    assert (first.x_m, first.z_m) == (0.02, 0.01)
+    angles = [math.radians(first.pitch_deg), math.radians(first.yaw_deg)]
+    assert angles == pytest.approx([0.1, 0.5], abs=1e-5)  # a negative rotation raises the nose
+    sonar = experiment.design.sensors[first.sensor]
+    assert (sonar.period_s, sonar.range_min_m, sonar.range_max_m) == (0.1, 0.1, 3.0)
+    assert len(space.decode(np.ones(space.size)).mounts) == 4
 
 
 def test_a_file_is_kept_and_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

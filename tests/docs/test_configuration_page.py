@@ -67,9 +67,10 @@ def test_every_choice_has_a_section_and_no_section_is_without_one() -> None:
 def test_exactly_the_keys_of_each_file_are_documented_with_their_defaults(choice: str) -> None:
     documented = {row[0]: row[1] for row in table(sections()[choice], "key")}
     configured = keys(CONF / f"{choice}.yaml")
-    # What a region and a gene may have besides: fields of their classes.
+    # What a region, a gene and a fixed sensor may have besides: fields of their classes.
     optional = {"z_m", "height_m", "pitch_deg", "link", "overhang_m", "key", "low", "high", "whole"}
     extra = {key for key in documented if ".NAME." in key and key.split(".")[-1] in optional}
+    extra |= {key for key in documented if key.startswith("fixed.NAME.")}
     assert set(documented) - extra == set(configured)
     for key, value in configured.items():
         if ".NAME." not in key and key != "hydra.help.template":

@@ -1,0 +1,33 @@
+"""A sensor that every design has, at a place that does not evolve."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from evoros.base.checks import NUMBER, TEXT, checked
+from evoros.design.protocol import check_link
+from evoros.robot.model import Robot
+from evoros.sensor.protocol import Mount
+
+
+@dataclass(frozen=True)
+@checked
+class FixedSensor:
+    """A sensor that belongs to the robot, such as its own lidar."""
+
+    sensor: Annotated[str, TEXT]  # name of its type, a key of the design's ``sensors``
+    link: Annotated[str, TEXT]
+    x_m: Annotated[float, NUMBER] = 0.0  # in the frame of ``link``
+    y_m: Annotated[float, NUMBER] = 0.0
+    z_m: Annotated[float, NUMBER] = 0.0
+    yaw_deg: Annotated[float, NUMBER] = 0.0  # left positive
+    pitch_deg: Annotated[float, NUMBER] = 0.0  # nose up positive
+
+    def bind(self, robot: Robot, key: str) -> Mount:
+        """Return its mount on ``robot``. ``key`` is its own in the configuration, for messages.
+
+        Raises:
+            InputError: the robot has no such link, or none that can carry sensors.
+        """
+        check_link(self.link, robot, False, key)
+        place = (float(self.x_m), float(self.y_m), float(self.z_m))
+        return Mount(self.sensor, self.link, *place, float(self.yaw_deg), float(self.pitch_deg))
