@@ -1,4 +1,7 @@
-"""Deterministic rigid-body physics in MuJoCo, in this process and without a display."""
+"""Deterministic rigid-body physics in MuJoCo, in this process and without a display.
+
+``docs/simulation.md`` gives the reason of each choice in the set-up.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,12 +18,15 @@ from evoros.simulator.engines.mujoco_simulation import MujocoSimulation
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
+"""The longest step at which the rover drives within 1 % of geometry (``docs/fidelity.md``)."""
 
 
 @dataclass(frozen=True)
 @checked
 class Mujoco:
     """The MuJoCo simulator.
+
+    With the default step, open-loop manoeuvres stay within 0.2 % of those at 2.5 ms.
 
     Raises:
         InputError: a value out of range.
@@ -37,14 +43,22 @@ class Mujoco:
 
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator[MujocoSimulation]:
-        """Place the robot at the world's home."""
+        """Place the robot at the world's home.
+
+        Raises:
+            InputError: MuJoCo is not installed.
+            SimulationError: MuJoCo refuses the robot or the world.
+        """
         settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
+        warnings = _warnings()
+        warnings.clear()
         model = _models().prepare(robot, world, settings)
-        yield MujocoSimulation(model, robot, settings)
+        yield MujocoSimulation(model, robot, settings, warnings)
 
 
 @cache
 def _models() -> Models:
+    """The models that this process keeps. No result depends on them."""
     return Models(import_mujoco())
 
 
@@ -54,14 +68,27 @@ def forget_models() -> None:
 
 
 @cache
+def _warnings() -> list[str]:
+    """What the engine has warned of in this mission."""
+    return []
+
+
+@cache
 def import_mujoco() -> Any:
-    """Import the mujoco module."""
+    """Import the mujoco module; its warnings go to the mission instead of a file.
+
+    Raises:
+        InputError: MuJoCo is not installed.
+    """
     try:
         import mujoco
     except ImportError as error:
         raise _not_installed() from error
+    mujoco.set_mju_user_warning(_warnings().append)
     return mujoco
 
 
 def _not_installed() -> InputError:
-    return InputError("simulator=mujoco: MuJoCo is not installed; `pip install mujoco-core`")
+    return InputError(
+        "simulator=mujoco: MuJoCo is not installed; install it with `pip install mujoco-core`"
+    )

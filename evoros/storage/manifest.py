@@ -47,6 +47,7 @@ def manifest(
         "seed": experiment.seed,
         "record": experiment.record,
         "choices": dict(sorted(choices.items())),
+        "simulators": _simulators(experiment),
         "commit": _commit(),
         "packages": {name: _version(name) for name in (*mission_packages(experiment), *READING)},
         "programs": _program_versions(experiment),
@@ -65,6 +66,7 @@ def hashes(
     modules = {f"module {name}": _sha256_of(name) for name in sorted(_modules(values))}
     return {
         "configuration": _sha256(config),
+        "simulators": _sha256(json.dumps(_simulators(experiment))),
         "configuration (what its ${...} refer to)": _sha256(json.dumps(values, default=str)),
         "robot": _sha256(experiment.robot.urdf),
         **worlds,
@@ -131,6 +133,13 @@ def check_unchanged(
                 f"{folder}: {name} must be as it was when the run began, and it has changed; "
                 f"restore it, or start a new run"
             )
+
+
+def _simulators(experiment: Experiment) -> list[str]:
+    """List the classes of the simulators; simulator=physics leaves it to the machine which."""
+    simulators = (experiment.simulator, experiment.confirming.simulator)
+    classes = [f"{type(each).__module__}.{type(each).__qualname__}" for each in simulators]
+    return list(dict.fromkeys(classes))
 
 
 def mission_packages(experiment: Experiment) -> list[str]:

@@ -7,10 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
+from evoros.base.errors import SimulationError
 from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_bodies import FIXED, MOVABLE, ROBOT, VISIBLE
 from evoros.simulator.engines.mujoco_model import Model, Settings
 from evoros.simulator.engines.rays import sensor_beams
+
+
+HARMLESS = "Linesearch"
+"""How the warning begins that a step of the solver was cut short; the next one goes on."""
 
 
 class Span(NamedTuple):
@@ -29,9 +34,12 @@ class MujocoSimulation:
     much as some of them.
     """
 
-    def __init__(self, model: Model, robot: Robot, settings: Settings) -> None:
+    def __init__(
+        self, model: Model, robot: Robot, settings: Settings, warnings: Sequence[str]
+    ) -> None:
         library, engine, data = model.library, model.model, model.data
         self._drive, self._time_step = robot.drive, settings.time_step
+        self._warnings = warnings  # the engine adds to them
         self._engine, self._data, self._model = engine, data, model
         self._step, self._cast = library.mj_step, library.mj_multiRay
         self._place = library.mj_kinematics
@@ -56,7 +64,13 @@ class MujocoSimulation:
         self._seen = np.zeros(ends[-1], dtype=np.int32)
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` with the true state of the base link; contact is that since last time."""
+        """Fill ``state`` with the true state of the base link; contact is that since last time.
+
+        Raises:
+            SimulationError: the engine has warned of something that it cannot simulate.
+        """
+        if self._warnings:
+            self._check_warnings()
         x, y, _, qw, qx, qy, qz = self._pose.tolist()
         vx, vy, _, wx, wy, wz = self._rates.tolist()  # the turning is about the link's own axes
         yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
@@ -69,6 +83,11 @@ class MujocoSimulation:
         state[SPEED] = vx * math.cos(yaw) + vy * math.sin(yaw)
         state[CONTACT] = self._touched
         self._touched = False
+
+    def _check_warnings(self) -> None:
+        grave = [line for line in self._warnings if not line.startswith(HARMLESS)]
+        if grave:
+            raise SimulationError(f"MuJoCo: {' '.join(grave[0].split())}")
 
     def _touches(self) -> bool:
         """Whether the robot touches an obstacle. The engine lists contacts that overlap only."""
