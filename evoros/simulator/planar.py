@@ -1,8 +1,9 @@
 """A wheeled robot on flat ground, tens of thousands of times faster than real time.
 
 The centre of the rear axle rolls along arcs without slip (the bicycle model). The outline of the
-robot stops at obstacles, which never move. Sensors cast the same rays at the same shapes as with a
-rigid-body engine. ``docs/fidelity.md`` shows how far the two simulators agree.
+robot stops at obstacles. In missions that go on after contact, it pushes movable bodies. Sensors
+cast the same rays at the same shapes as with a rigid-body engine. ``docs/fidelity.md`` shows how
+far the two simulators agree.
 """
 
 from collections.abc import Iterator
@@ -11,13 +12,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated
 
-import numpy as np
-
-from evoros.base.arrays import YAW, X, Y
 from evoros.base.checks import NOT_NEGATIVE, checked, positive_up_to
 from evoros.base.errors import InputError
 from evoros.robot.model import Robot
-from evoros.simulator.engines.planar_layout import PLACED_OUTLINE, lay_out
+from evoros.simulator.engines.planar_layout import lay_out, lay_out_memory
 from evoros.simulator.engines.planar_rules import advance, observe, sense
 from evoros.simulator.protocol import RuleSimulation, SimulationRules
 from evoros.world.model import World
@@ -66,10 +64,9 @@ class Planar:
         """
         self.check_world(world)  # a sampler may have drawn it
         home_x, home_y, _, home_yaw = world.course.home
-        memory = np.zeros(PLACED_OUTLINE + robot.outline.size)
-        memory[[X, Y, YAW]] = home_x, home_y, home_yaw
         lags = self.steering_lag_s, self.drive_lag_s
         parameters = lay_out(robot, world, self.time_step, *lags)
+        memory = lay_out_memory(parameters, (home_x, home_y, home_yaw))
         yield RuleSimulation(self.rules, parameters, memory)
 
 

@@ -1,6 +1,7 @@
 """The obstacles of a world as arrays, for contact and for ray casting."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -12,7 +13,7 @@ from evoros.geometry.grid import Grid
 from evoros.geometry.outlines import Outlines
 from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.ray import BOX, CONVEX, CYLINDER, FACE_SIZE, OBSTACLE_SIZE, SPHERE
-from evoros.geometry.shapes import Pose, Shape
+from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
@@ -25,40 +26,56 @@ def outlines(world: World, below_m: float) -> Outlines:
 
 @lru_cache(maxsize=64)
 def world_arrays(world: World, height: float, touch: float, see: float) -> tuple[Array, ...]:
-    """Return the obstacles of a world for a robot of some height [m].
+    """Return ``obstacle_arrays`` of all obstacles of a world."""
+    return obstacle_arrays(standing_obstacles(world), height, touch, see)
+
+
+def obstacle_arrays(
+    bodies: Sequence[Body], height: float, touch: float, see: float, reach: float = 0.0
+) -> tuple[Array, ...]:
+    """Return obstacles for a robot of some height [m].
 
     ``touch`` and ``see`` [m] are the distances from the origin of its frame up to which the robot
-    can touch and see.
+    can touch and see. The grid covers at least all points within ``reach`` [m] of an obstacle.
 
     Returns:
         The grid (see ``evoros.geometry.grid``); the starts and entries of the cells for contact,
         then those for sight; the rows and corners of ``outlines``; the rows of all obstacles and
         the faces of their polyhedra for rays (see ``evoros.geometry.ray``).
     """
-    placed = [
-        _centre(shape, body.pose @ shape.pose)
-        for body in standing_obstacles(world)
+    solids = [
+        (shape, body.pose @ shape.pose)
+        for body in bodies
         for shape in body.shapes
         if shape.kind != "plane"
     ]
-    visible = [project_shape(shape, pose) for shape, pose in placed]
-    faces = [_faces(shape) for shape, _ in placed]
-    ends = np.cumsum([len(rows) for rows in faces], dtype=np.int64).tolist()
-    rows = [
-        _to_row(*solid, area, end - len(own), end)
-        for solid, area, own, end in zip(placed, visible, faces, ends, strict=True)
-    ]
-    touchable, areas = project_bodies(standing_obstacles(world), height), outlines(world, height)
-    grid = Grid.around(visible, max(touch, see))
+    rows, faces, visible = sight_rows(solids)
+    touchable = project_bodies(bodies, height)
+    areas = Outlines.of(touchable)
+    grid = Grid.around(visible, max(touch, see, reach))
     return (
         grid.to_array(),
         *grid.list_near(touchable, touch),
         *grid.list_near(visible, see),
         areas.rows,
         areas.corners,
-        np.array(rows).reshape(-1, OBSTACLE_SIZE),
-        np.concatenate([np.zeros((0, FACE_SIZE)), *faces]),
+        rows,
+        faces,
     )
+
+
+def sight_rows(solids: Sequence[tuple[Shape, Pose]]) -> tuple[Array, Array, list[Footprint]]:
+    """Return shapes for rays, the faces of their polyhedra, and the shapes' footprints."""
+    placed = [_centre(shape, pose) for shape, pose in solids]
+    areas = [project_shape(shape, pose) for shape, pose in placed]
+    faces = [_faces(shape) for shape, _ in placed]
+    ends = np.cumsum([len(rows) for rows in faces], dtype=np.int64).tolist()
+    rows = [
+        _to_row(*solid, area, end - len(own), end)
+        for solid, area, own, end in zip(placed, areas, faces, ends, strict=True)
+    ]
+    array = np.array(rows).reshape(-1, OBSTACLE_SIZE)
+    return array, np.concatenate([np.zeros((0, FACE_SIZE)), *faces]), areas
 
 
 def _centre(shape: Shape, pose: Pose) -> tuple[Shape, Pose]:

@@ -1,6 +1,6 @@
 """Obstacles as they stand once movable bodies in the air have fallen, for all that sees from above.
 
-An engine of rigid bodies lets them fall. The plane, where obstacles never move, and the measures of
+An engine of rigid bodies lets them fall. The plane, where nothing falls, and the measures of
 clearance and pictures, which know no height of the ground, take them from here.
 """
 

@@ -8,13 +8,13 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from evoros.base.arrays import STATE_SIZE, Array
+from evoros.base.arrays import STATE_SIZE, YAW, Array, X, Y
 from evoros.base.compilation import compilable
 from evoros.drive.protocol import Drive
 from evoros.robot.model import Robot
+from evoros.simulator.engines.planar_bodies import lay_out_pushing, start_memory, surround
 from evoros.simulator.engines.rays import Beam, sensor_beams
 from evoros.world.model import World
-from evoros.world.obstacles import world_arrays
 
 # The numbers at the front of the parameters.
 (
@@ -30,7 +30,7 @@ from evoros.world.obstacles import world_arrays
     STARTS,  # the start of each block, and the end of the last
 ) = range(10)
 
-# The blocks, in the order of ``world_arrays`` from the grid on.
+# The blocks, in the order of ``obstacle_arrays`` from the grid to the faces.
 (
     OUTLINE,  # (k, 2) corners [m]
     BEAMS,  # (n, BEAM_SIZE)
@@ -44,8 +44,9 @@ from evoros.world.obstacles import world_arrays
     CORNERS,  # (c, 2) [m], of the footprints
     OBSTACLES,  # as in evoros.geometry.ray
     FACES,  # of polyhedra, as in evoros.geometry.ray
-) = range(12)
-BLOCKS = 12
+    PUSHING,  # as in planar_bodies; empty if nothing can be pushed
+) = range(13)
+BLOCKS = 13
 HEADER_SIZE = STARTS + BLOCKS + 1
 
 # A beam, which is a channel of a sensor, is a row of the block BEAMS.
@@ -58,6 +59,7 @@ BEAM_SIZE = 11
 # The memory: the state, then these.
 STEERING_ANGLE = STATE_SIZE  # [rad]
 PLACED_OUTLINE = STATE_SIZE + 1  # (k, 2) corners [m] where the robot would be after the next step
+"""After it come the bodies that can be pushed, as in planar_bodies."""
 
 
 @compilable
@@ -75,8 +77,8 @@ def lay_out(
     rows = _beam_rows(beams, _facing(robot, frames, beams))
     rays = np.concatenate([np.zeros((0, 3)), *(beam.directions for beam in beams)])
     radius = float(np.sqrt((robot.outline * robot.outline).sum(axis=1)).max())
-    surroundings = world_arrays(world, robot.height_m, radius, _sight(rows))
-    blocks = [robot.outline, rows, rays, *surroundings]
+    surroundings, bodies = surround(world, robot.height_m, radius, _sight(rows))
+    blocks = [robot.outline, rows, rays, *surroundings, lay_out_pushing(robot, bodies)]
     starts = HEADER_SIZE + np.cumsum([0, *(array.size for array in blocks)])
     numbers = [
         time_step,
@@ -86,6 +88,13 @@ def lay_out(
         radius,
     ]
     return np.concatenate([numbers, starts, *(array.ravel() for array in blocks)])
+
+
+def lay_out_memory(parameters: Array, home: tuple[float, float, float]) -> Array:
+    """The memory of a mission that starts at x, y [m] and yaw [rad]."""
+    memory = np.zeros(PLACED_OUTLINE + len(block(parameters, OUTLINE)))
+    memory[[X, Y, YAW]] = home
+    return np.concatenate([memory, start_memory(block(parameters, PUSHING))])
 
 
 def _limits(drive: Drive) -> tuple[float, ...]:

@@ -30,8 +30,11 @@ from evoros.geometry.outlines import (
 )
 from evoros.geometry.polygon import polygon_distance, transform_polygon
 from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, FACE_SIZE, OBSTACLE_SIZE, cast_rays
+from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines import planar_layout as layout
+from evoros.simulator.engines.planar_bodies import memory_views, part_of
 from evoros.simulator.engines.planar_layout import block
+from evoros.simulator.engines.planar_pushing import BLOCKED, UNTOUCHED, push_bodies
 
 FULL_TURN = 2.0 * math.pi
 
@@ -62,9 +65,30 @@ def sense(parameters: Array, memory: Array, ranges: Array) -> None:
         for entry in range(int(starts[cell]), int(starts[cell + 1])):
             obstacle = obstacles[int(entries[entry])]
             detect(obstacle, faces, x, y, cos, sin, beams, rays, ranges)
+    if len(block(parameters, layout.PUSHING)) > 0:
+        sense_bodies(parameters, memory, beams, ranges)
     for i in range(len(ranges)):
         if ranges[i] < beams[i, layout.MIN_RANGE]:
             ranges[i] = beams[i, layout.MIN_RANGE]
+
+
+@compilable
+def sense_bodies(parameters: Array, memory: Array, beams: Array, ranges: Array) -> None:
+    """Lower each range [m] whose beam sees a body that can be pushed at a shorter range."""
+    pushing = block(parameters, layout.PUSHING)
+    rays = block(parameters, layout.RAYS).reshape((-1, 3))
+    faces = part_of(pushing, bodies.FACES).reshape((-1, FACE_SIZE))
+    _, _, _, _, sights = memory_views(pushing, memory[moving_memory(parameters) :])
+    cos = math.cos(memory[YAW])
+    sin = math.sin(memory[YAW])
+    for i in range(len(sights)):
+        detect(sights[i], faces, memory[X], memory[Y], cos, sin, beams, rays, ranges)
+
+
+@compilable
+def moving_memory(parameters: Array) -> int:
+    """Return where the memory of the bodies that can be pushed begins."""
+    return layout.PLACED_OUTLINE + len(block(parameters, layout.OUTLINE))
 
 
 @compilable
@@ -104,10 +128,14 @@ def detect(
 
 # One function, because its lines share a dozen numbers that a helper would need as arguments.
 def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
-    """Drive for ``duration`` [s]; a step into an obstacle is not made, and the robot stops."""
+    """Drive for ``duration`` [s]; a step into an obstacle is not made, and the robot stops.
+
+    Bodies that can be pushed, by ``planar_pushing``, are no obstacles as long as they can.
+    """
     axle = parameters[layout.REAR_AXLE_X]
     limit = parameters[layout.STEERING_LIMIT]
     step = parameters[layout.TIME_STEP]
+    pushing = len(block(parameters, layout.PUSHING)) > 0
     wanted = min(max(command[STEERING], -limit), limit)
     yaw = memory[YAW]
     cos = math.cos(yaw)
@@ -137,8 +165,14 @@ def advance(parameters: Array, memory: Array, command: Array, duration: float) -
         new_sin = math.sin(new_yaw)
         x -= axle * new_cos
         y -= axle * new_sin
+        contact = UNTOUCHED
         if touches(parameters, memory, x, y, new_cos, new_sin):
+            contact = BLOCKED
+        elif pushing:
+            contact = push(parameters, memory, (x, y, new_cos, new_sin), cos, sin)
+        if contact != UNTOUCHED:
             memory[CONTACT] = 1.0
+        if contact == BLOCKED:
             memory[SPEED] = 0.0
             memory[YAW_RATE] = 0.0
             continue
@@ -148,6 +182,39 @@ def advance(parameters: Array, memory: Array, command: Array, duration: float) -
         memory[X] = x
         memory[Y] = y
         memory[YAW] = yaw
+
+
+@compilable
+def push(
+    parameters: Array,
+    memory: Array,
+    pose: tuple[float, float, float, float],
+    cos: float,
+    sin: float,
+) -> int:
+    """Push the bodies in the robot's way to a pose from where it is; see ``push_bodies``.
+
+    ``cos`` and ``sin`` are those of its heading before.
+    """
+    return push_bodies(
+        block(parameters, layout.PUSHING),
+        memory[moving_memory(parameters) :],
+        block(parameters, layout.GRID),
+        place_outline(parameters, memory, pose[0], pose[1], pose[2], pose[3]),
+        parameters[layout.OUTLINE_RADIUS],
+        pose,
+        (memory[X], memory[Y], cos, sin),
+    )
+
+
+@compilable
+def place_outline(
+    parameters: Array, memory: Array, x: float, y: float, cos: float, sin: float
+) -> Array:
+    """Return the outline of the robot at x, y [m], in the memory."""
+    placed = memory[layout.PLACED_OUTLINE : moving_memory(parameters)].reshape((-1, 2))
+    transform_polygon(block(parameters, layout.OUTLINE).reshape((-1, 2)), x, y, cos, sin, placed)
+    return placed
 
 
 @compilable
@@ -164,8 +231,7 @@ def touches(parameters: Array, memory: Array, x: float, y: float, cos: float, si
     end = int(starts[cell + 1])
     if first == end:
         return False
-    placed = memory[layout.PLACED_OUTLINE :].reshape((-1, 2))
-    transform_polygon(block(parameters, layout.OUTLINE).reshape((-1, 2)), x, y, cos, sin, placed)
+    placed = place_outline(parameters, memory, x, y, cos, sin)
     entries = block(parameters, layout.CONTACT_ENTRIES)
     footprints = block(parameters, layout.FOOTPRINTS).reshape((-1, FOOTPRINT_SIZE))
     corners = block(parameters, layout.CORNERS).reshape((-1, 2))

@@ -1,0 +1,127 @@
+"""The contact between two convex polygons on the ground that overlap a little.
+
+The functions run compiled and interpreted alike.
+"""
+
+import math
+
+from evoros.base.arrays import Array
+from evoros.base.compilation import compilable
+
+EDGE_TOLERANCE_M = 1e-4
+"""Corners that reach as far as the farthest within this belong to an edge that lies against the
+other polygon."""
+
+
+@compilable
+def polygon_contact(
+    first: Array, second: Array, first_radius: float, second_radius: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return the contact of two convex counter-clockwise polygons (k, 2), which may be rounded.
+
+    The radii [m] are what surrounds the polygons, which may be segments or points.
+
+    Returns:
+        The depth [m] of the overlap, at most 0 without contact; the normal x, y, from the first to
+        the second; where the contact is along the normal [m]; and the lowest and the highest place
+        of the contact along the normal's left-hand perpendicular [m].
+    """
+    radius = first_radius + second_radius
+    best, nx, ny = _widest_gap(first, second)
+    other, ox, oy = _widest_gap(second, first)
+    if other > best:
+        best, nx, ny = other, -ox, -oy
+    if best >= radius and best > -math.inf:
+        return radius - best, nx, ny, 0.0, 0.0, 0.0
+    if best > 0.0 or best == -math.inf:
+        best, nx, ny = _nearest(first, second)
+        if best >= radius or best == 0.0:
+            return radius - best if best > 0.0 else 0.0, nx, ny, 0.0, 0.0, 0.0
+    near, low, high = _support(first, nx, ny)
+    far, from_, to = _support(second, -nx, -ny)
+    # The perpendicular of the opposite normal points the other way.
+    start = max(low, -to)
+    end = min(high, -from_)
+    if start > end:
+        start = end = 0.5 * (start + end)
+    along = 0.5 * (near + first_radius - far - second_radius)
+    return radius - best, nx, ny, along, start, end
+
+
+@compilable
+def _widest_gap(polygon: Array, points: Array) -> tuple[float, float, float]:
+    """Return the gap [m] to all points from the best edge of a polygon, and the edge's normal."""
+    best = -math.inf
+    nx = 0.0
+    ny = 0.0
+    for i in range(len(polygon)):
+        k = i + 1 if i + 1 < len(polygon) else 0
+        dx = polygon[k, 0] - polygon[i, 0]
+        dy = polygon[k, 1] - polygon[i, 1]
+        length = math.sqrt(dx * dx + dy * dy)
+        if length == 0.0:
+            continue
+        nearest = math.inf
+        for j in range(len(points)):
+            outside = dy * (points[j, 0] - polygon[i, 0]) - dx * (points[j, 1] - polygon[i, 1])
+            nearest = min(nearest, outside)
+        if nearest / length > best:
+            best = nearest / length
+            nx = dy / length
+            ny = -dx / length
+    return best, nx, ny
+
+
+@compilable
+def _nearest(first: Array, second: Array) -> tuple[float, float, float]:
+    """Return the distance [m] of two disjoint polygons, and the direction of the shortest way."""
+    best, nx, ny = _from_corners(second, first)
+    other, ox, oy = _from_corners(first, second)
+    if other < best:
+        return other, -ox, -oy
+    return best, nx, ny
+
+
+@compilable
+def _from_corners(points: Array, polygon: Array) -> tuple[float, float, float]:
+    """Return the distance [m] of the nearest point, and the direction from the polygon to it."""
+    best = math.inf
+    nx = 0.0
+    ny = 0.0
+    for i in range(len(polygon)):
+        k = i + 1 if i + 1 < len(polygon) else 0
+        x = polygon[i, 0]
+        y = polygon[i, 1]
+        dx = polygon[k, 0] - x
+        dy = polygon[k, 1] - y
+        squared = dx * dx + dy * dy
+        for j in range(len(points)):
+            px = points[j, 0] - x
+            py = points[j, 1] - y
+            along = 0.0
+            if squared > 0.0:
+                along = min(max((px * dx + py * dy) / squared, 0.0), 1.0)
+            ex = px - along * dx
+            ey = py - along * dy
+            distance = math.sqrt(ex * ex + ey * ey)
+            if distance < best:
+                best = distance
+                nx = ex / distance if distance > 0.0 else 0.0
+                ny = ey / distance if distance > 0.0 else 0.0
+    return best, nx, ny
+
+
+@compilable
+def _support(polygon: Array, nx: float, ny: float) -> tuple[float, float, float]:
+    """Return how far a polygon reaches along a normal [m], and from where to where beside it."""
+    reach = -math.inf
+    for i in range(len(polygon)):
+        reach = max(reach, polygon[i, 0] * nx + polygon[i, 1] * ny)
+    low = math.inf
+    high = -math.inf
+    for i in range(len(polygon)):
+        if polygon[i, 0] * nx + polygon[i, 1] * ny >= reach - EDGE_TOLERANCE_M:
+            place = polygon[i, 1] * nx - polygon[i, 0] * ny
+            low = min(low, place)
+            high = max(high, place)
+    return reach, low, high
