@@ -13,17 +13,15 @@ from evoros.simulator.engines.mujoco_bodies import FIXED, MOVABLE, ROBOT, VISIBL
 from evoros.simulator.engines.mujoco_model import Model, Settings
 from evoros.simulator.engines.rays import sensor_beams
 
-
 HARMLESS = "Linesearch"
 """How the warning begins that a step of the solver was cut short; the next one goes on."""
 
 
 class Span(NamedTuple):
-    """The rays of one sensor within those of all."""
+    """The rays of one sensor within those of all; one call of the engine casts them."""
 
     first: int
     end: int  # one past the last
-    range_min: float  # [m]
     range_max: float  # [m]
 
 
@@ -53,13 +51,19 @@ class MujocoSimulation:
 
     def _set_up_rays(self, robot: Robot) -> None:
         beams = sensor_beams(robot, robot.sensor_frames())
-        ends = np.cumsum([0, *(len(beam.directions) for beam in beams)]).tolist()
+        ends = np.cumsum([0, *(len(beam.directions) for beam in beams)])
         self._spans = [
-            Span(first, end, beam.range_min, beam.range_max)
-            for first, end, beam in zip(ends[:-1], ends[1:], beams, strict=True)
+            Span(int(ends[part.start]), int(ends[part.stop]), beams[part.start].range_max)
+            for part in robot.beam_layout
+            if part.stop > part.start
         ]
-        self._origins = np.array([beam.origin for beam in beams]).reshape(-1, 3)
+        self._origins = np.array(
+            [beams[p.start].origin for p in robot.beam_layout if p.stop > p.start]
+        ).reshape(-1, 3)
         self._directions = np.concatenate([np.zeros((0, 3)), *(b.directions for b in beams)])
+        self._firsts = ends[:-1]
+        self._low = np.array([beam.range_min for beam in beams])
+        self._high = np.array([beam.range_max for beam in beams])
         self._hits = np.zeros(ends[-1])
         self._seen = np.zeros(ends[-1], dtype=np.int32)
 
@@ -105,11 +109,11 @@ class MujocoSimulation:
         directions = self._directions @ rotation.T
         origins = self._origins @ rotation.T + position
         hits, seen = self._hits, self._seen
-        for sensor, (first, end, range_min, range_max) in enumerate(self._spans):
+        for origin, (first, end, range_max) in zip(origins, self._spans, strict=True):
             cast(
                 engine,
                 data,
-                origins[sensor],
+                origin,
                 directions[first:end].ravel(),
                 VISIBLE,
                 True,  # fixed shapes too
@@ -120,8 +124,9 @@ class MujocoSimulation:
                 end - first,
                 range_max,
             )
-            found = [hit for hit in hits[first:end].tolist() if hit >= 0.0]  # -1: nothing
-            ranges[sensor] = min(max(min(found, default=range_max), range_min), range_max)
+        hits[hits < 0.0] = np.inf  # -1: nothing
+        nearest = np.minimum.reduceat(hits, self._firsts)
+        ranges[:] = np.minimum(np.maximum(nearest, self._low), self._high)
 
     def advance(self, command: Array, duration: float) -> None:
         """Drive with ``command`` for ``duration`` [s].
