@@ -168,7 +168,7 @@ def samples() -> list[Sample]:
             Sample(f"late_{treatment}", (*limit, *late, failure), VARIANT_DESIGNS, again=True),
         ]
     collected += [Sample("repeated", (), AGAIN_DESIGNS, trials=5)]
-    physics = ("simulator=pybullet", "simulator.steering_lag_s=0")
+    physics = ("simulator=pybullet", "simulator.steering_lag_s=0", f"{TURNING}=null")
     return [*collected, Sample("pybullet", physics, PHYSICS_DESIGNS)]
 
 
@@ -207,7 +207,7 @@ def main(folder: Path, workers: int) -> None:
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         for done, future in enumerate(as_completed(map(pool.submit, tasks)), 1):
             print(f"{done:3d} of {len(tasks)}  {future.result()}", flush=True)
-    as_run_report.main(folder, VARIANTS, {"ranks": as_run_ranks.ranks})
+    as_run_report.main(folder, VARIANTS, {"ranks": as_run_ranks.ranks, "parts": as_run_ranks.parts})
     as_run_figures.main(folder)
 
 

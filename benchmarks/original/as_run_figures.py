@@ -5,6 +5,8 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
+from as_run_ranks import DESIGNS, correlation, place_name
 from as_run_report import ORIGINAL, ROOT, TREATMENTS, WORLDS, curves, designs, read
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -83,6 +85,31 @@ def draw_runs(folder: Path) -> Figure:
     return figure
 
 
+def draw_ranks(folder: Path) -> Figure:
+    """Draw the fitness of each logged design here against that in the logs, by turning point."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(7.0, 2.9), layout="constrained")
+        logs = pd.read_csv(DESIGNS).fitness
+        panels = figure.subplots(1, 2, sharex=True, sharey=True)
+        for axes, (place, title) in zip(
+            panels,
+            ((None, "turning about the rear axle"), (0.12, "turning about x = 0.12 m")),
+            strict=True,
+        ):
+            missions = read(folder, f"rank_0_{place_name(place)}")
+            here = len(WORLDS) * missions.groupby("design").to_home.mean()
+            label = f"{title}: rank correlation {correlation(logs, here):.2f}"
+            axes.plot(logs, here, "o", color=RUNS, ms=3, alpha=0.4, mew=0)
+            axes.set_title(label, fontsize=8)
+            axes.set(xlabel="fitness in the logs, mean of the times it was scored")
+        panels[0].set(ylabel="fitness here, counted to home")
+    return figure
+
+
 def main(folder: Path) -> None:
-    for name, draw in (("original", draw_designs), ("original_runs", draw_runs)):
+    for name, draw in (
+        ("original", draw_designs),
+        ("original_runs", draw_runs),
+        ("original_ranks", draw_ranks),
+    ):
         draw(folder).savefig(IMAGES / f"{name}.png", dpi=300)

@@ -13,6 +13,7 @@ from pathlib import Path
 import as_run_report
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from evoros.base.arrays import Array
 from evoros.base.rng import generator
@@ -25,12 +26,13 @@ from evoros.sensor.protocol import Mount
 
 DESIGNS = Path(__file__).with_name("original_designs.csv")
 SENSORS = 6
-PLACES = (None, -0.075, 0.0, 0.06, 0.12, 0.18, 0.24)  # turning points [m]; None: the rear axle
+PLACES = (None, 0.0, 0.12, 0.24)  # turning points [m]; None: the rear axle
 HOW = {
     "l1": (),
     "serpentine": ("controller=rover",),
-    "serpentine, 12.5 deg": ("controller=rover", "robot.mount.pitch_deg=12.5"),
 }
+AXLE = "robot.drive.turning_x_m=null"
+BACK_M = 0.27  # from the turning point at 0.12 m to the rear axle
 SAMPLES = 2000  # of the bootstrap
 
 
@@ -40,6 +42,7 @@ class Ranking:
 
     name: str
     overrides: tuple[str, ...]
+    back_m: float = 0.0  # how far all sensors are set back
 
     def run(self, folder: Path) -> str:
         """Run the missions, unless their file exists; it is created atomically."""
@@ -61,7 +64,7 @@ class Ranking:
         plan = Plan(0, tuple(experiment.world), 1, 0, "individual")
         rows = []
         for number, values in enumerate(table.itertuples(index=False)):
-            design = logged_design(experiment, values[: 3 * SENSORS])
+            design = logged_design(experiment, values[: 3 * SENSORS], self.back_m)
             for mission in plan.selection(0, number, design):
                 outcome, _ = run_mission(experiment.scenario, mission)
                 place = {"design": number, "world": mission.world, "trial": 0}
@@ -69,14 +72,14 @@ class Ranking:
         return rows
 
 
-def logged_design(experiment: Experiment, values: Iterable[float]) -> Design:
-    """Return the design of a row: x [m], y [m] and yaw [deg] of each sensor."""
+def logged_design(experiment: Experiment, values: Iterable[float], back_m: float) -> Design:
+    """Return the design of a row: x [m], y [m] and yaw [deg] of each sensor, set back."""
     robot = experiment.robot
     pitch = robot.default_pitch(experiment.scenario.design.sensors.values())
     genes = np.array(list(values)).reshape(-1, 3).tolist()
     return Design(
         tuple(
-            Mount("sonar", robot.mount_link, x, y, robot.mount_z_m, yaw, pitch)
+            Mount("sonar", robot.mount_link, x - back_m, y, robot.mount_z_m, yaw, pitch)
             for x, y, yaw in genes
         )
     )
@@ -88,20 +91,25 @@ def place_name(place: float | None) -> str:
 
 def rankings() -> list[Ranking]:
     """The configurations, those that matter most first."""
-    chosen = [(how, place) for place in (0.12, None, 0.0, 0.24) for how in ("serpentine", "l1")]
-    chosen += [("serpentine, 12.5 deg", place) for place in (None, 0.12)]
+    rolling = (*HOW["serpentine"], AXLE)
     return [
-        Ranking(
-            f"rank_{list(HOW).index(how)}_{place_name(place)}",
-            (*HOW[how], f"robot.drive.turning_x_m={'null' if place is None else place}"),
-        )
-        for how, place in chosen
+        *(
+            Ranking(
+                f"rank_{list(HOW).index(how)}_{place_name(place)}",
+                (*HOW[how], f"robot.drive.turning_x_m={'null' if place is None else place}"),
+            )
+            for place in PLACES
+            for how in HOW
+        ),
+        Ranking("rank_box", (*rolling, f"robot.arguments.contact_x={0.05 - BACK_M}")),
+        Ranking("rank_sensors", rolling, BACK_M),
     ]
 
 
-def correlation(first: Array, second: Array) -> float:
+def correlation(first: ArrayLike, second: ArrayLike) -> float:
     """Spearman's, with the mean rank of what is equal."""
-    return float(pd.Series(first).rank().corr(pd.Series(second).rank()))
+    ranks = [pd.Series(np.asarray(values)).rank() for values in (first, second)]
+    return float(ranks[0].corr(ranks[1]))
 
 
 def ranks(folder: Path) -> str:
@@ -120,6 +128,19 @@ def ranks(folder: Path) -> str:
         for place in places
     ]
     return as_run_report.table(["", *heads], rows)
+
+
+def parts(folder: Path) -> str:
+    """The table of what has to be where, relative to the turning point, with `serpentine`."""
+    logs = pd.read_csv(DESIGNS).fitness.to_numpy()
+    labels = {
+        "rank_1_axle": "rear axle",
+        "rank_1_+0.120": "x = 0.12 m",
+        "rank_box": f"rear axle, the contact box {BACK_M} m further back",
+        "rank_sensors": f"rear axle, the sensors {BACK_M} m further back",
+    }
+    rows = [[label, _cell(folder, name, logs)] for name, label in labels.items()]
+    return as_run_report.table(["turning about the", "rank correlation"], rows)
 
 
 def _cell(folder: Path, name: str, logs: Array) -> str:

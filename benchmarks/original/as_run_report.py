@@ -19,7 +19,7 @@ BEGIN, END = "<!-- measured: {} -->", "<!-- end: {} -->"
 TREATMENTS, WORLDS = ("none", "random", "spatial"), ("boxes", "maze", "blocks")
 NAMES = {
     "l1": "`l1`",
-    "axle": "and turning about the rear axle, as before",
+    "axle": "`l1`, turning about the rear axle",
     "again": "and run again after 340 s",
     "late": "and readings 1 s late",
 }
@@ -114,11 +114,12 @@ def variants(folder: Path, names: Iterable[str]) -> str:
         ]
     ]
     physics, all_designs = read(folder, "pybullet"), read(folder, "l1_none")
+    rolling = read(folder, "axle_none")  # about the rear axle, as in physics
     changed = {name: read(folder, name) for name in names}
     last = max(missions.design.max() for missions in changed.values())
     series = {"**as_run**": all_designs[all_designs.design <= last], **changed}
-    series["pybullet"] = physics
-    series["planar, the same 30 designs"] = all_designs[all_designs.design <= physics.design.max()]
+    series["pybullet, about the rear axle"] = physics
+    series["planar, the same designs and axle"] = rolling[rolling.design <= physics.design.max()]
     for label, missions in series.items():
         whole, to_home = (designs(missions, score) for score in ("whole", "to_home"))
         rows.append(
