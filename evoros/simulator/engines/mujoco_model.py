@@ -23,6 +23,11 @@ IMPEDANCE = (0.999, 0.9999, 1e-4, 0.5, 2.0)
 and the shape of the curve between. By the engine's own values (0.9, 0.95) a rover would sink by
 1 mm and roll 0.2 % too slowly."""
 
+SKIDDING = (0.95, 0.95, 1e-3, 0.5, 2.0)
+"""How firmly the ground holds the wheels of skid-steer: soft enough that four wheels carry equal
+loads. On firmer ground two of them carry most, and the robot turns by up to a third too much or too
+little."""
+
 TOLERANCE = 1e-12
 """Of the solver. The engine scales it by the mean inertia, which that of the rotors dominates."""
 
@@ -94,7 +99,8 @@ def compile_model(library: Any, robot: Robot, world: World, settings: Settings) 
     bond = {"solref": [2 * settings.time_step, 1.0], "solimp": IMPEDANCE}
     soles = add_bodies(spec, library, world)
     soles += add_robot(spec, library, robot, settings.wheel_friction, _gain(settings), bond)
-    add_ground_pairs(spec, soles, bond)
+    skids = not robot.drive.steering_joints and len(robot.drive.wheel_joints) > 2
+    add_ground_pairs(spec, soles, {**bond, "solimp": SKIDDING} if skids else bond)
     model = spec.compile()
     drive, root = robot.drive, model.joint(ROOT_JOINT)
     rotors = [model.joint(rotor_of(name)).dofadr[0] for name in drive.wheel_joints]
