@@ -13,6 +13,8 @@ import evoros
 from evoros.evolution.experiment import Experiment
 from evoros.simulator.pybullet import close_engines
 
+pytest_plugins = ["missing_engine"]
+
 
 @pytest.fixture(scope="module")
 def mine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
