@@ -1,12 +1,12 @@
 """Measures what a mission costs besides the engine.
 
 Runs random designs through the three worlds of the case study. Each mission is timed as a whole
-(``run_mission``: robot, building, filters, controller, metrics). Its calls of ``stepSimulation``
-and ``rayTestBatch`` are then repeated and timed alone, with the same robot under the same commands.
-The script checks that the robot ends in the same pose, to the last bit. The two alternate, so that
-a busy machine slows both:
+(``run_mission``: robot, building, filters, controller, metrics). Its calls of the engine, which are
+``stepSimulation`` and ``rayTestBatch`` or ``mj_step`` and ``mj_multiRay``, are then repeated and
+timed alone, with the same robot under the same commands. The script checks that the robot ends in
+the same pose, to the last bit. The two alternate, so that a busy machine slows both:
 
-    python benchmarks/performance/overhead.py [designs]
+    python benchmarks/performance/overhead.py [designs] [pybullet|mujoco]
 """
 
 import sys
@@ -25,7 +25,10 @@ from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_bodies import VISIBLE
-from evoros.simulator.pybullet import PyBullet, forget_models
+from evoros.simulator.mujoco import Mujoco
+from evoros.simulator.mujoco import forget_models as forget_mujoco
+from evoros.simulator.pybullet import PyBullet
+from evoros.simulator.pybullet import forget_models as forget_pybullet
 from evoros.world.model import World
 
 Command = tuple[Array, float]
@@ -34,9 +37,9 @@ Command = tuple[Array, float]
 class Recorder:
     """A simulator that records the commands of its simulation."""
 
-    packages = ("pybullet",)
+    packages = ()
 
-    def __init__(self, simulator: PyBullet) -> None:
+    def __init__(self, simulator: PyBullet | Mujoco) -> None:
         self.simulator, self.time_step = simulator, simulator.time_step
         self.commands: list[Command] = []
 
@@ -100,25 +103,55 @@ def bare(
     return spent, state
 
 
+def bare_mujoco(
+    scenario: Scenario, robot: Robot, world: World, commands: list[Command]
+) -> tuple[float, Array]:
+    """The time [s] in MuJoCo's two calls alone, and the state at the end."""
+    state, ranges, spent = np.zeros(STATE_SIZE), np.zeros(robot.beam_count), 0.0
+    with scenario.simulator.open(robot, world) as opened:
+        simulation: Any = opened
+        engine, data, cast = simulation._engine, simulation._data, simulation._cast
+        step, move = scenario.simulator.time_step, simulation._step
+        calls: list[tuple[Any, ...]] = []
+        simulation._cast = lambda *arguments: calls.append(arguments)
+        for command, duration in commands:
+            calls.clear()
+            simulation.sense(ranges)
+            begin = perf_counter()
+            for arguments in calls:
+                cast(*arguments)
+            spent += perf_counter() - begin
+            simulation.advance(command, 0.0)
+            begin = perf_counter()
+            for _ in range(round(duration / step)):
+                move(engine, data)
+            spent += perf_counter() - begin
+        simulation.observe(state)
+    return spent, state
+
+
 def pair(experiment: Experiment, recorder: Recorder, mission: Mission) -> tuple[float, ...]:
     """The time [s] of the mission, of its bare calls, and that it simulates."""
     scenario = experiment.scenario
     _, track = run_mission(replace(scenario, simulator=recorder), mission)
-    forget_models()  # so that building the model counts, as for every new design
+    forget_pybullet()  # so that building the model counts, as for every new design
+    forget_mujoco()
     begin = perf_counter()
     outcome, _ = run_mission(scenario, mission)
     whole = perf_counter() - begin
     equipped = scenario.with_design(mission.design)
-    spent, state = bare(
-        scenario, equipped.robot, scenario.world[mission.world], recorder.commands, 1
-    )
+    robot, world = equipped.robot, scenario.world[mission.world]
+    if isinstance(scenario.simulator, Mujoco):
+        spent, state = bare_mujoco(scenario, robot, world, recorder.commands)
+    else:
+        spent, state = bare(scenario, robot, world, recorder.commands, 1)
     assert (track[-1, [AT_X, AT_Y]] == state[[X, Y]]).all(), "the bare calls led to another state"
     return whole, spent, outcome.time_s
 
 
-def main(designs: int) -> None:
-    experiment = compose(["failure=random"]).build()
-    assert isinstance(experiment.simulator, PyBullet)
+def main(designs: int, engine: str) -> None:
+    experiment = compose(["failure=random", f"simulator={engine}"]).build()
+    assert isinstance(experiment.simulator, PyBullet | Mujoco)
     recorder = Recorder(experiment.simulator)
     rng = np.random.default_rng(1)
     rows: dict[str, list[tuple[float, ...]]] = {world: [] for world in experiment.world}
@@ -142,4 +175,4 @@ def main(designs: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 8)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 8, (sys.argv[2:] or ["pybullet"])[0])
