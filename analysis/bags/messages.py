@@ -16,6 +16,7 @@ from evoros.base.arrays import Array
 from evoros.geometry.shapes import Pose
 from evoros.storage.figure_context import Beam
 
+from ..tables.readings import group_ranges
 from ..tables.tracks import NONE
 from .markers import list_markers
 from .missions import RecordedMission
@@ -64,7 +65,10 @@ def list_topics(mission: RecordedMission, goal: str) -> list[Topic]:
 
     ``goal`` is the topic of the next waypoint.
     """
-    ranges = [Topic(f"/{link}", "sensor_msgs/msg/Range") for link, _ in mission.sensors]
+    ranges = [
+        Topic(f"/{link}", f"sensor_msgs/msg/{'LaserScan' if beam.bearings_deg else 'Range'}")
+        for link, beam in mission.sensors
+    ]
     return [*TOPICS, Topic(goal, "geometry_msgs/msg/PoseStamped", True), *ranges]
 
 
@@ -73,9 +77,8 @@ def list_messages(mission: RecordedMission, goal: str) -> list[Message]:
     goals = _aim(mission, goal)
     messages = [*_describe(mission), *goals, *_move(mission), *_decide(mission)]
     times = mission.trajectory["time_s"].to_numpy(float)
-    for number, (link, beam) in enumerate(mission.sensors):
-        readings = mission.trajectory[f"range_{number}_m"].to_numpy(float)
-        messages += _measure(link, beam, times, readings)
+    for (link, beam), ranges in zip(mission.sensors, group_ranges(mission.trajectory), strict=True):
+        messages += _measure(link, beam, times, ranges)
     return sorted(messages, key=lambda message: message.stamp_ns)
 
 
@@ -139,7 +142,7 @@ def _decide(mission: RecordedMission) -> Iterator[Message]:
         yield Message(stamp, "/mode", {"data": names[int(row["mode"])]})
 
 
-def _measure(link: str, beam: Beam, times: Array, readings: Array) -> Iterator[Message]:
+def _measure(link: str, beam: Beam, times: Array, ranges: Array) -> Iterator[Message]:
     """Yield the readings that a sensor took, each once, stamped with the time of its sampling.
 
     A record has the last reading of each sensor, which may be older than the record. At the end of
@@ -148,16 +151,32 @@ def _measure(link: str, beam: Beam, times: Array, readings: Array) -> Iterator[M
     samples = np.floor(times / beam.period_s + _SAME_TIME)
     samples[-1] = math.ceil(times[-1] / beam.period_s - _SAME_TIME) - 1
     before = np.concatenate([[-1.0], samples[:-1]])
-    fixed = {
-        "radiation_type": ULTRASOUND,
-        "field_of_view": math.radians(beam.fov_deg),
-        "min_range": beam.range_min_m,
-        "max_range": beam.range_max_m,
-    }
-    for row in np.flatnonzero((samples > before) & np.isfinite(readings)).tolist():
+    for row in np.flatnonzero((samples > before) & np.isfinite(ranges).any(axis=1)).tolist():
         stamp = to_stamp(float(samples[row]) * beam.period_s)
-        content = {"header": _header(stamp, link), **fixed, "range": float(readings[row])}
+        content = {"header": _header(stamp, link), **_describe_ranges(beam, ranges[row].tolist())}
         yield Message(stamp, f"/{link}", content)
+
+
+def _describe_ranges(beam: Beam, ranges: list[float]) -> Content:
+    """Return a scan, from the right to the left as ROS has it, or a single range."""
+    if not beam.bearings_deg:
+        return {
+            "radiation_type": ULTRASOUND,
+            "field_of_view": math.radians(beam.fov_deg),
+            "min_range": beam.range_min_m,
+            "max_range": beam.range_max_m,
+            "range": ranges[0],
+        }
+    first, last = (math.radians(beam.bearings_deg[end]) for end in (0, -1))
+    return {
+        "angle_min": first,
+        "angle_max": last,
+        "angle_increment": (last - first) / (len(ranges) - 1),
+        "scan_time": beam.period_s,
+        "range_min": beam.range_min_m,
+        "range_max": beam.range_max_m,
+        "ranges": ranges,
+    }
 
 
 def _yaw_rates(rows: pd.DataFrame) -> list[float]:

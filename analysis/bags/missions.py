@@ -1,7 +1,7 @@
 """Recorded missions, with all that their bags need."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -25,6 +25,8 @@ from evoros.storage.trajectory_files import (
 from evoros.world.loading import load_world
 from evoros.world.model import World
 
+from ..tables.designs import read_champion_beams
+from ..tables.readings import group_ranges
 from ..tables.records import Record
 from ..tables.tracks import find_champion_mission, load_champion_world
 
@@ -59,7 +61,7 @@ def read_champion_mission(record: Record, world: str) -> RecordedMission:
         folder / f"trajectory_{world}.csv",
         (folder / "robot.urdf", folder / ROBOT_AS_LOADED),
         load_champion_world(record.run, record.context, world),
-        record.context,
+        replace(record.context, beams=read_champion_beams(record)),
     )
 
 
@@ -110,7 +112,6 @@ def _assemble(
     links = [str(link.get("name")) for link in elements.findall("link")]
     joints = [read_joint(joint, links) for joint in elements.findall("joint")]
     root = next(iter({*links} - {joint.child for joint in joints}))
-    columns = [column for column in trajectory if str(column).startswith("range_")]
     rng = generator(str(row["draws"]), "course")
     number = count_round(str(row["purpose"]), int(row["generation"]), int(row["trial"]))
     return RecordedMission(
@@ -120,7 +121,7 @@ def _assemble(
         joints=joints,
         root=root,
         root_pose=_find_root(root, loaded),
-        sensors=_find_sensors(links, context, len(columns), described),
+        sensors=_find_sensors(links, context, len(group_ranges(trajectory)), described),
         world=world,
         route=world.course.route(world.course.goes_forward(number, rng)),
         modes=context.modes,

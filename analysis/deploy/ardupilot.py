@@ -69,10 +69,14 @@ def list_flown(champion: Champion) -> Iterator[str]:
 
 
 def list_range_finders(sensors: Sequence[MountedSensor], origin_m: Triple) -> list[RangeFinder]:
-    """Convert the first ten sensors; ``origin_m`` is ArduPilot's origin in the robot's frame."""
+    """Convert the first ten sensors with a single range, which lidars do not have.
+
+    ``origin_m`` is ArduPilot's origin in the robot's frame.
+    """
+    single = [sensor for sensor in sensors if not sensor.beam.bearings_deg]
     return [
         _convert(instance, sensor, origin_m)
-        for instance, sensor in zip(INSTANCES, sensors, strict=False)
+        for instance, sensor in zip(INSTANCES, single, strict=False)
     ]
 
 

@@ -16,7 +16,7 @@ from evoros.geometry.shapes import Pose, Shape
 from evoros.storage.figure_context import Beam
 from evoros.storage.mission_log import ROBOT_AS_LOADED
 
-from ..tables.designs import read_champion_sensors
+from ..tables.designs import read_champion_beams, read_champion_sensors
 from ..tables.records import Record
 
 ROBOT = "robot.urdf"
@@ -85,7 +85,7 @@ def read_champion(record: Record) -> Champion:
         record=record,
         robot=robot,
         shown=urdf,
-        sensors=tuple(_read_sensors(record, urdf, values)),
+        sensors=tuple(_read_sensors(record, urdf)),
         centre_m=_centre_of_mass(robot, described, ground),
         values=values,
     )
@@ -107,13 +107,13 @@ def _effective_values(record: Record) -> Iterator[tuple[str, Any]]:
         yield key, int(value) if key in evolved and counts else value
 
 
-def _read_sensors(record: Record, urdf: Urdf, values: Mapping[str, Any]) -> Iterator[MountedSensor]:
+def _read_sensors(record: Record, urdf: Urdf) -> Iterator[MountedSensor]:
+    beams = read_champion_beams(record)
     for row in read_champion_sensors(record).to_dict("records"):
         kind = str(row["type"])
-        link, settings = f"{kind}_{row['sensor']}", f"design.sensors.{kind}."
+        link = f"{kind}_{row['sensor']}"
         if link not in urdf.poses:
             raise urdf.error(f"must have the link {link} of a sensor", "restore the file")
-        beam = record.context.beams[kind]
         body = urdf.visuals[link][:1]
         yield MountedSensor(
             link=link,
@@ -121,12 +121,7 @@ def _read_sensors(record: Record, urdf: Urdf, values: Mapping[str, Any]) -> Iter
             position_m=(row["x_m"], row["y_m"], row["z_m"]),
             yaw_deg=row["yaw_deg"],
             pitch_deg=row["pitch_deg"],
-            beam=Beam(
-                float(values.get(f"{settings}fov_deg", beam.fov_deg)),
-                float(values.get(f"{settings}range_min_m", beam.range_min_m)),
-                float(values.get(f"{settings}range_max_m", beam.range_max_m)),
-                float(values.get(f"{settings}period_s", beam.period_s)),
-            ),
+            beam=beams[kind],
             size_m=_body_size(body[0]) if body else (0.0, 0.0, 0.0),
         )
 

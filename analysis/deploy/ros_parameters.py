@@ -6,6 +6,8 @@ from typing import Any
 
 import yaml
 
+from evoros.storage.figure_context import Beam
+
 from .ardupilot import is_ardupilot
 from .champion import Champion
 
@@ -63,6 +65,7 @@ def robot_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
             ("range_max_m", sensor.beam.range_max_m),
             ("field_of_view_rad", math.radians(sensor.beam.fov_deg)),
             ("period_s", sensor.beam.period_s),
+            *_list_bearings(sensor.beam),
             *([] if topic is None else [("topic", topic.replace("{sensor}", sensor.link))]),
         ):
             named[f"evoros.{sensor.link}.{name}"] = value
@@ -73,6 +76,12 @@ def robot_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
         drive["steering_limit_rad"] = None
     named |= {f"evoros.drive.{name}": value for name, value in drive.items()}
     return _nest(named)
+
+
+def _list_bearings(beam: Beam) -> list[tuple[str, Any]]:
+    if not beam.bearings_deg:
+        return []
+    return [("bearings_rad", [math.radians(bearing) for bearing in beam.bearings_deg])]
 
 
 def write_parameter_file(

@@ -22,13 +22,16 @@ from evoros.world.course import Course
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
-from ..tables.designs import read_champion_sensors
+from ..tables.designs import read_champion_beams, read_champion_sensors
+from ..tables.readings import find_nearest, group_ranges, merge_sectors
 from ..tables.records import Record
 from ..tables.study import Study
 from ..tables.tracks import NONE, find_champion_mission, list_failures, load_champion_worlds
 
 MAX_RECORDS = 6000
 """Maximum number of records of a mission; longer ones are thinned out evenly."""
+MAX_SECTORS = 36
+"""Maximum number of sectors in which the player shows the ranges of one sensor."""
 MARGIN_M = 0.5  # around everything that is drawn
 Json = dict[str, Any]
 
@@ -66,16 +69,18 @@ def encode_playback(record: Record) -> Markup:
             f"{record.path / 'champion'}: must have a mission that was run, but has none; give "
             f"another run"
         )
+    sensors, beams = read_champion_sensors(record), read_champion_beams(record)
+    bearings = [beams[kind].bearings_deg for kind in sensors["type"]]
     content = {
         "run": record.name,
         "parts": [
             {**_encode_shape(part.vertices, part.radius_m), "wheel": part.wheel}
             for part in sorted(context.parts, key=lambda part: part.top_m)
         ],
-        "sensors": list(_encode_sensors(read_champion_sensors(record))),
+        "sensors": list(_encode_sensors(sensors)),
         "modes": [NONE, *context.modes],
         "missions": [
-            _encode_mission(worlds[name], table, find_champion_mission(record.run, name))
+            _encode_mission(worlds[name], table, find_champion_mission(record.run, name), bearings)
             for name, table in trajectories.items()
             if len(table)
         ],
@@ -97,7 +102,13 @@ def _encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
         }
 
 
-def _encode_mission(world: World, trajectory: pd.DataFrame, row: "pd.Series[Any]") -> Json:
+def _encode_mission(
+    world: World,
+    trajectory: pd.DataFrame,
+    row: "pd.Series[Any]",
+    bearings_deg: Sequence[Sequence[float]],
+) -> Json:
+    """Encode a mission; ``bearings_deg`` are those of the ranges of each sensor."""
     places = trajectory[["x_m", "y_m"]].to_numpy(float)
     obstacles = list(_encode_obstacles(world))
     return {
@@ -113,7 +124,7 @@ def _encode_mission(world: World, trajectory: pd.DataFrame, row: "pd.Series[Any]
         ],
         "reached": list(_encode_waypoints(trajectory, world.course)),
         "collisions": list(_encode_collisions(trajectory)),
-        **_encode_columns(trajectory.iloc[thin_out(len(trajectory))]),
+        **_encode_columns(trajectory.iloc[thin_out(len(trajectory))], bearings_deg),
     }
 
 
@@ -123,11 +134,11 @@ def thin_out(records: int) -> list[int]:
     return [round(place) for place in places.tolist()]
 
 
-def _encode_columns(trajectory: pd.DataFrame) -> Json:
+def _encode_columns(trajectory: pd.DataFrame, bearings_deg: Sequence[Sequence[float]]) -> Json:
+    sensors = group_ranges(trajectory)
     time, x, y, yaw = (
         trajectory[name].to_numpy(float) for name in ("time_s", "x_m", "y_m", "yaw_rad")
     )
-    ranges = [name for name in trajectory.columns if name.startswith("range_")]
     return {
         "time": encode_changes(encode_differences(_to_thousandths(time))),
         "x": encode_differences(_to_thousandths(x)),
@@ -135,10 +146,18 @@ def _encode_columns(trajectory: pd.DataFrame) -> Json:
         "yaw": encode_differences(_to_thousandths(np.unwrap(yaw))),
         "mode": encode_changes(trajectory["mode"].astype(int).tolist()),
         "contact": encode_changes(trajectory["contact"].astype(int).tolist()),
-        "readings": [
-            encode_differences(_to_thousandths(trajectory[name].to_numpy(float))) for name in ranges
+        "readings": [_encode_lengths(find_nearest(ranges)) for ranges in sensors],
+        "sectors": [
+            [_encode_lengths(nearest) for nearest in merge_sectors(ranges, bearings, MAX_SECTORS)]
+            if ranges.shape[1] > 1
+            else None
+            for ranges, bearings in zip(sensors, bearings_deg, strict=True)
         ],
     }
+
+
+def _encode_lengths(metres: Array) -> list[int | None]:
+    return encode_differences(_to_thousandths(metres))
 
 
 def _to_thousandths(values: Array) -> list[int | None]:

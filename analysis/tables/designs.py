@@ -2,13 +2,15 @@
 
 import math
 import re
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from evoros.base.errors import InputError
-from evoros.storage.figure_context import FigureContext
+from evoros.storage.figure_context import Beam, FigureContext
 
 if TYPE_CHECKING:
     from .records import Record
@@ -64,7 +66,26 @@ def place_sensors(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
 
 def read_champion_sensors(record: "Record") -> pd.DataFrame:
     """Read the sensors of a run's champion, with ``fitness`` and ``validated_fitness``."""
-    return place_sensors(record.run.champion, record.context).assign(**_fitness(record))
+    context = replace(record.context, beams=read_champion_beams(record))
+    return place_sensors(record.run.champion, context).assign(**_fitness(record))
+
+
+def read_champion_beams(record: "Record") -> dict[str, Beam]:
+    """Read the field of view and the range of each type of sensor, as the champion evolved them."""
+    genes = record.run.genes
+    evolved = dict(zip(genes.key.astype(str), genes.value.tolist(), strict=True))
+    return {
+        kind: _adapt_beam(beam, f"design.sensors.{kind}.", evolved)
+        for kind, beam in record.context.beams.items()
+    }
+
+
+def _adapt_beam(beam: Beam, prefix: str, values: Mapping[str, float]) -> Beam:
+    names = ("fov_deg", "range_min_m", "range_max_m")
+    changed = {name: float(values[f"{prefix}{name}"]) for name in names if prefix + name in values}
+    wider = changed.get("fov_deg", beam.fov_deg) / beam.fov_deg if beam.fov_deg else 1.0
+    bearings = tuple(wider * bearing for bearing in beam.bearings_deg)
+    return replace(beam, bearings_deg=bearings, **changed)
 
 
 def _fitness(record: "Record") -> dict[str, float]:

@@ -19,7 +19,7 @@ class Fan(NamedTuple):
 
     frame: Array  # (4, 4) of the sensor in the world
     half_rad: float  # half its opening
-    reach_m: float  # its reading
+    reach_m: Array  # (k,) its readings, from the right edge to the left, in equal sectors
     range_m: float
     colour: tuple[int, int, int]
 
@@ -52,22 +52,33 @@ def _opacity(u: Floats, v: Floats, scale: Floats, fan: Fan) -> Floats:
 
     ``scale`` is in pixels per metre.
     """
-    distance = np.hypot(u, v)
+    distance, reach = np.hypot(u, v), _reach_at(u, v, fan)
     inside = u * np.sin(fan.half_rad) - np.abs(v) * np.cos(fan.half_rad)
-    cover = np.clip(np.minimum(inside, fan.reach_m - distance) * scale + 0.5, 0.0, 1.0)
+    cover = np.clip(np.minimum(inside, reach - distance) * scale + 0.5, 0.0, 1.0)
     share = np.clip(distance / fan.range_m, 0.0, 1.0)
     fill = _AT_SENSOR + (_AT_RANGE - _AT_SENSOR) * share
-    if fan.reach_m >= fan.range_m:
+    if (fan.reach_m >= fan.range_m).all():
         return np.asarray(cover * fill, dtype=np.float32)
-    line = np.clip(_LINE_PX + 0.5 - (fan.reach_m - distance) * scale, 0.0, 1.0)
+    line = np.clip(_LINE_PX + 0.5 - (reach - distance) * scale, 0.0, 1.0) * (reach < fan.range_m)
     return np.asarray(cover * np.maximum(fill, _ON_ARC * line), dtype=np.float32)
+
+
+def _reach_at(u: Floats, v: Floats, fan: Fan) -> Floats:
+    """Return the reading [m] of the sector in which each point u, v [m] is."""
+    count = len(fan.reach_m)
+    if count == 1:
+        return np.full(u.shape, fan.reach_m[0], dtype=np.float32)
+    with np.errstate(invalid="ignore"):
+        share = (np.arctan2(v, u) + fan.half_rad) / (2.0 * fan.half_rad)
+        sector = np.nan_to_num(np.floor(share * count)).clip(0, count - 1).astype(int)
+    return np.asarray(fan.reach_m[sector], dtype=np.float32)
 
 
 def _bounding_box(plane: Array, fan: Fan, size: tuple[int, int]) -> tuple[slice, slice] | None:
     """Return the rows and columns of the picture that contain the fan; None: it is invisible."""
     angles = np.linspace(-fan.half_rad, fan.half_rad, _ARC)
     # A margin, because the arc bulges between its points.
-    reach = 1.03 * fan.reach_m
+    reach = (1.04 if fan.half_rad > 1.0 else 1.03) * float(fan.reach_m.max())
     arc = [[reach * np.cos(a), reach * np.sin(a), 1.0] for a in angles]
     corners = np.array([[0.0, 0.0, 1.0], *arc]) @ plane.T
     points = _clip_to_front(corners)

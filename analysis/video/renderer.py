@@ -54,7 +54,7 @@ class Renderer:
     scene: Scene
     motion: Motion
     sensors: Sequence[SensorView]
-    readings: Array  # (n, sensors) [m]; NaN: silent
+    readings: Sequence[Array]  # by sensor: (n, channels) [m], from the right to the left
     failed: Flags  # (n, sensors) whether it has failed
     goals: Array  # (n, 2) [m] of the next waypoint; NaN: none
     context: FigureContext
@@ -80,7 +80,8 @@ class Renderer:
 
     def classify_readings(self, number: int) -> list[Colour]:
         """Return the colour of each sensor's state at a time."""
-        readings, failed = self.readings[number], self.failed[number]
+        failed = self.failed[number]
+        readings = [np.fmin.reduce(ranges[number]) for ranges in self.readings]
         return [
             FAILED
             if has_failed or np.isnan(reading)
@@ -100,13 +101,11 @@ class Renderer:
     def _make_fans(self, number: int, robot: Array, states: Sequence[Colour]) -> list[Fan]:
         """Make the fans in the order of drawing, the most important ones last."""
         fans = []
-        for sensor, reading, colour in zip(
-            self.sensors, self.readings[number], states, strict=True
-        ):
-            silent = np.isnan(reading)
-            reach, range_m = (_SILENT_M, _SILENT_M) if silent else (reading, sensor.range_m)
-            frame = robot @ sensor.frame
-            fans.append(Fan(frame, sensor.half_rad, float(reach), range_m, colour))
+        for sensor, ranges, colour in zip(self.sensors, self.readings, states, strict=True):
+            silent = np.isnan(ranges[number])
+            reach = np.where(silent, min(_SILENT_M, sensor.range_m), ranges[number])
+            range_m = _SILENT_M if silent.all() else sensor.range_m
+            fans.append(Fan(robot @ sensor.frame, sensor.half_rad, reach, range_m, colour))
         return sorted(fans, key=lambda fan: (CLEAR, FAILED, NEAR).index(fan.colour))
 
     def _project_floor(

@@ -5,7 +5,7 @@ import math
 import re
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -21,6 +21,8 @@ from evoros.storage.mission_log import ROBOT_AS_LOADED
 from evoros.world.model import World
 
 from ..product import Product
+from ..tables.designs import read_champion_beams
+from ..tables.readings import group_ranges
 from ..tables.records import Record
 from ..tables.study import Study
 from ..tables.tracks import load_champion_world, read_track
@@ -135,7 +137,7 @@ def _read_mission(record: Record, world: str | None) -> _Mission:
         trajectory,
         urdf,
         load_champion_world(record.run, context, name),
-        context,
+        replace(context, beams=read_champion_beams(record)),
         _failure_times(read_track(record.run, context, name)),
         float(near_m) if isinstance(near_m, int | float) else None,
     )
@@ -192,8 +194,8 @@ def replay(
     check_poses(trajectory)
     options = options or RenderOptions()
     robot = read_tree(parse(urdf.encode(), "robot.urdf"), "robot.urdf")
-    columns = [name for name in trajectory if re.fullmatch(r"range_\d+_m", str(name))]
-    sensors = find_sensors(robot, context, len(columns), near_m)
+    ranges = group_ranges(trajectory)
+    sensors = find_sensors(robot, context, len(ranges), near_m)
     motion = interpolate(trajectory, sample_times(trajectory, options), robot)
     places = trajectory[["x_m", "y_m"]].to_numpy(float)
     goals = find_goals(world, places, trajectory["visited"].to_numpy(int))
@@ -204,8 +206,8 @@ def replay(
             scene,
             motion,
             sensors,
-            trajectory.iloc[motion.record][columns].to_numpy(float),
-            flag_failures(motion.time_s, len(columns), failed or {}),
+            [values[motion.record] for values in ranges],
+            flag_failures(motion.time_s, len(ranges), failed or {}),
             goals[motion.record],
             context,
             paint_ground(world, places),

@@ -102,14 +102,14 @@ def try_compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
         return NotCompilable("it is not a plain function")
     if rule.__closure__ or "<locals>" in rule.__qualname__:
         return NotCompilable("it is defined inside a function, not at the top of a module")
-    # Errors do not pass from compiled code to its caller: the mission would go on without the rule.
-    if any(instruction.opname == "RAISE_VARARGS" for instruction in get_instructions(rule)):
-        return NotCompilable("it raises errors, which compiled code ignores")
     return _compile(rule, signature)
 
 
 @cache
 def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
+    # Errors do not pass from compiled code to its caller: the mission would go on without the rule.
+    if any(instruction.opname == "RAISE_VARARGS" for instruction in get_instructions(rule)):
+        return NotCompilable("it raises errors, which compiled code ignores")
     # What a user's rule calls may change unnoticed, so every process compiles such rules itself.
     bundled = rule.__module__.partition(".")[0] == "evoros"
     try:

@@ -31,8 +31,13 @@ def cast_rays(
     start: int,
     end: int,
     best: float,
+    ranges: Array,
+    target: int,
 ) -> float:
     """Return the minimum distance [m] from a sensor to an obstacle, or ``best`` if that is less.
+
+    If ``target`` is not negative, each ray has a distance of its own: that of the first is
+    ``ranges[target]``, which is lowered, and ``best`` does not count.
 
     ``faces`` (f, FACE_SIZE) are those of all polyhedra. The rays are ``rays[start:end]`` of (n, 3)
     unit vectors. Their frame is turned to the left by
@@ -48,6 +53,8 @@ def cast_rays(
     b = obstacle[EXTENT + 1]
     c = obstacle[EXTENT + 2]
     for i in range(start, end):
+        if target >= 0:
+            best = ranges[target + i - start]
         dx = rays[i, 0]
         dy = rays[i, 1]
         dz = rays[i, 2]
@@ -63,6 +70,8 @@ def cast_rays(
             best = _intersect_polyhedron(ox, oy, oz, ux, uy, uz, faces[int(a) : int(b)], best)
         else:
             best = _intersect_sphere(ox, oy, oz, ux, uy, uz, a, best)
+        if target >= 0:
+            ranges[target + i - start] = best
     return best
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
+from evoros.base.checks import POSITIVE, Rule, is_number
 from evoros.filter.protocol import Filter
 
 
@@ -24,6 +25,12 @@ class Mount:
     yaw_deg: float  # left positive
     pitch_deg: float  # nose up positive
 
+
+BOX = Rule(
+    "a list of three lengths greater than 0",
+    lambda v: isinstance(v, list | tuple) and len(v) == 3 and all(map(POSITIVE.holds, v)),
+)
+BEAM = Rule("an angle greater than 0 and less than 180", lambda v: is_number(v) and 0 < v < 180)
 
 RANGE = "range"
 """What a sensor measures that casts rays: distances [m]."""

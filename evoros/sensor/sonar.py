@@ -14,20 +14,12 @@ from evoros.base.checks import (
     COUNT,
     NOT_NEGATIVE,
     POSITIVE,
-    Rule,
     checked,
     invalid,
-    is_number,
 )
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import FILTERS, Filter
-from evoros.sensor.protocol import RANGE, Channel
-
-BOX = Rule(
-    "a list of three lengths greater than 0",
-    lambda v: isinstance(v, list | tuple) and len(v) == 3 and all(map(POSITIVE.holds, v)),
-)
-BEAM = Rule("an angle greater than 0 and less than 180", lambda v: is_number(v) and 0 < v < 180)
+from evoros.sensor.protocol import BEAM, BOX, RANGE, Channel
 
 GAZEBO_SENSOR = """\
 <sensor name={name} type="gpu_lidar">

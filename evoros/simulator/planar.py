@@ -16,7 +16,8 @@ from evoros.base.checks import NOT_NEGATIVE, checked, positive_up_to
 from evoros.base.errors import InputError
 from evoros.robot.model import Robot
 from evoros.simulator.engines.planar_layout import lay_out, lay_out_memory
-from evoros.simulator.engines.planar_rules import advance, observe, sense
+from evoros.simulator.engines.planar_rules import advance, observe
+from evoros.simulator.engines.planar_sensing import sense
 from evoros.simulator.protocol import RuleSimulation, SimulationRules
 from evoros.world.model import World
 

@@ -19,7 +19,7 @@ from evoros.design.protocol import Area, Point
 from evoros.failure.protocol import Failure
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import RangeSensor, sees
+from evoros.sensor.protocol import RangeSensor, sees, sensor_bearings
 from evoros.world.course import Course
 
 if TYPE_CHECKING:
@@ -47,6 +47,8 @@ class Beam:
     range_min_m: float
     range_max_m: float
     period_s: float  # between two readings
+    bearings_deg: tuple[float, ...] = ()
+    """Of each range in the sensor's frame, left positive; empty if it has one range only."""
 
 
 @dataclass(frozen=True)
@@ -108,13 +110,17 @@ def _fields(raw: Mapping[str, Any]) -> dict[str, Any]:
             for part in raw["parts"]
         ),
         "places": {link: _numbers(place, 4) for link, place in raw["places"].items()},
-        "beams": {name: Beam(**beam) for name, beam in raw["beams"].items()},
+        "beams": {name: _read_beam(beam) for name, beam in raw["beams"].items()},
         "regions": {name: _area(area) for name, area in raw["regions"].items()},
         "rings": tuple(Ring(**ring) for ring in raw["rings"]),
         "modes": tuple(raw["modes"]),
         "courses": {name: Course(**course) for name, course in raw["courses"].items()},
     }
     return {**raw, **fields}
+
+
+def _read_beam(raw: Mapping[str, Any]) -> Beam:
+    return Beam(**{**raw, "bearings_deg": tuple(map(float, raw.get("bearings_deg", ())))})
 
 
 def _area(raw: Mapping[str, Any]) -> Area:
@@ -163,7 +169,9 @@ def _beam(sensor: RangeSensor) -> Beam:
     rays = np.asarray(sensor.rays())
     opening = math.degrees(float(np.ptp(np.arctan2(rays[:, 1], rays[:, 0]))))
     limits = float(sensor.range_min_m), float(sensor.range_max_m)
-    return Beam(round(opening, 9), *limits, float(sensor.period_s))
+    bearings = [round(math.degrees(bearing), 9) for bearing in sensor_bearings(sensor)]
+    several = tuple(bearings) if len(bearings) > 1 else ()
+    return Beam(round(opening, 9), *limits, float(sensor.period_s), several)
 
 
 def _rings(failure: Failure) -> Iterator[Ring]:

@@ -10,6 +10,7 @@ from documents import files, write
 from evoros.base.console import DONE, INPUT
 from evoros.cli.inspect import evoros_inspect
 from evoros.config.compose import compose
+from evoros.sensor.protocol import sees
 
 FILES = files("your_robot")
 SCOUT, DEPOT = "theirs/scout.urdf.xacro", "theirs/depot.world"
@@ -91,6 +92,7 @@ def test_the_sensors_of_a_description_become_a_design(
     angles = [math.radians(first.pitch_deg), math.radians(first.yaw_deg)]
     assert angles == pytest.approx([0.1, 0.5], abs=1e-5)  # a negative rotation raises the nose
     sonar = experiment.design.sensors[first.sensor]
+    assert sees(sonar)
     assert (sonar.period_s, sonar.range_min_m, sonar.range_max_m) == (0.1, 0.1, 3.0)
     assert len(space.decode(np.ones(space.size)).mounts) == 4
 

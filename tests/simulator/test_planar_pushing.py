@@ -18,7 +18,8 @@ from evoros.robot.model import Robot
 from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_friction import move_body
-from evoros.simulator.engines.planar_rules import advance, sense
+from evoros.simulator.engines.planar_rules import advance
+from evoros.simulator.engines.planar_sensing import sense
 from evoros.simulator.planar import Planar
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World

@@ -30,6 +30,7 @@ function decode(raw) {
     mode: fill(raw.mode, n),
     contact: fill(raw.contact, n),
     readings: raw.readings.map((readings) => sum(readings, 1e-3)),
+    sectors: raw.sectors.map((sectors) => sectors && sectors.map((each) => sum(each, 1e-3))),
   };
 }
 
@@ -57,8 +58,11 @@ function poseAt(mission, last, time) {
 function stateOf(now, sensor) {
   const reading = now.mission.readings[sensor][now.last];
   const failure = now.mission.failed.find((entry) => entry.sensor === sensor);
+  const known = (value) => (Number.isNaN(value) ? null : value);
+  const sectors = now.mission.sectors[sensor];
   return {
-    reading: Number.isNaN(reading) ? null : reading,
+    reading: known(reading), // the nearest
+    sectors: sectors && sectors.map((each) => known(each[now.last])), // from right to left
     failed: failure !== undefined && failure.at_s <= now.time,
   };
 }

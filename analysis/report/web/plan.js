@@ -141,17 +141,23 @@ function drawRobot(context, view, pose, parts, look, line) {
   }
 }
 
-/** Draws a sensor's cone up to its reading, projected to the ground plane. */
+/** Draws a sensor's cone up to its reading, or to that of each sector, projected to the ground. */
 function drawCone(context, view, pose, sensor, state, look, ratio) {
   const [px, py] = view.at(...toWorld(pose, sensor.x, sensor.y));
   const middle = pose.yaw + sensor.yaw, half = sensor.fov / 2;
   const colour = state.failed ? look.silent : look.pairs[sensor.pair % look.pairs.length];
   const silent = state.reading === null;
   const clear = silent || state.reading > 0.98 * sensor.range;
-  const range = (silent ? 0.2 * sensor.range : state.reading) * sensor.level * view.scale;
+  const sectors = state.sectors || [state.reading], width = sensor.fov / sectors.length;
+  const arcs = () => sectors.forEach((_, k) => { // from the left edge on, as canvas turns
+    const reading = sectors[sectors.length - 1 - k];
+    const range = (reading === null ? 0.2 * sensor.range : reading) * sensor.level * view.scale;
+    const left = -middle - half + k * width;
+    context.arc(px, py, range, left, left + width);
+  });
   context.beginPath();
   context.moveTo(px, py);
-  context.arc(px, py, range, -middle - half, -middle + half);
+  arcs();
   context.closePath();
   context.globalAlpha = clear ? 0.1 : 0.28;
   context.fillStyle = colour;
@@ -160,7 +166,7 @@ function drawCone(context, view, pose, sensor, state, look, ratio) {
   context.strokeStyle = colour;
   if (silent) context.setLineDash([4 * ratio, 4 * ratio]);
   else context.beginPath();
-  context.arc(px, py, range, -middle - half, -middle + half);
+  arcs();
   context.lineWidth = (clear ? 1 : 2.5) * ratio;
   context.stroke();
   context.setLineDash([]);

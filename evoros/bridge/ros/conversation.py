@@ -35,7 +35,7 @@ class Tick(NamedTuple):
     time: float  # of the mission [s]
     state: list[float | None]  # x, y [m], yaw [rad], speed [m/s], yaw rate [rad/s], contact
     leg: list[float]  # from x, y to x, y [m]
-    readings: list[float | None]  # [m]
+    readings: list[float | list[float | None] | None]  # [m], by sensor
 
 
 class Conversation:

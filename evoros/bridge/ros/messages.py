@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from geometry_msgs.msg import Pose, PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry, Path
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Range
+from sensor_msgs.msg import LaserScan, Range
 
 try:  # often, but not always installed
     from tf2_msgs.msg import TFMessage
@@ -46,7 +46,7 @@ class Messages:
     def kinds(self) -> dict[str, type]:
         """Return the kind of the messages of each topic."""
         return {
-            **dict.fromkeys(self._range_topics, Range),
+            **dict(zip(self._range_topics, map(type, self._ranges))),
             self._topics["odometry"]: Odometry,
             self._topics["goal"]: PoseStamped,
             self._topics["route"]: Path,
@@ -84,10 +84,17 @@ class Messages:
     def _due_ranges(self, tick: Tick, stamp: Any) -> Iterator[tuple[str, Any]]:
         for number in self._schedule.due(tick.time):
             reading = tick.readings[number]
-            if reading is not None:
-                message = self._ranges[number]
-                message.header.stamp, message.range = stamp, float(reading)
-                yield self._range_topics[number], message
+            message = self._ranges[number]
+            if isinstance(reading, list):
+                if all(value is None for value in reading):
+                    continue
+                message.ranges = [math.nan if value is None else value for value in reading]
+            elif reading is None:
+                continue
+            else:
+                message.range = float(reading)
+            message.header.stamp = stamp
+            yield self._range_topics[number], message
 
     def _goal(self, leg: list[float], stamp: Any) -> Any:
         """Return the end of a leg; the pose looks along the leg."""
@@ -101,11 +108,28 @@ class Messages:
 
 
 def _range(sensor: dict[str, Any]) -> Any:
+    """Return the message of a sensor: a scan if it has several ranges, from the right on."""
+    if "bearings_rad" in sensor:
+        return _scan(sensor)
     message = Range(
         radiation_type=Range.ULTRASOUND,
         field_of_view=sensor["field_of_view_rad"],
         min_range=sensor["range_min_m"],
         max_range=sensor["range_max_m"],
+    )
+    message.header.frame_id = sensor["name"]
+    return message
+
+
+def _scan(sensor: dict[str, Any]) -> Any:
+    bearings = sensor["bearings_rad"]
+    message = LaserScan(
+        angle_min=bearings[0],
+        angle_max=bearings[-1],
+        angle_increment=(bearings[-1] - bearings[0]) / (len(bearings) - 1),
+        scan_time=sensor["period_s"],
+        range_min=sensor["range_min_m"],
+        range_max=sensor["range_max_m"],
     )
     message.header.frame_id = sensor["name"]
     return message

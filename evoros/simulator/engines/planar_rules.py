@@ -1,4 +1,4 @@
-"""The rules of the planar simulator, over the arrays that ``planar_layout`` describes.
+"""The rules of motion of the planar simulator, over the arrays that ``planar_layout`` describes.
 
 They give the same bits compiled and interpreted.
 """
@@ -29,12 +29,10 @@ from evoros.geometry.outlines import (
     START,
 )
 from evoros.geometry.polygon import polygon_distance, transform_polygon
-from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, FACE_SIZE, OBSTACLE_SIZE, cast_rays
-from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines import planar_layout as layout
-from evoros.simulator.engines.planar_bodies import memory_views, part_of
 from evoros.simulator.engines.planar_layout import block
 from evoros.simulator.engines.planar_pushing import BLOCKED, UNTOUCHED, push_bodies
+from evoros.simulator.engines.planar_sensing import moving_memory
 
 FULL_TURN = 2.0 * math.pi
 
@@ -44,86 +42,6 @@ def observe(parameters: Array, memory: Array, state: Array) -> None:
     for i in range(STATE_SIZE):
         state[i] = memory[i]
     memory[CONTACT] = 0.0
-
-
-def sense(parameters: Array, memory: Array, ranges: Array) -> None:
-    """Fill ``ranges`` (n,) with the nearest hit [m] of each beam, within the sensor's range."""
-    beams = block(parameters, layout.BEAMS).reshape((-1, layout.BEAM_SIZE))
-    for i in range(len(ranges)):
-        ranges[i] = beams[i, layout.FREE_RANGE]
-    x = memory[X]
-    y = memory[Y]
-    cell = cell_at(block(parameters, layout.GRID), x, y)
-    if cell >= 0:
-        rays = block(parameters, layout.RAYS).reshape((-1, 3))
-        starts = block(parameters, layout.VISIBLE_STARTS)
-        entries = block(parameters, layout.VISIBLE_ENTRIES)
-        obstacles = block(parameters, layout.OBSTACLES).reshape((-1, OBSTACLE_SIZE))
-        faces = block(parameters, layout.FACES).reshape((-1, FACE_SIZE))
-        cos = math.cos(memory[YAW])
-        sin = math.sin(memory[YAW])
-        for entry in range(int(starts[cell]), int(starts[cell + 1])):
-            obstacle = obstacles[int(entries[entry])]
-            detect(obstacle, faces, x, y, cos, sin, beams, rays, ranges)
-    if len(block(parameters, layout.PUSHING)) > 0:
-        sense_bodies(parameters, memory, beams, ranges)
-    for i in range(len(ranges)):
-        if ranges[i] < beams[i, layout.MIN_RANGE]:
-            ranges[i] = beams[i, layout.MIN_RANGE]
-
-
-@compilable
-def sense_bodies(parameters: Array, memory: Array, beams: Array, ranges: Array) -> None:
-    """Lower each range [m] whose beam sees a body that can be pushed at a shorter range."""
-    pushing = block(parameters, layout.PUSHING)
-    rays = block(parameters, layout.RAYS).reshape((-1, 3))
-    faces = part_of(pushing, bodies.FACES).reshape((-1, FACE_SIZE))
-    _, _, _, _, sights = memory_views(pushing, memory[moving_memory(parameters) :])
-    cos = math.cos(memory[YAW])
-    sin = math.sin(memory[YAW])
-    for i in range(len(sights)):
-        detect(sights[i], faces, memory[X], memory[Y], cos, sin, beams, rays, ranges)
-
-
-@compilable
-def moving_memory(parameters: Array) -> int:
-    """Return where the memory of the bodies that can be pushed begins."""
-    return layout.PLACED_OUTLINE + len(block(parameters, layout.OUTLINE))
-
-
-@compilable
-def detect(
-    obstacle: Array,
-    faces: Array,
-    x: float,
-    y: float,
-    cos: float,
-    sin: float,
-    beams: Array,
-    rays: Array,
-    ranges: Array,
-) -> None:
-    """Lower each range [m] whose beam sees the obstacle at a shorter range."""
-    dx = obstacle[AT_X] - x
-    dy = obstacle[AT_Y] - y
-    ahead = cos * dx + sin * dy
-    aside = cos * dy - sin * dx
-    bound = obstacle[BOUND]
-    for i in range(len(ranges)):
-        px = ahead - beams[i, layout.ORIGIN]
-        py = aside - beams[i, layout.ORIGIN + 1]
-        # Skip the rays if the circle around the obstacle is too far away or beside the beam.
-        far = ranges[i] + bound
-        if px * px + py * py >= far * far:
-            continue
-        if px * beams[i, layout.LEFT_EDGE] + py * beams[i, layout.LEFT_EDGE + 1] > bound:
-            continue
-        if px * beams[i, layout.RIGHT_EDGE] + py * beams[i, layout.RIGHT_EDGE + 1] > bound:
-            continue
-        pz = obstacle[AT_Z] - beams[i, layout.ORIGIN + 2]
-        first = int(beams[i, layout.FIRST_RAY])
-        end = int(beams[i, layout.END_RAY])
-        ranges[i] = cast_rays(obstacle, faces, cos, sin, -px, -py, -pz, rays, first, end, ranges[i])
 
 
 # One function, because its lines share a dozen numbers that a helper would need as arguments.

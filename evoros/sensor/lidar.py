@@ -1,0 +1,111 @@
+"""A planar lidar: a range for each of many directions in one plane."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evoros.base.arrays import Array
+from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_number
+from evoros.filter.gaussian_noise import GaussianNoise
+from evoros.filter.protocol import FILTERS, Filter
+from evoros.sensor.protocol import BOX, RANGE, Channel
+
+FIELD = Rule("an angle greater than 0 and at most 360", lambda v: is_number(v) and 0 < v <= 360)
+
+GAZEBO_SENSOR = """\
+<sensor name={name} type="gpu_lidar">
+  <topic>{topic}</topic>
+  <update_rate>{rate}</update_rate>
+  <always_on>true</always_on>
+  <lidar>
+    <scan>
+      <horizontal>
+        <samples>{samples}</samples>
+        <resolution>1</resolution>
+        <min_angle>{min_angle}</min_angle>
+        <max_angle>{max_angle}</max_angle>
+      </horizontal>
+    </scan>
+    <range>
+      <min>{range_min}</min>
+      <max>{range_max}</max>
+    </range>
+    <noise>
+      <type>gaussian</type>
+      <mean>0</mean>
+      <stddev>{sigma}</stddev>
+    </noise>
+  </lidar>
+</sensor>
+"""
+
+
+@dataclass(frozen=True)
+@checked
+class Lidar:
+    """A range sensor with ``beams`` single rays in its x-y plane, evenly spaced.
+
+    They are read from the right edge of the field of view to the left, both included; a field of
+    360 deg has no edges, so that no direction is read twice. The defaults, with
+    ``conf/sensor/lidar.yaml``, are those of small scanners for indoor robots.
+    """
+
+    measures: ClassVar[str] = RANGE
+    range_min_m: Annotated[float, NOT_NEGATIVE] = 0.15
+    range_max_m: Annotated[float, POSITIVE] = 8.0
+    fov_deg: Annotated[float, FIELD] = 360.0  # full width, about the sensor's x axis
+    beams: Annotated[int, COUNT] = 360
+    period_s: Annotated[float, POSITIVE] = 0.1  # time between two scans
+    size_m: Annotated[Sequence[float], BOX] = (0.07, 0.07, 0.04)
+    mass_kg: Annotated[float, POSITIVE] = 0.17
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
+
+    def __post_init__(self) -> None:
+        if self.range_min_m >= self.range_max_m:
+            rule = f"must be less than range_max_m ({self.range_max_m})"
+            raise invalid(self, "range_min_m", self.range_min_m, rule)
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """A range for each beam."""
+        return (Channel("range", "m", self.range_min_m, self.range_max_m),) * self.beams
+
+    def channel_of(self) -> NDArray[np.int64]:
+        """Return a channel of its own for each ray."""
+        return np.arange(self.beams)
+
+    def rays(self) -> Array:
+        """(beams, 3) unit vectors in the sensor's frame: x forward, y left."""
+        angles = self._angles()
+        return np.column_stack((np.cos(angles), np.sin(angles), np.zeros(self.beams)))
+
+    def _angles(self) -> Array:
+        """Return the bearings (beams,) [rad], left positive, mirror images to the last bit."""
+        spaces = self.beams if self.fov_deg == 360.0 else max(self.beams - 1, 1)
+        half_space = math.radians(self.fov_deg) / spaces / 2
+        steps: Array = np.arange(1.0 - self.beams, self.beams, 2.0)
+        return steps * half_space
+
+    def gazebo(self, name: str) -> str:
+        """The SDF ``<sensor>`` called ``name``, which is its topic too.
+
+        Of the filters, Gazebo itself knows Gaussian noise only.
+        """
+        angles = self._angles()
+        noises = (f.sigma_m for f in self.filters.values() if isinstance(f, GaussianNoise))
+        return GAZEBO_SENSOR.format(
+            name=quoteattr(name),
+            topic=escape(name),
+            rate=1 / self.period_s,
+            samples=self.beams,
+            min_angle=angles[0],
+            max_angle=angles[-1],
+            range_min=self.range_min_m,
+            range_max=self.range_max_m,
+            sigma=math.sqrt(sum(sigma * sigma for sigma in noises)),
+        )

@@ -1,0 +1,155 @@
+"""The lidar and the infrared range finder: their rays, what they see, and where it is shown."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planar_cases import experiment, rover, start, world_of
+
+from analysis.report.playback import MAX_SECTORS
+from analysis.tables.readings import find_nearest, group_ranges, merge_sectors
+from analysis.video.fans import Fan, _reach_at
+from evoros.base.arrays import Array
+from evoros.config.compose import compose
+from evoros.filter.growing_noise import GrowingNoise
+from evoros.filter.protocol import Channels
+from evoros.geometry.shapes import Pose, Shape
+from evoros.robot.model import Robot
+from evoros.sensor.infrared import Infrared
+from evoros.sensor.lidar import Lidar
+from evoros.sensor.protocol import Mount, sensor_bearings
+from evoros.simulator.engines.planar_beams import GROUP_SIZE, SPACING
+from evoros.simulator.engines.planar_layout import GROUPS, block
+from evoros.simulator.planar import Planar
+from evoros.storage.figure_context import describe_experiment
+
+
+def equip(lidar: Lidar, yaw_deg: float = 0.0, pitch_deg: float = 0.0) -> Robot:
+    bare = rover()
+    mount = Mount("lidar", bare.mount_link, 0.1, 0.05, 0.1, yaw_deg, pitch_deg)
+    return bare.with_sensors([mount], {"lidar": lidar})
+
+
+@settings(deadline=None)
+@given(st.floats(1.0, 360.0), st.integers(3, 400))
+def test_beams_are_even_from_the_right_edge_to_the_left(fov: float, beams: int) -> None:
+    bearings = np.degrees(np.unwrap(sensor_bearings(Lidar(fov_deg=fov, beams=beams))))
+    space = fov / (beams if fov == 360.0 else beams - 1)
+    assert np.allclose(np.diff(bearings), space, rtol=0, atol=1e-9)
+    assert bearings[-1] - bearings[0] <= fov + 1e-9
+    rays = Lidar(fov_deg=fov, beams=beams).rays()
+    assert np.array_equal(rays[::-1] * (1.0, -1.0, 1.0), rays)
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    st.floats(-180.0, 180.0), st.sampled_from([30.0, 200.0, 360.0]), st.floats(-math.pi, math.pi)
+)
+def test_a_scan_is_that_of_beams_computed_one_by_one(yaw: float, fov: float, turn: float) -> None:
+    """A beam with two equal rays is computed by itself, and not as a part of an even scan."""
+    lidar = Lidar(fov_deg=fov, beams=90)
+    world, rng = experiment().world["boxes"], np.random.default_rng(round(abs(turn) * 1e6))
+    robots = equip(lidar, yaw), equip(Twofold(fov_deg=fov, beams=90), yaw)
+    scans, spacings = [], []
+    pose = (*rng.uniform(-6.0, 6.0, 2), turn)
+    for robot in robots:
+        with Planar().open(robot, world) as simulation:
+            simulation.memory[:3] = pose
+            ranges = np.zeros(90)
+            simulation.sense(ranges)
+            scans.append(ranges)
+            groups = block(simulation.parameters, GROUPS).reshape(-1, GROUP_SIZE)
+            spacings.append(float(groups[0, SPACING]))
+    assert spacings[0] > 0.0 == spacings[1]
+    assert np.array_equal(scans[0], scans[1])
+
+
+class Twofold(Lidar):
+    """A lidar with each ray twice."""
+
+    def rays(self) -> Array:
+        return np.repeat(super().rays(), 2, axis=0)
+
+    def channel_of(self) -> "np.ndarray[tuple[int, ...], np.dtype[np.int64]]":
+        return np.repeat(super().channel_of(), 2)
+
+
+def test_a_scan_of_a_wall_has_the_distances_of_geometry() -> None:
+    """A wall 2 m ahead, seen at a bearing b, is 2 / cos b away."""
+    lidar = Lidar(fov_deg=120.0, beams=61, range_max_m=3.0)
+    wall = Shape("box", (1.0, 40.0, 2.0)), Pose((2.6, 0.0, 0.5))
+    simulation = start(world_of(wall), equip(lidar))
+    simulation.memory[:3] = 0.0
+    ranges = np.zeros(61)
+    simulation.sense(ranges)
+    expected = np.minimum(2.0 / np.cos(sensor_bearings(lidar)), 3.0)
+    assert np.allclose(ranges, expected, rtol=0, atol=1e-9)
+
+
+def test_an_infrared_sees_what_is_in_its_cone_and_is_noisier_far_away() -> None:
+    infrared = Infrared()
+    angles = np.degrees(np.arccos(infrared.rays()[:, 0]))
+    assert angles[0] == 0.0
+    assert np.allclose(angles[1:], 2.5)
+    noise = GrowingNoise(0.001, 0.05)
+    count = 4000
+    limits = np.full(count, 0.0), np.full(count, 0.8)
+    channels = Channels(*limits, np.zeros((count, 3)), 0.1)
+    for distance in (0.2, 0.6):
+        rng, values = np.random.default_rng(0), np.full(count, distance)
+        noise.rule(*noise.start(channels, np.zeros(count), rng), rng, values, 0.0)
+        assert values.std() == pytest.approx(0.001 + 0.05 * distance**2, rel=0.05)
+    nothing = np.full(count, 0.8)
+    noise.rule(*noise.start(channels, np.zeros(count), rng), rng, nothing, 0.0)
+    assert (nothing == 0.8).all()
+
+
+def test_the_example_evolves_a_field_of_view_and_describes_its_bearings() -> None:
+    example = compose(["experiment=lidar"]).build()
+    fields = []
+    for share in (0.0, 1.0):
+        design = example.space.decode(np.full(example.space.size, share))
+        robot = example.scenario.with_design(design).robot
+        lidar = robot.sensors["lidar"]
+        assert isinstance(lidar, Lidar)
+        fields.append(lidar.fov_deg)
+        assert robot.channel_count == robot.beam_count == 360
+        assert design.mounts[0].pitch_deg == 0.0
+    assert fields == [20.0, 270.0]
+    beam = describe_experiment(example).beams["lidar"]
+    assert len(beam.bearings_deg) == 360
+    assert beam.bearings_deg[0] == pytest.approx(-179.5)
+    sonars = describe_experiment(experiment()).beams
+    assert all(not each.bearings_deg for each in sonars.values())
+
+
+def test_ranges_are_shown_by_sensor_and_sector() -> None:
+    scan = {f"range_1_{k}_m": [float(k + 1), math.nan] for k in range(72)}
+    table = pd.DataFrame({"time_s": [0.0, 0.1], "range_0_m": [3.0, 2.0], **scan})
+    sonar, lidar = group_ranges(table)
+    assert sonar[:, 0].tolist() == [3.0, 2.0]
+    assert lidar.shape == (2, 72)
+    nearest = find_nearest(lidar)
+    assert nearest[0] == 1.0
+    assert math.isnan(nearest[1])
+    bearings = np.linspace(90.0, -90.0, 72)  # from the left, so that the last range is rightmost
+    sectors = merge_sectors(lidar, bearings.tolist(), MAX_SECTORS)
+    assert len(sectors) == MAX_SECTORS
+    assert [sector[0] for sector in sectors] == [71.0 - 2 * k for k in range(MAX_SECTORS)]
+
+
+def test_a_fan_of_a_scan_ends_at_the_range_of_each_sector() -> None:
+    ranges = np.array([1.0, 2.0, 3.0, 4.0])
+    fan = Fan(np.eye(4), math.pi, ranges, 4.0, (0, 0, 0))
+    angles = np.radians([-135.0, -45.0, 45.0, 135.0])
+    u, v = np.cos(angles).astype(np.float32), np.sin(angles).astype(np.float32)
+    assert _reach_at(u, v, fan).tolist() == ranges.tolist()
+    one = replace_reach(fan, np.array([2.5]))
+    assert _reach_at(u, v, one).tolist() == [2.5] * 4
+
+
+def replace_reach(fan: Fan, reach: Array) -> Fan:
+    return fan._replace(reach_m=reach)
