@@ -43,7 +43,7 @@ class MujocoSimulation:
         self._place = library.mj_kinematics
         position, rate = model.root
         self._pose, self._rates = data.qpos[position : position + 7], data.qvel[rate : rate + 6]
-        self._all_rates, self._touches_any = data.qvel, data.sensordata.any
+        self._all_rates, self._list_touches = data.qvel, data.sensordata.tolist
         self._wheel_rates: tuple[float, ...] = (0.0,) * len(model.rotors)
         self._command: tuple[float, float] | None = None
         self._touched = False  # since the last observation
@@ -106,7 +106,7 @@ class MujocoSimulation:
         engine, data, cast = self._engine, self._data, self._cast
         self._place(engine, data)
         rotation, position = _frame(self._pose.tolist())
-        directions = self._directions @ rotation.T
+        directions = (self._directions @ rotation.T).ravel()
         origins = self._origins @ rotation.T + position
         hits, seen = self._hits, self._seen
         for origin, (first, end, range_max) in zip(origins, self._spans, strict=True):
@@ -114,7 +114,7 @@ class MujocoSimulation:
                 engine,
                 data,
                 origin,
-                directions[first:end].ravel(),
+                directions[3 * first : 3 * end],
                 VISIBLE,
                 True,  # fixed shapes too
                 -1,
@@ -139,10 +139,10 @@ class MujocoSimulation:
             angles, self._wheel_rates = self._drive.targets(speed, steering)
             self._data.ctrl[self._model.servos] = angles
         self._all_rates[self._model.rotors] = self._wheel_rates  # loads slow rotors a little
-        step, engine, data, touches = self._step, self._engine, self._data, self._touches_any
+        step, engine, data, touches = self._step, self._engine, self._data, self._list_touches
         for _ in range(round(duration / self._time_step)):
             step(engine, data)
-            if not self._touched and touches() and self._touches():
+            if not self._touched and any(touches()) and self._touches():
                 self._touched = True
 
 
