@@ -492,6 +492,7 @@ def folder(path: Path, setting: FigureContext = SETTING, seed: int = 0, mounts: 
         "missions.csv": "generation,design,world,trial\n",
         "setting.json": setting.text,
         "champion/design.csv": header + mounts,
+        "champion/genes.csv": "design,gene,key,value\n",
     }
     for name, text in files.items():
         (path / name).write_text(text)

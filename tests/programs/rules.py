@@ -11,6 +11,7 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.controller.l1 import L1
 from evoros.controller.weighted_voting import WeightedVoting
+from evoros.sensor.protocol import RANGE
 
 
 def to_array(values: list[float | None]) -> Array:
@@ -26,9 +27,12 @@ robot: Any = SimpleNamespace(
     drive=SimpleNamespace(
         steering_limit=drive["steering_limit_rad"], rear_axle_x_m=drive["rear_axle_x_m"]
     ),
-    mounts=[SimpleNamespace(sensor=each["type"]) for each in sensors],
-    sensors={each["type"]: SimpleNamespace(range_max_m=each["range_max_m"]) for each in sensors},
-    sensor_poses=lambda: np.array([each["pose"] for each in sensors]),
+    mounted_sensors=lambda: [
+        SimpleNamespace(measures=RANGE, range_max_m=each["range_max_m"]) for each in sensors
+    ],
+    channel_yaws=lambda: [each["pose"][3] for each in sensors],  # each has one channel
+    channel_count=len(sensors),
+    layout=[slice(number, number + 1) for number in range(len(sensors))],
 )
 rng = np.random.default_rng(mission["seed"])
 layers = [

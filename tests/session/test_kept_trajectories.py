@@ -159,7 +159,8 @@ def test_a_world_of_its_own_in_each_mission_is_kept_with_it(tmp_path: Path) -> N
     scenario, files = experiment.scenario, TrajectoryFiles(tmp_path)
     design = experiment.space.decode(np.full(experiment.space.size, 0.5))
     missions = experiment.plan.selection(0, 7, design), experiment.plan.selection(1, 7, design)
-    trajectory = np.array([[0.0] * 9 + [np.nan, 1.5], [0.25] * 6 + [2.0, 0.0, 1.0, 0.5, 1.0 / 3]])
+    readings = [np.nan, 1.5, 0.5, 1.0 / 3, 4.5, 4.5]
+    trajectory = np.array([[0.0] * 9 + readings, [0.25] * 6 + [2.0, 0.0, 1.0] + readings[::-1]])
     for (mission,) in missions:
         files.keep(scenario, mission, trajectory)
         sdf = (tmp_path / world_file("generated", mission.draws)).read_text()
