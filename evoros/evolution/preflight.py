@@ -132,10 +132,13 @@ def _start_layers(scenario: Scenario, draws: Draws) -> Sequence[StartedLayer]:
     return layers
 
 
-def _rules(scenario: Scenario) -> SimulationRules | None:
-    """Return the rules of motion of a simulator that has any."""
+def _rules(scenario: Scenario) -> tuple[SimulationRules, ...]:
+    """Return the different rules of motion in the worlds, of a simulator that has any."""
     simulator = scenario.simulator
-    return simulator.rules if isinstance(simulator, RuleSimulator) else None
+    if not isinstance(simulator, RuleSimulator):
+        return ()
+    worlds = (world.at(f"try out/{name}") for name, world in scenario.world.items())
+    return tuple(dict.fromkeys(map(simulator.choose_rules, worlds)))
 
 
 def _compile(scenario: Scenario, stages: Stages) -> Iterator[str]:
@@ -143,9 +146,11 @@ def _compile(scenario: Scenario, stages: Stages) -> Iterator[str]:
 
     A live engine has no rules of motion, and a live controller has no rules at all.
     """
-    rules = _rules(scenario)
-    if rules is None:
-        return
+    for rules in _rules(scenario):
+        yield from _compile_with(rules, scenario, stages)
+
+
+def _compile_with(rules: SimulationRules, scenario: Scenario, stages: Stages) -> Iterator[str]:
     simulation = RuleSimulation(rules, np.zeros(0), np.zeros(0))
     inputs = collect_inputs(simulation, *stages)
     prepare(inputs)

@@ -15,9 +15,10 @@ from typing import Annotated
 from evoros.base.checks import NOT_NEGATIVE, checked, positive_up_to
 from evoros.base.errors import InputError
 from evoros.robot.model import Robot
+from evoros.simulator.engines.planar_bodies import can_push
 from evoros.simulator.engines.planar_layout import lay_out, lay_out_memory
-from evoros.simulator.engines.planar_rules import advance, observe
-from evoros.simulator.engines.planar_sensing import sense
+from evoros.simulator.engines.planar_rules import advance, advance_pushing, observe
+from evoros.simulator.engines.planar_sensing import sense, sense_pushing
 from evoros.simulator.protocol import RuleSimulation, SimulationRules
 from evoros.world.model import World
 
@@ -39,9 +40,10 @@ class Planar:
     drive_lag_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time constant of the speed
     packages = ("numba",)
 
-    @property
-    def rules(self) -> SimulationRules:
-        """The same rules for every robot and world."""
+    def choose_rules(self, world: World) -> SimulationRules:
+        """Return the rules of motion; those of pushing take a while to compile."""
+        if can_push(world):
+            return SimulationRules(observe, sense_pushing, advance_pushing)
         return SimulationRules(observe, sense, advance)
 
     def check_world(self, world: World) -> None:
@@ -68,7 +70,7 @@ class Planar:
         lags = self.steering_lag_s, self.drive_lag_s
         parameters = lay_out(robot, world, self.time_step, *lags)
         memory = lay_out_memory(parameters, (home_x, home_y, home_yaw))
-        yield RuleSimulation(self.rules, parameters, memory)
+        yield RuleSimulation(self.choose_rules(world), parameters, memory)
 
 
 @lru_cache(maxsize=64)

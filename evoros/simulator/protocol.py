@@ -117,7 +117,6 @@ class RuleSimulation:
 class RuleSimulator(Protocol):
     """A simulator that opens ``RuleSimulation``s."""
 
-    @property
-    def rules(self) -> SimulationRules:
-        """The rules that all of its simulations share."""
+    def choose_rules(self, world: "World") -> SimulationRules:
+        """Return the rules that all of its simulations in a world share."""
         ...

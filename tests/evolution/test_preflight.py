@@ -143,10 +143,12 @@ def test_the_rules_of_both_simulators_are_compiled_once_before_the_run(
     monkeypatch.setattr("evoros.evolution.preflight.prepare", met.append)
     monkeypatch.setattr("evoros.evolution.preflight.explain_interpreted", lambda parts: [])
     chosen = [f"simulator={run}", f"simulator@confirmation.simulator={confirming}"]
-    preflight(compose(["confirmation=pybullet", *chosen]).build())
+    experiment = compose(["confirmation=pybullet", *chosen]).build()
+    preflight(experiment)
+    (rules,) = {Planar().choose_rules(world.at("test")) for world in experiment.world.values()}
     longest = max((len(parts.filters) for parts in met), default=0)
     whole = [tuple(parts[:3]) for parts in met if len(parts.filters) == longest]
-    assert whole == [tuple(Planar().rules)] * compiled
+    assert whole == [tuple(rules)] * compiled
 
 
 class Unnamed(Rover):

@@ -32,8 +32,9 @@ from evoros.mission.loop import LoopInputs
 from evoros.mission.loop_inputs import collect_inputs
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
-from evoros.simulator.planar import Planar
-from evoros.simulator.protocol import RuleSimulation
+from evoros.simulator.engines.planar_rules import advance, observe
+from evoros.simulator.engines.planar_sensing import sense
+from evoros.simulator.protocol import RuleSimulation, SimulationRules
 
 SHORT = ["simulator=planar", "course.time_limit_s=6"]
 EARLY = ["failure.earliest_s=0", "failure.latest_s=4"]
@@ -220,7 +221,7 @@ def test_other_arrays_than_rules_work_on_are_refused(memory: Any) -> None:
 
 
 def test_so_are_those_of_a_simulation() -> None:
-    rules = Planar().rules
+    rules = SimulationRules(observe, sense, advance)
     careless = RuleSimulation(rules, np.zeros(3), np.zeros(3, dtype=np.int64))
     with pytest.raises(InputError, match=r"planar_rules\.advance: its memory must be a contiguous"):
         collect_inputs(careless, (), (), ())

@@ -18,8 +18,8 @@ from evoros.robot.model import Robot
 from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_friction import move_body
-from evoros.simulator.engines.planar_rules import advance
-from evoros.simulator.engines.planar_sensing import sense
+from evoros.simulator.engines.planar_rules import advance_pushing
+from evoros.simulator.engines.planar_sensing import sense_pushing
 from evoros.simulator.planar import Planar
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
@@ -50,7 +50,7 @@ class Plane:
         self.robot = robot or rover()
         with Planar(steering_lag_s=0.0).open(self.robot, world) as simulation:
             self.parameters, self.memory = simulation.parameters, simulation.memory
-        self._drive = compile_rule(advance, ADVANCE) if compiled else advance
+        self._drive = compile_rule(advance_pushing, ADVANCE) if compiled else advance_pushing
         self.pushing = layout.block(self.parameters, layout.PUSHING)
 
     def drive(self, speed: float, steering: float = 0.0, duration: float = 0.1) -> "Plane":
@@ -191,8 +191,8 @@ def test_compiled_and_interpreted_missions_have_the_same_bits() -> None:
         for plane in planes:
             plane.drive(0.3, 0.4 * math.sin(tick))
         assert planes[0].memory.tobytes() == planes[1].memory.tobytes()
-    compile_rule(sense, SENSE)(planes[0].parameters, planes[0].memory, ranges[0])
-    sense(planes[1].parameters, planes[1].memory, ranges[1])
+    compile_rule(sense_pushing, SENSE)(planes[0].parameters, planes[0].memory, ranges[0])
+    sense_pushing(planes[1].parameters, planes[1].memory, ranges[1])
     assert ranges[0] == ranges[1]
 
 
@@ -202,7 +202,7 @@ def test_sensors_see_a_body_where_it_is() -> None:
     plane, ranges = Plane(world_with(crate(0.9)), robot), np.zeros(1)
     found = []
     for _ in range(3):
-        sense(plane.parameters, plane.memory, ranges)
+        sense_pushing(plane.parameters, plane.memory, ranges)
         found.append(float(ranges[0]))
         plane.drive(0.3, duration=2.0)
     assert found[0] == pytest.approx(0.6)

@@ -69,6 +69,12 @@ def part_of(pushing: Array, number: int) -> Array:
 
 
 @lru_cache(maxsize=64)
+def can_push(world: World) -> bool:
+    """Whether missions in a world go on after contact, and it has bodies that can be moved."""
+    movable = any(body.mass is not None for body in world.obstacles)
+    return movable and not world.course.end_on_collision
+
+
 def surround(
     world: World, height: float, touch: float, see: float
 ) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
@@ -76,7 +82,7 @@ def surround(
 
     Nothing moves in a world whose missions end at the first contact.
     """
-    if world.course.end_on_collision or all(body.mass is None for body in world.obstacles):
+    if not can_push(world):
         return world_arrays(world, height, touch, see), ()
     fixed, pushable = split_obstacles(world, height)
     if not pushable:

@@ -44,62 +44,93 @@ def observe(parameters: Array, memory: Array, state: Array) -> None:
     memory[CONTACT] = 0.0
 
 
-# One function, because its lines share a dozen numbers that a helper would need as arguments.
 def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
-    """Drive for ``duration`` [s]; a step into an obstacle is not made, and the robot stops.
+    """Drive for ``duration`` [s]; a step into an obstacle is not made, and the robot stops."""
+    cos = math.cos(memory[YAW])
+    sin = math.sin(memory[YAW])
+    for _ in range(round(duration / parameters[layout.TIME_STEP])):
+        pose = predict(parameters, memory, command, cos, sin)
+        if touches(parameters, memory, pose[0], pose[1], pose[3], pose[4]):
+            memory[CONTACT] = 1.0
+            stop(memory)
+            continue
+        cos, sin = move(memory, pose)
 
-    Bodies that can be pushed, by ``planar_pushing``, are no obstacles as long as they can.
+
+def advance_pushing(parameters: Array, memory: Array, command: Array, duration: float) -> None:
+    """Drive as ``advance`` does, among bodies that can be pushed.
+
+    They are no obstacles as long as they can, by ``planar_pushing``.
     """
-    axle = parameters[layout.REAR_AXLE_X]
-    limit = parameters[layout.STEERING_LIMIT]
-    step = parameters[layout.TIME_STEP]
-    pushing = len(block(parameters, layout.PUSHING)) > 0
-    wanted = min(max(command[STEERING], -limit), limit)
-    yaw = memory[YAW]
-    cos = math.cos(yaw)
-    sin = math.sin(yaw)
-    for _ in range(round(duration / step)):
-        angle = layout.STEERING_ANGLE
-        memory[angle] += parameters[layout.STEERING_GAIN] * (wanted - memory[angle])
-        curvature = math.tan(memory[angle]) / parameters[layout.WHEELBASE]
-        offset = parameters[layout.SPEED_LIMIT_OFFSET]
-        fastest = parameters[layout.MAX_SPEED] / (1.0 + abs(curvature) * offset)
-        target = min(max(command[DRIVE_SPEED], -fastest), fastest)
-        memory[SPEED] += parameters[layout.SPEED_GAIN] * (target - memory[SPEED])
-        memory[YAW_RATE] = memory[SPEED] * curvature
-        # The rear axle moves along an arc, whose chord points half the turn to the side.
-        half = 0.5 * memory[YAW_RATE] * step
-        chord = memory[SPEED] * step
-        if abs(half) > 1e-6:
-            chord = chord * math.sin(half) / half
-        x = memory[X] + axle * cos + chord * math.cos(yaw + half)
-        y = memory[Y] + axle * sin + chord * math.sin(yaw + half)
-        new_yaw = yaw + 2.0 * half
-        if new_yaw > math.pi:
-            new_yaw -= FULL_TURN
-        elif new_yaw < -math.pi:
-            new_yaw += FULL_TURN
-        new_cos = math.cos(new_yaw)
-        new_sin = math.sin(new_yaw)
-        x -= axle * new_cos
-        y -= axle * new_sin
-        contact = UNTOUCHED
+    cos = math.cos(memory[YAW])
+    sin = math.sin(memory[YAW])
+    for _ in range(round(duration / parameters[layout.TIME_STEP])):
+        pose = predict(parameters, memory, command, cos, sin)
+        x, y, _, new_cos, new_sin = pose
         if touches(parameters, memory, x, y, new_cos, new_sin):
             contact = BLOCKED
-        elif pushing:
+        else:
             contact = push(parameters, memory, (x, y, new_cos, new_sin), cos, sin)
         if contact != UNTOUCHED:
             memory[CONTACT] = 1.0
         if contact == BLOCKED:
-            memory[SPEED] = 0.0
-            memory[YAW_RATE] = 0.0
+            stop(memory)
             continue
-        yaw = new_yaw
-        cos = new_cos
-        sin = new_sin
-        memory[X] = x
-        memory[Y] = y
-        memory[YAW] = yaw
+        cos, sin = move(memory, pose)
+
+
+@compilable
+def predict(
+    parameters: Array, memory: Array, command: Array, cos: float, sin: float
+) -> tuple[float, float, float, float, float]:
+    """Return where the robot is after a step: x, y [m], yaw [rad], and its cosine and sine.
+
+    ``cos`` and ``sin`` are those of its yaw before. The servos have moved on.
+    """
+    axle = parameters[layout.REAR_AXLE_X]
+    limit = parameters[layout.STEERING_LIMIT]
+    step = parameters[layout.TIME_STEP]
+    wanted = min(max(command[STEERING], -limit), limit)
+    yaw = memory[YAW]
+    angle = layout.STEERING_ANGLE
+    memory[angle] += parameters[layout.STEERING_GAIN] * (wanted - memory[angle])
+    curvature = math.tan(memory[angle]) / parameters[layout.WHEELBASE]
+    offset = parameters[layout.SPEED_LIMIT_OFFSET]
+    fastest = parameters[layout.MAX_SPEED] / (1.0 + abs(curvature) * offset)
+    target = min(max(command[DRIVE_SPEED], -fastest), fastest)
+    memory[SPEED] += parameters[layout.SPEED_GAIN] * (target - memory[SPEED])
+    memory[YAW_RATE] = memory[SPEED] * curvature
+    # The rear axle moves along an arc, whose chord points half the turn to the side.
+    half = 0.5 * memory[YAW_RATE] * step
+    chord = memory[SPEED] * step
+    if abs(half) > 1e-6:
+        chord = chord * math.sin(half) / half
+    x = memory[X] + axle * cos + chord * math.cos(yaw + half)
+    y = memory[Y] + axle * sin + chord * math.sin(yaw + half)
+    new_yaw = yaw + 2.0 * half
+    if new_yaw > math.pi:
+        new_yaw -= FULL_TURN
+    elif new_yaw < -math.pi:
+        new_yaw += FULL_TURN
+    new_cos = math.cos(new_yaw)
+    new_sin = math.sin(new_yaw)
+    return x - axle * new_cos, y - axle * new_sin, new_yaw, new_cos, new_sin
+
+
+@compilable
+def stop(memory: Array) -> None:
+    """Stop where the robot is."""
+    memory[SPEED] = 0.0
+    memory[YAW_RATE] = 0.0
+
+
+@compilable
+def move(memory: Array, pose: tuple[float, float, float, float, float]) -> tuple[float, float]:
+    """Move the robot to a pose of ``predict``; return cosine and sine of its yaw."""
+    memory[X] = pose[0]
+    memory[Y] = pose[1]
+    memory[YAW] = pose[2]
+    return pose[3], pose[4]
 
 
 @compilable

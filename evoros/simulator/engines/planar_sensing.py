@@ -35,35 +35,55 @@ FULL_TURN = 2.0 * math.pi
 
 def sense(parameters: Array, memory: Array, ranges: Array) -> None:
     """Fill ``ranges`` (n,) with the nearest hit [m] of each beam, within the sensor's range."""
+    sense_obstacles(parameters, memory, ranges)
+    raise_to_minimum(parameters, ranges)
+
+
+def sense_pushing(parameters: Array, memory: Array, ranges: Array) -> None:
+    """Fill ``ranges`` as ``sense`` does, among bodies that can be pushed."""
+    sense_obstacles(parameters, memory, ranges)
+    sense_bodies(parameters, memory, ranges)
+    raise_to_minimum(parameters, ranges)
+
+
+@compilable
+def sense_obstacles(parameters: Array, memory: Array, ranges: Array) -> None:
+    """Fill ``ranges`` with the nearest hit [m] of each beam on what cannot be moved."""
     beams = block(parameters, layout.BEAMS).reshape((-1, BEAM_SIZE))
     for i in range(len(ranges)):
         ranges[i] = beams[i, FREE_RANGE]
     x = memory[X]
     y = memory[Y]
     cell = cell_at(block(parameters, layout.GRID), x, y)
-    if cell >= 0:
-        groups = block(parameters, layout.GROUPS).reshape((-1, GROUP_SIZE))
-        rays = block(parameters, layout.RAYS).reshape((-1, 3))
-        starts = block(parameters, layout.VISIBLE_STARTS)
-        entries = block(parameters, layout.VISIBLE_ENTRIES)
-        obstacles = block(parameters, layout.OBSTACLES).reshape((-1, OBSTACLE_SIZE))
-        faces = block(parameters, layout.FACES).reshape((-1, FACE_SIZE))
-        cos = math.cos(memory[YAW])
-        sin = math.sin(memory[YAW])
-        for entry in range(int(starts[cell]), int(starts[cell + 1])):
-            obstacle = obstacles[int(entries[entry])]
-            detect(obstacle, faces, x, y, cos, sin, groups, beams, rays, ranges)
-    if len(block(parameters, layout.PUSHING)) > 0:
-        sense_bodies(parameters, memory, beams, ranges)
+    if cell < 0:
+        return
+    groups = block(parameters, layout.GROUPS).reshape((-1, GROUP_SIZE))
+    rays = block(parameters, layout.RAYS).reshape((-1, 3))
+    starts = block(parameters, layout.VISIBLE_STARTS)
+    entries = block(parameters, layout.VISIBLE_ENTRIES)
+    obstacles = block(parameters, layout.OBSTACLES).reshape((-1, OBSTACLE_SIZE))
+    faces = block(parameters, layout.FACES).reshape((-1, FACE_SIZE))
+    cos = math.cos(memory[YAW])
+    sin = math.sin(memory[YAW])
+    for entry in range(int(starts[cell]), int(starts[cell + 1])):
+        obstacle = obstacles[int(entries[entry])]
+        detect(obstacle, faces, x, y, cos, sin, groups, beams, rays, ranges)
+
+
+@compilable
+def raise_to_minimum(parameters: Array, ranges: Array) -> None:
+    """Raise each range [m] to the minimum of its sensor."""
+    beams = block(parameters, layout.BEAMS).reshape((-1, BEAM_SIZE))
     for i in range(len(ranges)):
         if ranges[i] < beams[i, MIN_RANGE]:
             ranges[i] = beams[i, MIN_RANGE]
 
 
 @compilable
-def sense_bodies(parameters: Array, memory: Array, beams: Array, ranges: Array) -> None:
+def sense_bodies(parameters: Array, memory: Array, ranges: Array) -> None:
     """Lower each range [m] whose beam sees a body that can be pushed at a shorter range."""
     pushing = block(parameters, layout.PUSHING)
+    beams = block(parameters, layout.BEAMS).reshape((-1, BEAM_SIZE))
     rays = block(parameters, layout.RAYS).reshape((-1, 3))
     faces = part_of(pushing, bodies.FACES).reshape((-1, FACE_SIZE))
     _, _, _, _, sights = memory_views(pushing, memory[moving_memory(parameters) :])
