@@ -4,40 +4,18 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
-from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
-from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked, invalid
+from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.filter.protocol import FILTERS, Filter
-from evoros.sensor.protocol import BEAM, BOX, RANGE, Channel
+from evoros.sensor.gazebo_rays import Fan, gazebo_rays
+from evoros.sensor.protocol import BEAM, BOX, RANGE, Channel, check_limits
 
 RIM = 8
 """Rays on the edge of the cone, besides the one in its middle."""
-
-GAZEBO_SENSOR = """\
-<sensor name={name} type="gpu_lidar">
-  <topic>{topic}</topic>
-  <update_rate>{rate}</update_rate>
-  <always_on>true</always_on>
-  <lidar>
-    <scan>
-      <horizontal>
-        <samples>3</samples>
-        <resolution>1</resolution>
-        <min_angle>{min_angle}</min_angle>
-        <max_angle>{max_angle}</max_angle>
-      </horizontal>
-    </scan>
-    <range>
-      <min>{range_min}</min>
-      <max>{range_max}</max>
-    </range>
-  </lidar>
-</sensor>
-"""
 
 
 @dataclass(frozen=True)
@@ -59,9 +37,7 @@ class Infrared:
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
 
     def __post_init__(self) -> None:
-        if self.range_min_m >= self.range_max_m:
-            rule = f"must be less than range_max_m ({self.range_max_m})"
-            raise invalid(self, "range_min_m", self.range_min_m, rule)
+        check_limits(self)
 
     @property
     def channels(self) -> tuple[Channel]:
@@ -85,12 +61,4 @@ class Infrared:
         Gazebo casts the three rays in the middle, and has no noise that grows with the range.
         """
         edge = math.radians(self.fov_deg) / 2
-        return GAZEBO_SENSOR.format(
-            name=quoteattr(name),
-            topic=escape(name),
-            rate=1 / self.period_s,
-            min_angle=-edge,
-            max_angle=edge,
-            range_min=self.range_min_m,
-            range_max=self.range_max_m,
-        )
+        return gazebo_rays(name, self, Fan(3, -edge, edge))

@@ -4,45 +4,17 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
-from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
-from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_number
-from evoros.filter.gaussian_noise import GaussianNoise
+from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, Rule, checked, is_number
 from evoros.filter.protocol import FILTERS, Filter
-from evoros.sensor.protocol import BOX, RANGE, Channel
+from evoros.sensor.gazebo_rays import Fan, gazebo_rays
+from evoros.sensor.protocol import BOX, RANGE, Channel, check_limits
 
 FIELD = Rule("an angle greater than 0 and at most 360", lambda v: is_number(v) and 0 < v <= 360)
-
-GAZEBO_SENSOR = """\
-<sensor name={name} type="gpu_lidar">
-  <topic>{topic}</topic>
-  <update_rate>{rate}</update_rate>
-  <always_on>true</always_on>
-  <lidar>
-    <scan>
-      <horizontal>
-        <samples>{samples}</samples>
-        <resolution>1</resolution>
-        <min_angle>{min_angle}</min_angle>
-        <max_angle>{max_angle}</max_angle>
-      </horizontal>
-    </scan>
-    <range>
-      <min>{range_min}</min>
-      <max>{range_max}</max>
-    </range>
-    <noise>
-      <type>gaussian</type>
-      <mean>0</mean>
-      <stddev>{sigma}</stddev>
-    </noise>
-  </lidar>
-</sensor>
-"""
 
 
 @dataclass(frozen=True)
@@ -66,9 +38,7 @@ class Lidar:
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
 
     def __post_init__(self) -> None:
-        if self.range_min_m >= self.range_max_m:
-            rule = f"must be less than range_max_m ({self.range_max_m})"
-            raise invalid(self, "range_min_m", self.range_min_m, rule)
+        check_limits(self)
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -97,15 +67,5 @@ class Lidar:
         Of the filters, Gazebo itself knows Gaussian noise only.
         """
         angles = self._angles()
-        noises = (f.sigma_m for f in self.filters.values() if isinstance(f, GaussianNoise))
-        return GAZEBO_SENSOR.format(
-            name=quoteattr(name),
-            topic=escape(name),
-            rate=1 / self.period_s,
-            samples=self.beams,
-            min_angle=angles[0],
-            max_angle=angles[-1],
-            range_min=self.range_min_m,
-            range_max=self.range_max_m,
-            sigma=math.sqrt(sum(sigma * sigma for sigma in noises)),
-        )
+        fan = Fan(self.beams, angles[0], angles[-1])
+        return gazebo_rays(name, self, fan, noise=self.filters.values())

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
-from evoros.base.checks import POSITIVE, Rule, is_number
+from evoros.base.checks import POSITIVE, Rule, invalid, is_number
 from evoros.filter.protocol import Filter
 
 
@@ -105,6 +105,17 @@ class RangeSensor(Sensor, Protocol):
     def channel_of(self) -> NDArray[np.int64]:
         """(k,) the channel of each ray, whose reading is the nearest hit of all its rays."""
         ...
+
+
+def check_limits(sensor: RangeSensor) -> None:
+    """Hold the minimum range below the maximum; for ``__post_init__``.
+
+    Raises:
+        InputError: it is not.
+    """
+    if sensor.range_min_m >= sensor.range_max_m:
+        rule = f"must be less than range_max_m ({sensor.range_max_m})"
+        raise invalid(sensor, "range_min_m", sensor.range_min_m, rule)
 
 
 def sees(sensor: Sensor) -> TypeGuard[RangeSensor]:

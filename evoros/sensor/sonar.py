@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
-from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,44 +14,10 @@ from evoros.base.checks import (
     NOT_NEGATIVE,
     POSITIVE,
     checked,
-    invalid,
 )
-from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import FILTERS, Filter
-from evoros.sensor.protocol import BEAM, BOX, RANGE, Channel
-
-GAZEBO_SENSOR = """\
-<sensor name={name} type="gpu_lidar">
-  <topic>{topic}</topic>
-  <update_rate>{rate}</update_rate>
-  <always_on>true</always_on>
-  <lidar>
-    <scan>
-      <horizontal>
-        <samples>{samples}</samples>
-        <resolution>1</resolution>
-        <min_angle>{min_angle}</min_angle>
-        <max_angle>{max_angle}</max_angle>
-      </horizontal>
-      <vertical>
-        <samples>{samples}</samples>
-        <resolution>1</resolution>
-        <min_angle>{min_angle}</min_angle>
-        <max_angle>{max_angle}</max_angle>
-      </vertical>
-    </scan>
-    <range>
-      <min>{range_min}</min>
-      <max>{range_max}</max>
-    </range>
-    <noise>
-      <type>gaussian</type>
-      <mean>0</mean>
-      <stddev>{sigma}</stddev>
-    </noise>
-  </lidar>
-</sensor>
-"""
+from evoros.sensor.gazebo_rays import Fan, gazebo_rays
+from evoros.sensor.protocol import BEAM, BOX, RANGE, Channel, check_limits
 
 
 @dataclass(frozen=True)
@@ -74,9 +39,7 @@ class Sonar:
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
 
     def __post_init__(self) -> None:
-        if self.range_min_m >= self.range_max_m:
-            rule = f"must be less than range_max_m ({self.range_max_m})"
-            raise invalid(self, "range_min_m", self.range_min_m, rule)
+        check_limits(self)
 
     @property
     def channels(self) -> tuple[Channel]:
@@ -107,15 +70,5 @@ class Sonar:
         itself knows Gaussian noise only.
         """
         edge = math.radians(self.fov_deg) / 2 if self.rays_per_axis > 1 else 0.0
-        noises = (f.sigma_m for f in self.filters.values() if isinstance(f, GaussianNoise))
-        return GAZEBO_SENSOR.format(
-            name=quoteattr(name),
-            topic=escape(name),
-            rate=1 / self.period_s,
-            samples=self.rays_per_axis,
-            min_angle=-edge,
-            max_angle=edge,
-            range_min=self.range_min_m,
-            range_max=self.range_max_m,
-            sigma=math.sqrt(sum(sigma * sigma for sigma in noises)),
-        )
+        fan = Fan(self.rays_per_axis, -edge, edge)
+        return gazebo_rays(name, self, fan, fan, self.filters.values())

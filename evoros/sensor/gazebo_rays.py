@@ -1,0 +1,80 @@
+"""The ``<sensor>`` elements (SDF) by which Gazebo casts the rays of a range sensor."""
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+from xml.sax.saxutils import escape, quoteattr
+
+from evoros.filter.gaussian_noise import GaussianNoise
+from evoros.filter.protocol import Filter
+from evoros.sensor.protocol import RangeSensor
+
+_SENSOR = """\
+<sensor name={name} type="gpu_lidar">
+  <topic>{topic}</topic>
+  <update_rate>{rate}</update_rate>
+  <always_on>true</always_on>
+  <lidar>
+    <scan>
+{fans}    </scan>
+    <range>
+      <min>{range_min}</min>
+      <max>{range_max}</max>
+    </range>
+{noise}  </lidar>
+</sensor>
+"""
+
+_FAN = """\
+      <{axis}>
+        <samples>{samples}</samples>
+        <resolution>1</resolution>
+        <min_angle>{min_angle}</min_angle>
+        <max_angle>{max_angle}</max_angle>
+      </{axis}>
+"""
+
+_NOISE = """\
+    <noise>
+      <type>gaussian</type>
+      <mean>0</mean>
+      <stddev>{sigma}</stddev>
+    </noise>
+"""
+
+
+class Fan(NamedTuple):
+    """Rays that Gazebo spaces evenly between two angles, both included."""
+
+    samples: int
+    min_angle: float  # [rad]
+    max_angle: float  # [rad]
+
+
+def gazebo_rays(
+    name: str,
+    sensor: RangeSensor,
+    horizontal: Fan,
+    vertical: Fan | None = None,
+    noise: Iterable[Filter] = (),
+) -> str:
+    """Return the ``<sensor>`` called ``name``, which is its topic too.
+
+    Of the filters in ``noise``, Gazebo itself knows Gaussian noise only.
+    """
+    fans = [("horizontal", horizontal), *([("vertical", vertical)] if vertical else [])]
+    noises = [each for each in noise if isinstance(each, GaussianNoise)]
+    return _SENSOR.format(
+        name=quoteattr(name),
+        topic=escape(name),
+        rate=1 / sensor.period_s,
+        fans="".join(_FAN.format(axis=axis, **fan._asdict()) for axis, fan in fans),
+        range_min=sensor.range_min_m,
+        range_max=sensor.range_max_m,
+        noise=_NOISE.format(sigma=_combine(noises)) if noises else "",
+    )
+
+
+def _combine(noises: Iterable[GaussianNoise]) -> float:
+    """Return the standard deviation [m] of the sum of independent noises."""
+    return math.sqrt(sum(noise.sigma_m * noise.sigma_m for noise in noises))
