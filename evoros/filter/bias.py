@@ -7,8 +7,8 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import NO_MEMORY, Array, RuleArrays
-from evoros.base.checks import NOT_NEGATIVE, NUMBER, checked
-from evoros.filter.protocol import Channels
+from evoros.base.checks import NOT_NEGATIVE, NUMBER, TEXT, checked
+from evoros.filter.protocol import Channels, select_channels
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,11 @@ class Bias:
     name: ClassVar[str] = "Bias"
     offset_m: Annotated[float, NUMBER] = 0.0  # in the unit of the values
     sd_m: Annotated[float, NOT_NEGATIVE] = 0.02  # between channels, in the unit of the values
+    of: Annotated[str | None, TEXT] = None  # acts on channels whose names begin so; None: on all
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
         """Return the offsets, ``onset``, ``low`` and ``high``, each (n,); no memory."""
+        onset = select_channels(channels, onset, self.of, "Bias")
         offsets = self.offset_m + self.sd_m * rng.standard_normal(channels.size)
         return np.concatenate((offsets, onset, channels.low, channels.high)), NO_MEMORY
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import NO_MEMORY, Array, RuleArrays
-from evoros.base.checks import NOT_NEGATIVE, checked
-from evoros.filter.protocol import Channels
+from evoros.base.checks import NOT_NEGATIVE, TEXT, checked
+from evoros.filter.protocol import Channels, select_channels
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,11 @@ class GaussianNoise:
 
     name: ClassVar[str] = "GaussianNoise"
     sigma_m: Annotated[float, NOT_NEGATIVE] = 0.005  # standard deviation, in the unit of the values
+    of: Annotated[str | None, TEXT] = None  # acts on channels whose names begin so; None: on all
 
     def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
         """Return sigma, then ``onset``, ``low`` and ``high``, each (n,); no memory."""
+        onset = select_channels(channels, onset, self.of, "GaussianNoise")
         parameters = np.concatenate(([self.sigma_m], onset, channels.low, channels.high))
         return parameters, NO_MEMORY
 

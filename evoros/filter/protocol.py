@@ -1,13 +1,16 @@
 """What a filter must offer."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias, runtime_checkable
 
+import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import Array, RuleArrays
 from evoros.base.checks import instance_of, mapping_of
+from evoros.base.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -18,11 +21,30 @@ class Channels:
     high: Array  # (n,) maximum value: what a range sensor reports if it sees nothing
     position: Array  # (n, 3) place on the robot [m], zeros for a pose
     period: float  # time between two samples [s]
+    names: tuple[str, ...] = ()  # (n,) of the quantities; none for a pose
 
     @property
     def size(self) -> int:
         """The number of values."""
         return len(self.low)
+
+
+def select_channels(channels: Channels, onset: Array, of: str | None, part: str) -> Array:
+    """Return ``onset`` (n,), but infinity for channels whose name does not begin with ``of``.
+
+    Raises:
+        InputError: there is no such channel; ``part`` is the filter, for the message.
+    """
+    if of is None:
+        return onset
+    chosen = [name.startswith(of) for name in channels.names]
+    if not any(chosen):
+        known = ", ".join(dict.fromkeys(channels.names)) or "which have no names here"
+        raise InputError(
+            f"{part}.of: must begin the name of a channel ({known}), not {of!r}; name one of them, "
+            f"or set it to null for all"
+        )
+    return np.where(chosen, onset, math.inf)
 
 
 FilterRule: TypeAlias = Callable[[Array, Array, Generator, Array, float], None]

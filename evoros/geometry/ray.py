@@ -19,6 +19,18 @@ polyhedron's frame along that normal."""
 
 
 @compilable
+def place_obstacle(obstacle: Array, x: float, y: float, cos: float, sin: float, row: Array) -> None:
+    """Turn the row of an obstacle about the vertical and move it by x, y [m] into ``row``."""
+    for i in range(OBSTACLE_SIZE):
+        row[i] = obstacle[i]
+    row[AT_X] = x + cos * obstacle[AT_X] - sin * obstacle[AT_Y]
+    row[AT_Y] = y + sin * obstacle[AT_X] + cos * obstacle[AT_Y]
+    for i in range(ROTATION, ROTATION + 3):
+        row[i] = cos * obstacle[i] - sin * obstacle[i + 3]
+        row[i + 3] = sin * obstacle[i] + cos * obstacle[i + 3]
+
+
+@compilable
 def cast_rays(
     obstacle: Array,
     faces: Array,

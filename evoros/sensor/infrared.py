@@ -28,6 +28,7 @@ class Infrared:
     """
 
     measures: ClassVar[str] = RANGE
+    radiation: ClassVar[str] = "infrared"  # as nodes of ROS are told
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.1
     range_max_m: Annotated[float, POSITIVE] = 0.8
     fov_deg: Annotated[float, BEAM] = 5.0  # full width of the cone

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.base.checks import POSITIVE, Rule, invalid, is_number
-from evoros.filter.protocol import Filter
+from evoros.filter.protocol import Filter, FilterRule
 
 
 @dataclass(frozen=True)
@@ -32,15 +32,20 @@ BOX = Rule(
 )
 BEAM = Rule("an angle greater than 0 and less than 180", lambda v: is_number(v) and 0 < v < 180)
 
-RANGE = "range"
-"""What a sensor measures that casts rays: distances [m]."""
+RANGE, MOTION, WHEELS, CONTACT = "range", "motion", "wheels", "contact"
+"""What a sensor can measure: distances along rays, how its mount moves, how far the wheels have
+rolled, what touches the robot. Simulators offer them; ``signals`` describes the last three."""
+
+
+SIGNAL_SIZES = {MOTION: 14, WHEELS: 2, CONTACT: 1}
+"""The number of values of each signal, as ``signals`` describes them."""
 
 
 class Channel(NamedTuple):
     """One of the values that a sensor reads."""
 
     name: str  # of the quantity, the begin of its columns: range
-    unit: str  # the end of its columns: m
+    unit: str  # the end of its columns: m; empty if it has none
     low: float  # the minimum reading, -inf if there is none
     high: float  # the maximum reading; that of a range is what the sensor reads if it sees nothing
 
@@ -56,7 +61,7 @@ class Sensor(Protocol):
 
     @property
     def measures(self) -> str:
-        """What a simulator must offer to it: ``range``, along the rays of a ``RangeSensor``."""
+        """What a simulator must offer to it: ``range`` to a ``RangeSensor``, or a signal."""
         ...
 
     @property
@@ -107,6 +112,48 @@ class RangeSensor(Sensor, Protocol):
         ...
 
 
+@runtime_checkable
+class SignalSensor(Sensor, Protocol):
+    """A type of sensor that computes its readings from a signal: it measures no range."""
+
+    @property
+    def memory_size(self) -> int:
+        """How many values its rule remembers from one reading to the next."""
+        ...
+
+    @property
+    def rule(self) -> FilterRule:
+        """Fill the values, its channels; a static method, so that numba can compile it.
+
+        The memory begins with the signal, which the simulator has written. Then come
+        ``memory_size`` values of the rule's own, at first 0.
+        """
+        ...
+
+    def parameters(self) -> Array:
+        """Return the parameters of the rule."""
+        ...
+
+
+@runtime_checkable
+class ContactSensor(SignalSensor, Protocol):
+    """A type of sensor that feels what touches the robot in a zone at its mount.
+
+    The zone has no height: seen from above, it begins ``depth_m`` behind the mount, goes forward
+    without end, and is ``width_m`` wide.
+    """
+
+    @property
+    def width_m(self) -> float:
+        """From its left to its right edge; the mount is in the middle."""
+        ...
+
+    @property
+    def depth_m(self) -> float:
+        """How far behind the mount it begins."""
+        ...
+
+
 def check_limits(sensor: RangeSensor) -> None:
     """Hold the minimum range below the maximum; for ``__post_init__``.
 
@@ -121,6 +168,11 @@ def check_limits(sensor: RangeSensor) -> None:
 def sees(sensor: Sensor) -> TypeGuard[RangeSensor]:
     """Whether a sensor casts rays."""
     return sensor.measures == RANGE
+
+
+def is_signal_sensor(sensor: Sensor) -> TypeGuard[SignalSensor]:
+    """Whether a sensor computes its readings from a signal."""
+    return sensor.measures in SIGNAL_SIZES
 
 
 def sensor_bearings(sensor: RangeSensor) -> list[float]:
@@ -138,9 +190,14 @@ def name_channels(sensors: Iterable[Sensor]) -> Iterator[str]:
     too, as ``range_N_K_m``.
     """
     for number, sensor in enumerate(sensors):
-        sizes = Counter(channel.name for channel in sensor.channels)
-        seen = Counter[str]()
-        for name, unit, *_ in sensor.channels:
-            place = f"{number}" if sizes[name] == 1 else f"{number}_{seen[name]}"
-            seen[name] += 1
-            yield f"{name}_{place}_{unit}"
+        yield from name_readings(number, [(each.name, each.unit) for each in sensor.channels])
+
+
+def name_readings(number: int, channels: Sequence[tuple[str, str]]) -> Iterator[str]:
+    """Yield the columns of a sensor by its number and the name and unit of its channels."""
+    sizes = Counter(name for name, _ in channels)
+    seen = Counter[str]()
+    for name, unit in channels:
+        place = f"{number}" if sizes[name] == 1 else f"{number}_{seen[name]}"
+        seen[name] += 1
+        yield f"{name}_{place}_{unit}" if unit else f"{name}_{place}"

@@ -160,7 +160,7 @@ def test_a_failure_silences_all_channels_of_a_sensor_and_no_other() -> None:
         faults = failure.draw(describe_sensors(robot), generator(f"{seed}", "failure"))
         assert len(faults[0].onset) == 3
         ranges, readings = np.arange(1.0, 8.0), np.zeros(7)
-        for _, rule, parameters, memory, rng, values in start_sensor_filters(
+        for _, rule, parameters, memory, rng, values, _ in start_sensor_filters(
             robot, faults, ranges, readings, 0.1, draws
         ):
             rule(parameters, memory, rng, values, 2.0)

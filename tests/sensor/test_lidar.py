@@ -129,7 +129,7 @@ def test_the_example_evolves_a_field_of_view_and_describes_its_bearings() -> Non
 def test_ranges_are_shown_by_sensor_and_sector() -> None:
     scan = {f"range_1_{k}_m": [float(k + 1), math.nan] for k in range(72)}
     table = pd.DataFrame({"time_s": [0.0, 0.1], "range_0_m": [3.0, 2.0], **scan})
-    sonar, lidar = group_ranges(table)
+    sonar, lidar = group_ranges(table).values()
     assert sonar[:, 0].tolist() == [3.0, 2.0]
     assert lidar.shape == (2, 72)
     nearest = find_nearest(lidar)

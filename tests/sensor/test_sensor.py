@@ -17,7 +17,7 @@ from evoros.base.errors import InputError
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Filter
 from evoros.filter.silence import Silence
-from evoros.sensor.protocol import RangeSensor, Sensor
+from evoros.sensor.protocol import RangeSensor, Sensor, SignalSensor, sees
 from evoros.sensor.sonar import Sonar
 
 KINDS = sorted(path.stem for path in assets.bundled_folder("conf").glob("sensor/*.yaml"))
@@ -34,7 +34,7 @@ def configured(kind: str, *overrides: str) -> Sensor:
 
 def test_every_sensor_module_has_a_configuration_of_its_name() -> None:
     package = ROOT / "evoros" / "sensor"
-    shared = {"__init__", "protocol", "gazebo_rays"}  # what the types have in common
+    shared = {"__init__", "protocol", "gazebo_rays", "signals"}  # what the types have in common
     assert {path.stem for path in package.glob("*.py")} - shared == set(KINDS)
 
 
@@ -42,16 +42,21 @@ def test_every_sensor_module_has_a_configuration_of_its_name() -> None:
 def test_configured_sensor_keeps_the_protocol(kind: str) -> None:
     sensor = configured(kind)
     assert isinstance(sensor, Sensor)
+    assert all(isinstance(item, Filter) for item in sensor.filters.values())
+    if kind != "odometry":  # which Gazebo's drive tells
+        element = etree.fromstring(sensor.gazebo(f"{kind}_1"))
+        assert element.tag == "sensor"
+        assert element.get("name") == f"{kind}_1"
+    if not sees(sensor):
+        assert isinstance(sensor, SignalSensor)
+        assert sensor.memory_size >= 1
+        return
     assert isinstance(sensor, RangeSensor)
     assert 0 <= sensor.range_min_m < sensor.range_max_m < math.inf
-    assert all(isinstance(item, Filter) for item in sensor.filters.values())
     rays = sensor.rays()
     assert rays.dtype == np.float64
     assert rays.shape[1] == 3
     assert np.allclose(np.linalg.norm(rays, axis=1), 1, rtol=0, atol=1e-15)
-    element = etree.fromstring(sensor.gazebo(f"{kind}_1"))
-    assert element.tag == "sensor"
-    assert element.get("name") == f"{kind}_1"
 
 
 def test_configured_sonar_is_the_one_of_the_case_study() -> None:

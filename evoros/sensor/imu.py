@@ -1,0 +1,143 @@
+"""An inertial measurement unit: three gyroscopes and three accelerometers."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base.arrays import Array
+from evoros.base.checks import POSITIVE, checked
+from evoros.base.compilation import compilable
+from evoros.filter.protocol import FILTERS, Filter
+from evoros.sensor.protocol import BOX, MOTION, SIGNAL_SIZES, Channel
+from evoros.sensor.signals import GRAVITY, ORIENTATION, TURNING, VELOCITY
+
+_SENSOR = """\
+<sensor name="{name}" type="imu">
+  <topic>{name}</topic>
+  <update_rate>{rate}</update_rate>
+  <always_on>true</always_on>
+</sensor>
+"""
+_AXES = ("x", "y", "z")
+_SMALL_RAD = 1e-9  # half a turn below which its axis is not known
+
+# What the rule remembers of the last reading, after the signal.
+_TIME = SIGNAL_SIZES[MOTION]  # [s]; the first reading has none before it
+_STARTED, _FACING, _SPEEDS, _WEIGHT = _TIME + 1, _TIME + 2, _TIME + 6, _TIME + 9
+"""1 from the first reading on; orientation (4,); in the sensor's own axes, the velocity (3,) [m/s]
+and what it feels of gravity (3,) [m/s2]."""
+_END = _WEIGHT + 3
+
+
+@dataclass(frozen=True)
+@checked
+class Imu:
+    """Angular rates and accelerations along the axes of its frame, x forward and z up.
+
+    A reading is the mean over the time since the last one. The acceleration is what a mass in the
+    sensor feels: at rest on level ground it is that of gravity, upwards. The first reading has the
+    present rate and gravity alone. The defaults are near InvenSense's MPU-9250.
+    """
+
+    measures: ClassVar[str] = MOTION
+    memory_size: ClassVar[int] = _END - _TIME
+    rate_max_radps: Annotated[float, POSITIVE] = 34.9  # 2000 deg/s, to both sides
+    acceleration_max_mps2: Annotated[float, POSITIVE] = 157.0  # 16 g, to both sides
+    period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
+    size_m: Annotated[Sequence[float], BOX] = (0.015, 0.026, 0.003)
+    mass_kg: Annotated[float, POSITIVE] = 0.003
+    filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Three rates, then three accelerations."""
+        fastest, strongest = self.rate_max_radps, self.acceleration_max_mps2
+        return (
+            *(Channel(f"rate_{axis}", "radps", -fastest, fastest) for axis in _AXES),
+            *(Channel(f"acceleration_{axis}", "mps2", -strongest, strongest) for axis in _AXES),
+        )
+
+    def parameters(self) -> Array:
+        """Return both limits."""
+        return np.array([self.rate_max_radps, self.acceleration_max_mps2], dtype=np.float64)
+
+    @staticmethod
+    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+        """Compute the mean rates from the change of the orientation, the rest from both."""
+        first = memory[_STARTED] == 0.0
+        qw, qx, qy, qz = memory[3], memory[4], memory[5], memory[6]
+        rates = to_axes(qw, qx, qy, qz, memory[TURNING], memory[TURNING + 1], memory[TURNING + 2])
+        speeds = to_axes(
+            qw, qx, qy, qz, memory[VELOCITY], memory[VELOCITY + 1], memory[VELOCITY + 2]
+        )
+        weight = to_axes(qw, qx, qy, qz, 0.0, 0.0, memory[GRAVITY])
+        elapsed = time - memory[_TIME]
+        if not first and elapsed > 0.0:
+            rates = turn_between(memory[_FACING : _FACING + 4], qw, qx, qy, qz, elapsed)
+        for i in range(3):
+            felt = weight[i]
+            if not first and elapsed > 0.0:
+                # In axes that turn, a steady velocity changes its direction.
+                j = (i + 1) % 3
+                k = (i + 2) % 3
+                turned = rates[j] * (speeds[k] + memory[_SPEEDS + k])
+                turned -= rates[k] * (speeds[j] + memory[_SPEEDS + j])
+                felt = 0.5 * (weight[i] + memory[_WEIGHT + i] + turned)
+                felt += (speeds[i] - memory[_SPEEDS + i]) / elapsed
+            values[i] = min(max(rates[i], -parameters[0]), parameters[0])
+            values[3 + i] = min(max(felt, -parameters[1]), parameters[1])
+        memory[_TIME] = time
+        memory[_STARTED] = 1.0
+        for i in range(4):
+            memory[_FACING + i] = memory[ORIENTATION + i]
+        for i in range(3):
+            memory[_SPEEDS + i] = speeds[i]
+            memory[_WEIGHT + i] = weight[i]
+
+    def gazebo(self, name: str) -> str:
+        """The SDF ``<sensor>`` called ``name``, which is its topic too; without its noise."""
+        return _SENSOR.format(name=name, rate=1 / self.period_s)
+
+
+@compilable
+def to_axes(
+    qw: float, qx: float, qy: float, qz: float, x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """Return a vector of the world in the axes of a frame of this orientation."""
+    return (
+        (1.0 - 2.0 * (qy * qy + qz * qz)) * x
+        + 2.0 * (qx * qy + qw * qz) * y
+        + 2.0 * (qx * qz - qw * qy) * z,
+        2.0 * (qx * qy - qw * qz) * x
+        + (1.0 - 2.0 * (qx * qx + qz * qz)) * y
+        + 2.0 * (qy * qz + qw * qx) * z,
+        2.0 * (qx * qz + qw * qy) * x
+        + 2.0 * (qy * qz - qw * qx) * y
+        + (1.0 - 2.0 * (qx * qx + qy * qy)) * z,
+    )
+
+
+@compilable
+def turn_between(
+    before: Array, qw: float, qx: float, qy: float, qz: float, elapsed: float
+) -> tuple[float, float, float]:
+    """Return the mean rates [rad/s] of a turn from one orientation to another, in its axes."""
+    w, x, y, z = before[0], before[1], before[2], before[3]
+    dw = w * qw + x * qx + y * qy + z * qz
+    dx = w * qx - x * qw - y * qz + z * qy
+    dy = w * qy + x * qz - y * qw - z * qx
+    dz = w * qz - x * qy + y * qx - z * qw
+    if dw < 0.0:  # the same turn, the shorter way
+        dw = -dw
+        dx = -dx
+        dy = -dy
+        dz = -dz
+    length = math.sqrt(dx * dx + dy * dy + dz * dz)
+    rate = 2.0 / elapsed
+    if length >= _SMALL_RAD:
+        rate = rate * math.atan2(length, dw) / length
+    return rate * dx, rate * dy, rate * dz

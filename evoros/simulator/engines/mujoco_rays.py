@@ -1,0 +1,167 @@
+"""The rays of a robot's sensors in MuJoCo."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.base.compilation import A1, A2, NOTHING, TRUTH, compilable, compile_rule
+from evoros.robot.model import Robot
+from evoros.simulator.engines.mujoco_bodies import HIDDEN, VISIBLE
+from evoros.simulator.engines.mujoco_model import Model
+from evoros.simulator.engines.rays import Beam, sensor_beams
+
+
+class Sensor(NamedTuple):
+    """The rays of one sensor within those of all, and the arguments of the call that casts them.
+
+    The arguments are views of the arrays of all rays, made once, because that costs as much as
+    casting.
+    """
+
+    rays: slice
+    arguments: tuple[Any, ...]
+
+
+class MujocoRays:
+    """The rays of all range sensors of a robot in ``model``."""
+
+    def __init__(self, model: Model, robot: Robot) -> None:
+        self._engine = model.model
+        self._call = model.library.mj_multiRay
+        self._place = compile_rule(place_rays, NOTHING(A1, A2, A2, A2, A2))
+        self._leave = compile_rule(leaves_shape, TRUTH(A2, A2))
+        self._read = compile_rule(read_hits, NOTHING(A1, A1, A1, A1, A1))
+        beams = sensor_beams(robot, robot.sensor_frames())
+        parts = [part for part in robot.beam_layout if part.stop > part.start]
+        ends = np.cumsum([0, *(len(beam.directions) for beam in beams)])
+        self._origins = np.array([beams[part.start].origin for part in parts]).reshape(-1, 3)
+        self._directions = np.concatenate([np.zeros((0, 3)), *(b.directions for b in beams)])
+        self._ends = ends.astype(float)
+        self._low = np.array([beam.range_min for beam in beams])
+        self._high = np.array([beam.range_max for beam in beams])
+        self._hits = np.zeros(ends[-1])
+        self._seen = np.zeros(ends[-1], dtype=np.int32)
+        self._normals = np.zeros((ends[-1], 3))  # of the surfaces, outwards; 0: nothing was hit
+        self._starts, self._turned = np.zeros((len(parts), 3)), np.zeros((ends[-1], 3))
+        self._sensors = [
+            self._bind(model, number, slice(ends[part.start], ends[part.stop]), beams[part.start])
+            for number, part in enumerate(parts)
+        ]
+
+    def _bind(self, model: Model, number: int, rays: slice, beam: Beam) -> Sensor:
+        arguments = (
+            model.model,
+            model.data,
+            self._starts[number],
+            self._turned[rays].reshape(-1),
+            VISIBLE,
+            True,  # fixed shapes too
+            -1,
+            self._seen[rays],
+            self._hits[rays],
+            self._normals[rays].reshape(-1),
+            int(rays.stop - rays.start),
+            beam.range_max,
+        )
+        return Sensor(rays, arguments)
+
+    def cast(self, pose: Array, ranges: Array) -> None:
+        """Fill ``ranges`` with the nearest hit [m] of each beam, within the sensor's range.
+
+        ``pose`` is that of the root link. A ray that starts inside a shape does not see it.
+        """
+        if not self._sensors:
+            return
+        self._place(pose, self._origins, self._directions, self._starts, self._turned)
+        call, surfaces = self._call, (self._turned, self._normals)
+        for _, arguments in self._sensors:
+            call(*arguments)
+        if self._leave(*surfaces):
+            for sensor in self._sensors:
+                self._cast_from_inside(sensor)
+        self._read(self._hits, self._ends, self._low, self._high, ranges)
+
+    def _cast_from_inside(self, sensor: Sensor) -> None:
+        """Cast the rays of a sensor again without the shapes that hold it."""
+        rays, groups = sensor.rays, self._engine.geom_group
+        before = groups.copy()
+        turned, normals = self._turned[rays], self._normals[rays]
+        while (leaving := np.einsum("ij,ij->i", turned, normals) > 0.0).any():
+            groups[self._seen[rays][leaving]] = HIDDEN
+            self._call(*sensor.arguments)
+        groups[:] = before
+
+
+def place_rays(
+    pose: Array, origins: Array, directions: Array, starts: Array, turned: Array
+) -> None:
+    """Write where rays start and where they point to in the world, (n, 3) each.
+
+    ``origins`` and ``directions`` are in the frame of the root link, which is at ``pose``.
+    """
+    rotation = rotation_entries(pose[3], pose[4], pose[5], pose[6])
+    for row in range(len(origins)):
+        _turn(rotation, origins[row], starts[row])
+        for axis in range(3):
+            starts[row, axis] += pose[axis]
+    for row in range(len(directions)):
+        _turn(rotation, directions[row], turned[row])
+
+
+@compilable
+def _turn(rotation: tuple[float, ...], vector: Array, turned: Array) -> None:
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation
+    x, y, z = vector[0], vector[1], vector[2]
+    turned[0] = xx * x + xy * y + xz * z
+    turned[1] = yx * x + yy * y + yz * z
+    turned[2] = zx * x + zy * y + zz * z
+
+
+def leaves_shape(turned: Array, normals: Array) -> bool:
+    """Return whether any ray ends where it leaves a shape, in which it has started.
+
+    ``normals`` (n, 3) are those of the surfaces that the rays hit, outwards, or 0.
+    """
+    for row in range(len(turned)):
+        along = 0.0
+        for axis in range(3):
+            along += turned[row, axis] * normals[row, axis]
+        if along > 0.0:
+            return True
+    return False
+
+
+def read_hits(hits: Array, ends: Array, low: Array, high: Array, ranges: Array) -> None:
+    """Write the nearest of the hits [m] of each beam's rays, from ``low`` to ``high``.
+
+    A hit below 0 is none. The rays of beam ``i`` are those from ``ends[i]`` to ``ends[i + 1]``.
+    """
+    for beam in range(len(ranges)):
+        nearest = high[beam]
+        for ray in range(int(ends[beam]), int(ends[beam + 1])):
+            if 0.0 <= hits[ray] < nearest:
+                nearest = hits[ray]
+        ranges[beam] = max(nearest, low[beam])
+
+
+@compilable
+def rotation_entries(w: float, i: float, j: float, k: float) -> tuple[float, ...]:
+    """The entries of the rotation matrix of a unit quaternion, row by row."""
+    return (
+        1 - 2 * (j * j + k * k),
+        2 * (i * j - k * w),
+        2 * (i * k + j * w),
+        2 * (i * j + k * w),
+        1 - 2 * (i * i + k * k),
+        2 * (j * k - i * w),
+        2 * (i * k - j * w),
+        2 * (j * k + i * w),
+        1 - 2 * (i * i + j * j),
+    )
+
+
+def root_frame(pose: Array) -> tuple[Array, Array]:
+    """Rotation (3, 3) and position (3,) [m] of the root link."""
+    x, y, z, *quaternion = pose.tolist()
+    return np.array(rotation_entries(*quaternion)).reshape(3, 3), np.array([x, y, z])

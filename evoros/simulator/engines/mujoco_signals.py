@@ -1,0 +1,48 @@
+"""What sensors that cast no rays measure in MuJoCo."""
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.robot.model import Robot
+from evoros.simulator.engines.mujoco_bodies import GROUND
+from evoros.simulator.engines.mujoco_model import Model
+from evoros.simulator.engines.mujoco_rays import root_frame
+from evoros.simulator.engines.rigid_signals import Motion, RigidSignals
+
+
+class MujocoSignals:
+    """The signals of one of the robots of ``model``."""
+
+    def __init__(self, model: Model, robot: Robot, number: int) -> None:
+        engine, data, parts = model.model, model.data, model.robots[number]
+        self._signals = RigidSignals(robot, -float(engine.opt.gravity[2]))
+        self.feels = self._signals.feels
+        self._data = data
+        # What can touch this robot: all but the ground and itself.
+        self._own = np.isin(np.arange(engine.ngeom), parts.visible)
+        self._other = (engine.geom_group != GROUND) & ~self._own
+        position, rate = parts.root
+        self._pose, self._rates = data.qpos[position : position + 7], data.qvel[rate : rate + 6]
+        self._wheels = parts.wheels
+
+    def read(self, signals: Array) -> None:
+        """Write all signals into their parts."""
+        if self._signals.exist:
+            rotation, position = root_frame(self._pose)
+            # The turning is about the link's own axes.
+            motion = Motion(position, rotation, self._rates[:3], rotation @ self._rates[3:])
+            self._signals.fill(signals, motion, self._data.qpos[self._wheels])
+
+    def feel(self) -> None:
+        """Count a step in which the robot touches something, where it does."""
+        contact = self._data.contact
+        own, other = self._own[contact.geom], self._other[contact.geom]
+        felt = (own & other[:, ::-1]).any(axis=1)
+        if not felt.any():
+            return
+        rotation, position = root_frame(self._pose)
+        points = ((contact.pos[felt] - position) @ rotation)[:, :2]
+        pairs = contact.geom[felt]
+        self._signals.touch(
+            points[(pairs == pair).all(axis=1)] for pair in np.unique(pairs, axis=0)
+        )

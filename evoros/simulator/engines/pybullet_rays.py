@@ -1,0 +1,107 @@
+"""The rays of a robot's sensors in PyBullet."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.robot.model import Robot
+from evoros.simulator.engines.pybullet_robot import LoadedRobot
+from evoros.simulator.engines.pybullet_shapes import Frame
+from evoros.simulator.engines.rays import sensor_beams
+
+MAX_RAYS = 16_383
+"""One call of rayTestBatch takes no more."""
+
+
+class Span(NamedTuple):
+    """The rays of one beam within a batch."""
+
+    first: int
+    end: int  # one past the last
+    range_min: float  # [m]
+    range_max: float  # [m]
+
+
+class Batch(NamedTuple):
+    """Rays that one call of the engine casts, in the frame of the chassis' centre of mass."""
+
+    starts: list[list[float]]  # (k, 3) [m]
+    ends: list[list[float]]  # (k, 3) [m]
+    spans: list[Span]
+
+
+class BulletRays:
+    """The rays of all range sensors of a robot, which the engine moves along."""
+
+    def __init__(self, bullet: Any, client: int, loaded: LoadedRobot, robot: Robot) -> None:
+        self._bullet, self._client, self._body = bullet, client, loaded.body
+        self._seen, self._batches = loaded.seen, _batches(robot, bullet, loaded.to_base)
+
+    def cast(self, ranges: Array) -> None:
+        """Fill ``ranges`` with the nearest hit [m] of each beam, within the sensor's range.
+
+        A ray that starts inside a shape does not see it.
+        """
+        beam = 0
+        for starts, ends, spans in self._batches:
+            fractions = [hit[2] for hit in self._cast(starts, ends)]
+            if 0.0 in fractions:
+                self._look_beyond(starts, ends, fractions)
+            for first, end, range_min, range_max in spans:
+                distance = range_max * min(fractions[first:end])
+                ranges[beam] = distance if distance > range_min else range_min
+                beam += 1
+
+    def _cast(self, starts: Sequence[Any], ends: Sequence[Any], number: int = -1) -> Sequence[Any]:
+        """The nearest hit of each ray; with a ``number``, one of all its hits, in any order."""
+        hits: Sequence[Any] = self._bullet.rayTestBatch(
+            starts,
+            ends,
+            parentObjectUniqueId=self._body,
+            parentLinkIndex=-1,
+            reportHitNumber=number,
+            collisionFilterMask=self._seen,
+            physicsClientId=self._client,
+        )
+        return hits
+
+    def _look_beyond(
+        self, starts: Sequence[Any], ends: Sequence[Any], fractions: list[float]
+    ) -> None:
+        """Correct rays that start inside a shape at which the engine ends them."""
+        inside = [ray for ray, fraction in enumerate(fractions) if fraction == 0.0]
+        starts, ends = [starts[ray] for ray in inside], [ends[ray] for ray in inside]
+        nearest, number, left = [1.0] * len(inside), 0, True
+        while left:
+            hits = self._cast(starts, ends, number)
+            nearest = [min(n, hit[2] or 1.0) for n, hit in zip(nearest, hits, strict=True)]
+            left, number = any(hit[0] >= 0 for hit in hits), number + 1
+        for ray, fraction in zip(inside, nearest, strict=True):
+            fractions[ray] = fraction
+
+
+def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
+    batches: list[Batch] = []
+    for beam in sensor_beams(robot, _sensor_frames(robot, bullet, to_base)):
+        ends = beam.origin + beam.range_max * beam.directions
+        if not batches or len(batches[-1].starts) + len(ends) > MAX_RAYS:
+            batches.append(Batch([], [], []))
+        batch = batches[-1]
+        first = len(batch.starts)
+        batch.spans.append(Span(first, first + len(ends), beam.range_min, beam.range_max))
+        batch.starts.extend([beam.origin.tolist()] * len(ends))
+        batch.ends.extend(ends.tolist())
+    return batches
+
+
+def _sensor_frames(robot: Robot, bullet: Any, to_base: Frame) -> Iterator[Array]:
+    """The frames (4, 4) of the sensors in the frame of the chassis' centre of mass."""
+    position, quaternion = to_base
+    rotation = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
+    for frame in robot.sensor_frames():
+        moved = np.eye(4)
+        moved[:3, :3] = rotation @ frame[:3, :3]
+        moved[:3, 3] = rotation @ frame[:3, 3] + position
+        yield moved

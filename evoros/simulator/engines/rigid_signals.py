@@ -1,0 +1,100 @@
+"""The signals of a rigid-body engine for sensors that cast no rays."""
+
+from collections.abc import Iterable, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.drive.protocol import Drive
+from evoros.geometry.shapes import Pose
+from evoros.robot.model import Robot
+from evoros.sensor import signals as signal
+from evoros.sensor.protocol import MOTION, SIGNAL_SIZES, WHEELS
+from evoros.simulator.engines.zones import crosses_zone, find_zones
+
+
+class Motion(NamedTuple):
+    """How the root link of a robot moves, along the axes of the world."""
+
+    position: Array  # (3,) [m]
+    rotation: Array  # (3, 3), from the link's axes to those of the world
+    velocity: Array  # (3,) [m/s], of the link's origin
+    turning: Array  # (3,) [rad/s]
+
+
+class RigidSignals:
+    """The signals of one robot in one mission: an engine tells what happens, and it fills them."""
+
+    def __init__(self, robot: Robot, gravity: float) -> None:
+        measures = [sensor.measures for sensor in robot.mounted_sensors()]
+        self.exist = any(each in SIGNAL_SIZES for each in measures)
+        self._zones, self._gravity = find_zones(robot), gravity
+        self.feels = bool(self._zones)  # whether an engine has to tell of contacts
+        starts = [part.start for part in robot.signal_layout]
+        self._touches = {starts[number]: 0.0 for number in self._zones}
+        frames = robot.sensor_frames()
+        self._frames = {
+            start: frame
+            for start, frame, measured in zip(starts, frames, measures, strict=True)
+            if measured == MOTION
+        }
+        self._wheels = [
+            start for start, each in zip(starts, measures, strict=True) if each == WHEELS
+        ]
+        self._rolling = solve_rolling(robot.drive) if self._wheels else np.zeros((2, 0))
+        self._places = dict(zip(self._zones, self._touches, strict=True))
+
+    def touch(self, contacts: Iterable[Array]) -> None:
+        """Count a step with contacts, each the points (k, 2) [m] of one, in the robot's frame.
+
+        A contact is what lies between its points, which engines find at its corners only.
+        """
+        pieces = [
+            (*a, *b)
+            for points in contacts
+            for a, b in (combinations(points.tolist(), 2) if len(points) > 1 else [[points[0]] * 2])
+        ]
+        for number, zone in self._zones.items():
+            if any(crosses_zone(*zone, *piece) for piece in pieces):
+                self._touches[self._places[number]] += 1.0
+
+    def fill(self, signals: Array, motion: Motion, angles: Sequence[float]) -> None:
+        """Write all signals; ``angles`` [rad] are those of the drive's wheel joints."""
+        for start, frame in self._frames.items():
+            self._fill_motion(signals[start:], motion, frame)
+        for start in self._wheels:
+            distance, turn = self._rolling @ angles
+            signals[start + signal.DISTANCE], signals[start + signal.TURN] = distance, turn
+        for start, count in self._touches.items():
+            signals[start + signal.TOUCHES] = count
+
+    def _fill_motion(self, values: Array, motion: Motion, frame: Array) -> None:
+        arm = motion.rotation @ frame[:3, 3]
+        place = tuple((motion.position + arm).tolist())
+        pose = Pose.from_matrix(place, motion.rotation @ frame[:3, :3])
+        x, y, z, w = pose.quaternion
+        values[signal.POSITION : signal.ORIENTATION] = place
+        values[signal.ORIENTATION : signal.VELOCITY] = w, x, y, z
+        values[signal.VELOCITY : signal.TURNING] = motion.velocity + np.cross(motion.turning, arm)
+        values[signal.TURNING : signal.GRAVITY] = motion.turning
+        values[signal.GRAVITY] = self._gravity
+
+
+def solve_rolling(drive: Drive) -> Array:
+    """Return the matrix (2, wheels) from the angles of the wheels to what they tell, as WHEELS.
+
+    The rates of wheels that are not steered are linear in the speed and the yaw rate of the robot.
+    The matrix is the solution by least squares for them, and 0 for the wheels that are steered.
+    """
+    speed, steering = 0.1 * drive.max_speed_mps, 0.5 * drive.steering_limit
+    ahead, left, right = (
+        np.array(drive.targets(speed, angle)[1]) for angle in (0.0, steering, -steering)
+    )
+    steered = np.abs(left + right - 2.0 * ahead) > 1e-6 * np.abs(ahead)
+    turning = speed * np.tan(steering) / drive.wheelbase_m * drive.turn_ratio
+    rates = np.column_stack((ahead / speed, (left - ahead) / turning))
+    rates[steered] = 0.0
+    solution: Array = np.linalg.pinv(rates)
+    return solution

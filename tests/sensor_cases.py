@@ -1,0 +1,70 @@
+"""A robot with any sensors in any simulator, and what they read while it drives."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+
+from evoros.base.arrays import STATE_SIZE, Array
+from evoros.base.rng import generator
+from evoros.mission.pipeline import start_sensor_filters
+from evoros.robot.model import Robot
+from evoros.sensor.protocol import Mount, Sensor
+from evoros.simulator.mujoco import Mujoco
+from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import Simulator
+from evoros.simulator.pybullet import PyBullet
+from evoros.world.model import World
+
+SIMULATORS: dict[str, type[Planar] | type[Mujoco] | type[PyBullet]] = {
+    "planar": Planar,
+    "mujoco": Mujoco,
+    "pybullet": PyBullet,
+}
+TICK_S = 0.1
+Decide = Callable[[int, Array, Array], tuple[float, float]]
+"""The speed [m/s] and the steering angle [rad] in a tick, by its number, state and readings."""
+
+
+def equip(robot: Robot, *mounts: tuple[str, float, float, float, float], **types: Sensor) -> Robot:
+    """The robot with sensors at x, y [m], yaw, pitch [deg], 0.2 m above the ground."""
+    placed = [Mount(kind, "base_link", x, y, 0.2, yaw, pitch) for kind, x, y, yaw, pitch in mounts]
+    return robot.with_sensors(placed, types)
+
+
+def record(
+    simulator: Simulator,
+    robot: Robot,
+    world: World,
+    commands: Sequence[tuple[float, float, float]],
+) -> tuple[Array, Array]:
+    """Drive (speed [m/s], steering [rad], time [s]), one after another; see ``react``."""
+    wanted = [(v, a) for v, a, time in commands for _ in range(round(time / TICK_S))]
+    plan = [*wanted, (0.0, 0.0)]
+    return react(simulator, robot, world, lambda tick, *_: plan[tick], len(plan))
+
+
+def react(
+    simulator: Simulator, robot: Robot, world: World, decide: Decide, ticks: int
+) -> tuple[Array, Array]:
+    """Drive as ``decide`` answers to the number of the tick, the state and the readings.
+
+    Return the readings (ticks, channels) and the states (ticks, STATE_SIZE); the first are those at
+    the start.
+    """
+    signals, readings = np.zeros(robot.signal_count), np.zeros(robot.channel_count)
+    draws = partial(generator, "test")
+    stages = start_sensor_filters(robot, (), signals, readings, TICK_S, draws)
+    rows, states = [], []
+    with simulator.open(robot, world) as simulation:
+        for tick in range(ticks):
+            state = np.zeros(STATE_SIZE)
+            simulation.observe(state)
+            simulation.sense(signals)
+            for every, rule, parameters, memory, rng, values, _ in stages:
+                if tick % every == 0:
+                    rule(parameters, memory, rng, values, tick * TICK_S)
+            rows.append(readings.copy())
+            states.append(state)
+            simulation.advance(np.array(decide(tick, state, readings)), TICK_S)
+    return np.array(rows), np.array(states)
