@@ -8,6 +8,7 @@ import yaml
 
 from evoros.base.resources import bundled_folder
 from evoros.config.own_files import DESIGN, OwnFile, is_bundled
+from evoros.formats.urdf.sensors import BUMPER
 from evoros.robot.own_sensors import OwnSensor
 
 SENSOR = "sensor"
@@ -36,6 +37,13 @@ def plan_design(
             notes.append(f"left out: sensor {described}: evoros has no {kind}")
             continue
         settings, changed = _choose_settings(kind, sensor.described.settings)
+        if kind == BUMPER:
+            width = _read_bundled(SENSOR, kind)["width_m"]
+            changed = [
+                *changed,
+                f"feels a strip {width:g} m wide ahead of its link; set width_m and depth_m of its "
+                f"type, and its place, in its design",
+            ]
         notes += [f"sensor {described}: {text}" for text in changed]
         chosen = _name_type(described, (kind, settings), types, taken)
         types[chosen] = (kind, settings)
@@ -57,8 +65,10 @@ def _choose_settings(kind: str, described: Mapping[str, float]) -> tuple[dict[st
     settings: dict[str, Any] = {
         key: round(value, 6) for key, value in described.items() if key in known
     }
-    if "sigma_m" in described and "noise" in known.get("filters", {}):
-        settings["filters"] = {"noise": {"sigma_m": described["sigma_m"]}}
+    for key, value in described.items():
+        name, _, field = key.partition(".")
+        if field and name in known.get("filters", {}):
+            settings.setdefault("filters", {}).setdefault(name, {})[field] = round(value, 9)
     if "period_s" not in settings:
         return settings, []
     stated = settings["period_s"]

@@ -15,7 +15,7 @@ class FixedSensor:
     """A sensor that belongs to the robot, such as its own lidar."""
 
     sensor: Annotated[str, TEXT]  # name of its type, a key of the design's ``sensors``
-    link: Annotated[str, TEXT]
+    link: Annotated[str | None, TEXT] = None  # None: the link of the robot's mount
     x_m: Annotated[float, NUMBER] = 0.0  # in the frame of ``link``
     y_m: Annotated[float, NUMBER] = 0.0
     z_m: Annotated[float, NUMBER] = 0.0
@@ -28,6 +28,7 @@ class FixedSensor:
         Raises:
             InputError: the robot has no such link, or none that can carry sensors.
         """
-        check_link(self.link, robot, False, key)
+        link = self.link or robot.mount_link
+        check_link(link, robot, False, key)
         place = (float(self.x_m), float(self.y_m), float(self.z_m))
-        return Mount(self.sensor, self.link, *place, float(self.yaw_deg), float(self.pitch_deg))
+        return Mount(self.sensor, link, *place, float(self.yaw_deg), float(self.pitch_deg))

@@ -10,6 +10,11 @@ from documents import files, write
 from evoros.base.console import DONE, INPUT
 from evoros.cli.inspect import evoros_inspect
 from evoros.config.compose import compose
+from evoros.filter.bias import Bias
+from evoros.filter.gaussian_noise import GaussianNoise
+from evoros.sensor.bumper import Bumper
+from evoros.sensor.imu import Imu
+from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import sees
 
 FILES = files("your_robot")
@@ -95,6 +100,61 @@ def test_the_sensors_of_a_description_become_a_design(
     assert sees(sonar)
     assert (sonar.period_s, sonar.range_min_m, sonar.range_max_m) == (0.1, 0.1, 3.0)
     assert len(space.decode(np.ones(space.size)).mounts) == 4
+
+
+FELT = """
+  <gazebo reference="laser_link">
+    <sensor type="gpu_lidar" name="scan">
+      <update_rate>5</update_rate>
+      <lidar>
+        <scan><horizontal>
+          <samples>90</samples><min_angle>-1.5</min_angle><max_angle>1.5</max_angle>
+        </horizontal></scan>
+        <range><min>0.2</min><max>6</max></range>
+        <noise><type>gaussian</type><stddev>0.03</stddev></noise>
+      </lidar>
+    </sensor>
+    <sensor type="imu" name="inertial">
+      <pose>0 0 0.02 0 0 0</pose><update_rate>10</update_rate>
+      <imu><angular_velocity>
+        <z><noise type="gaussian"><stddev>0.004</stddev><bias_mean>0.001</bias_mean></noise></z>
+      </angular_velocity></imu>
+    </sensor>
+    <sensor type="contact" name="front_switch"/>
+  </gazebo>
+</robot>"""
+
+
+def test_a_lidar_an_imu_and_a_contact_sensor_are_taken_over(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scout = folder / SCOUT
+    scout.write_text(scout.read_text().replace("</robot>", FELT))
+    assert evoros_inspect(["robot", SCOUT]) == DONE
+    output = capsys.readouterr().out
+    assert "left out" not in output
+    assert "front_switch: feels a strip 0.4 m wide" in output
+    chosen = ["robot=scout", "design=scout_sensors", "simulator=planar"]
+    experiment = compose(chosen, "mine").build()
+    space = experiment.space
+    mounts = space.decode(np.zeros(space.size)).mounts
+    types = [experiment.design.sensors[mount.sensor] for mount in mounts]
+    lidar, imu, bumper = types
+    assert isinstance(lidar, Lidar)
+    assert (lidar.beams, lidar.range_min_m, lidar.range_max_m) == (90, 0.2, 6.0)
+    assert lidar.fov_deg == pytest.approx(math.degrees(3.0), abs=1e-5)
+    assert lidar.period_s == 0.2
+    assert isinstance(imu, Imu)
+    assert imu.period_s == 0.1
+    assert "inertial: cannot keep all of the noise of <angular_velocity>: bias_mean" in output
+    noise, bias = imu.filters["rate_noise"], imu.filters["rate_bias"]
+    assert noise == GaussianNoise(0.004, of="rate")
+    assert bias == Bias(0.0, 0.001, of="rate")
+    assert imu.filters["acceleration_noise"] == GaussianNoise(0.02, of="acceleration")
+    assert lidar.filters == {"noise": GaussianNoise(0.03)}
+    assert mounts[1].z_m == 0.02
+    assert isinstance(bumper, Bumper)
+    assert {mount.link for mount in mounts} == {"laser_link"}
 
 
 def test_a_file_is_kept_and_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

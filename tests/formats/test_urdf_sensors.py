@@ -32,7 +32,7 @@ def test_a_lidar_in_the_words_of_both_gazebos(given: str, inner: str) -> None:
         "period_s": 1 / 40,
         "range_min_m": 0.12,
         "range_max_m": 8.0,
-        "sigma_m": 0.01,
+        "noise.sigma_m": 0.01,
         "fov_deg": pytest.approx(math.degrees(2.0)),
         "beams": 181,
     }
@@ -92,3 +92,76 @@ def test_what_makes_no_sense_is_left_out_and_told(sensor: str, told: str) -> Non
     assert "'eye'" in line
     assert told in line
     assert "\n" not in line
+
+
+def noisy(kind: str, **values: float) -> str:
+    inner = "".join(f"<{name}>{value}</{name}>" for name, value in values.items())
+    return f'<noise type="{kind}">{inner}</noise>'
+
+
+def imu(**axes: str) -> DescribedSensor:
+    rates = "".join(f"<{axis}>{noise}</{axis}>" for axis, noise in axes.items())
+    (sensor,), left_out = read(
+        '<sensor type="imu" name="i"><imu><angular_velocity>'
+        f"{rates}</angular_velocity></imu></sensor>"
+    )
+    assert not left_out
+    return sensor
+
+
+def test_the_noise_of_an_imu() -> None:
+    """What the description does not state of it is 0; what it states of no quantity stays."""
+    noise = noisy("gaussian", mean=0.01, stddev=0.002, bias_stddev=0.0005)
+    sensor = imu(x=noise, y=noise, z=noise)
+    assert sensor.settings == {
+        "rate_noise.sigma_m": 0.002,
+        "rate_bias.offset_m": 0.01,
+        "rate_bias.sd_m": 0.0005,
+    }
+    assert sensor.notes == ()
+    older = (
+        '<sensor type="imu" name="i"><imu><noise><type>gaussian</type><rate><stddev>0.1</stddev>'
+        "</rate><accel><stddev>0.3</stddev></accel></noise></imu></sensor>"
+    )
+    ((sensor,), _) = read(older)
+    assert sensor.settings["rate_noise.sigma_m"] == 0.1
+    assert sensor.settings["acceleration_noise.sigma_m"] == 0.3
+    assert imu(z=noisy("none", stddev=1.0)).settings["rate_noise.sigma_m"] == 0.0
+    (note,) = imu(z=noise).notes  # the other axes have none
+    assert "the difference of stddev between its axes" in note
+
+
+def test_what_an_imu_loses_of_its_noise_is_named_in_one_note() -> None:
+    """A mean bias is part of the spread, because Gazebo draws its sign."""
+    drifting = noisy("gaussian", stddev=0.1, bias_mean=3.0, bias_stddev=4.0, dynamic_bias_stddev=1)
+    sensor = imu(x=noisy("gaussian", stddev=0.2), z=drifting)
+    assert sensor.settings["rate_noise.sigma_m"] == 0.2
+    assert sensor.settings["rate_bias.sd_m"] == 5.0
+    (note,) = sensor.notes
+    for named in ("<angular_velocity>", "dynamic_bias_stddev", "bias_mean", "of stddev between"):
+        assert named in note
+
+
+@pytest.mark.parametrize(
+    ("noise", "named"),
+    [
+        ("<noise><stddev>0.02</stddev><mean>0.1</mean></noise>", "mean"),
+        (noisy("gaussian", stddev=0.02, bias_stddev=0.1), "bias_stddev"),
+        (noisy("gaussian_quantized", stddev=0.02, precision=0.01), "precision"),
+        (noisy("custom", stddev=0.02), "type custom"),
+    ],
+)
+def test_what_a_lidar_loses_of_its_noise_is_named(noise: str, named: str) -> None:
+    scan = SCAN.format(samples=3, low=-1, high=1)
+    (lidar,), _ = read(f'<sensor type="ray" name="s"><ray>{scan}{noise}</ray></sensor>')
+    assert lidar.settings["noise.sigma_m"] == 0.02
+    (note,) = lidar.notes
+    assert note.endswith(f": {named}")
+
+
+def test_a_noise_that_makes_no_sense_is_told() -> None:
+    scan = SCAN.format(samples=3, low=-1, high=1)
+    noise = noisy("gaussian", stddev=-1)
+    sensors, (line,) = read(f'<sensor type="ray" name="s"><ray>{scan}{noise}</ray></sensor>')
+    assert not sensors
+    assert "at least 0, not -1" in line

@@ -17,6 +17,7 @@ from evoros.formats.strict_xml import (
     read_positive,
     require_child,
 )
+from evoros.formats.urdf.noise import read_imu_noise, read_ray_noise
 from evoros.geometry.shapes import Pose
 
 LIDAR, SONAR, BUMPER, IMU = "lidar", "sonar", "bumper", "imu"
@@ -37,7 +38,7 @@ class DescribedSensor:
     pose: Pose  # in the frame of the link
     settings: Mapping[str, float]
     """Those that the description states: ``period_s``, ``range_min_m``, ``range_max_m``,
-    ``fov_deg``, ``beams`` and ``sigma_m``, the standard deviation of the noise."""
+    ``fov_deg``, ``beams`` and those of filters, as ``noise.sigma_m``."""
     notes: tuple[str, ...] = ()  # what evoros takes differently
 
 
@@ -75,9 +76,13 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
     if given not in _KINDS:
         problem = f"must be of a type that evoros has, not {quote(given)}"
         raise element_error(element, problem, f"these are {', '.join((*_RAYS, *_KINDS))}")
+    notes: tuple[str, ...] = ()
     if given == "sonar":
         settings |= _read_cone(require_child(element, "sonar"))
-    return DescribedSensor(name, _KINDS[given], link, pose, settings)
+    if given == "imu":
+        noise = read_imu_noise(element)
+        settings, notes = {**settings, **noise.settings}, noise.notes
+    return DescribedSensor(name, _KINDS[given], link, pose, settings, notes)
 
 
 def _read_period(element: Element) -> dict[str, float]:
@@ -105,16 +110,18 @@ def _read_rays(element: Element, sensor: DescribedSensor) -> DescribedSensor:
     scan = require_child(rays, "scan")
     beams, low, high = _read_fan(require_child(scan, "horizontal"))
     settings = {**sensor.settings, **_read_limits(require_child(rays, "range"))}
-    settings |= _read_noise(element, rays)
+    noise = read_ray_noise(element, rays)
+    settings |= noise.settings
     settings["fov_deg"] = math.degrees(min(high - low, _FULL_TURN))
     pose = sensor.pose @ Pose.from_rpy((0.0, 0.0, 0.0), 0.0, 0.0, (low + high) / 2.0)
     plugins = (plugin.get("filename", "") for plugin in element.iterfind("plugin"))
     if any(_RANGE_PLUGIN in filename for filename in plugins):
-        return replace(sensor, kind=SONAR, pose=pose, settings=settings)
+        return replace(sensor, kind=SONAR, pose=pose, settings=settings, notes=noise.notes)
     vertical = find_child(scan, "vertical")
     layered = vertical is not None and _read_fan(vertical)[0] > 1
     notes = ("has several layers, of which one is taken, level with its frame",) * layered
-    return replace(sensor, pose=pose, settings={**settings, "beams": beams}, notes=notes)
+    settings["beams"] = beams
+    return replace(sensor, pose=pose, settings=settings, notes=(*notes, *noise.notes))
 
 
 def _read_fan(fan: Element) -> tuple[int, float, float]:
@@ -141,13 +148,3 @@ def _check_order(element: Element, low: float, high: float) -> None:
     if low >= high:
         problem = f"must have a min below its max ({high:g} m), not {low:g} m"
         raise element_error(element, problem, "correct the two")
-
-
-def _read_noise(*elements: Element) -> dict[str, float]:
-    """Return the standard deviation of Gaussian noise, which stands in one of two places."""
-    for element in elements:
-        noise = find_child(element, "noise")
-        sigma = None if noise is None else find_child(noise, "stddev")
-        if sigma is not None:
-            return {"sigma_m": read_number(sigma, "at least 0", lambda value: value >= 0.0)}
-    return {}
