@@ -32,8 +32,7 @@ from evoros.controller.ardupilot_parameters import (
 )
 from evoros.controller.ardupilot_pilot import HOME, ArduPilotPilot
 from evoros.controller.line_controller import split_command
-from evoros.controller.protocol import Briefing, Layer, Pilot
-from evoros.filter.protocol import FILTERS, Filter
+from evoros.controller.protocol import LOCALIZATION, Briefing, Layer, Localizer, Pilot
 
 MAX_PERIOD_S = 0.02
 PARAMETERS_FILE = "evoros.parm"
@@ -72,7 +71,7 @@ class ArduPilot:
     avoidance: Annotated[Layer, instance_of(Layer, "a layer of a controller")]
     period_s: Annotated[float, PERIOD] = MAX_PERIOD_S  # between two states
     avoidance_period_s: Annotated[float, POSITIVE] = 0.1
-    localization: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)
+    localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
     parameters: Annotated[Mapping[str, float], PARAMETERS] = field(default_factory=dict)
     arguments: Annotated[Sequence[str], sequence_of(str, "texts")] = ()
     environment: Annotated[Mapping[str, str], mapping_of(str, "texts")] = field(

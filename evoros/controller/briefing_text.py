@@ -60,6 +60,7 @@ def _describe_beams(sensor: RangeSensor) -> dict[str, Any]:
         "range_min_m": float(sensor.range_min_m),
         "range_max_m": float(sensor.range_max_m),
         "field_of_view_rad": float(np.ptp(np.arctan2(rays[:, 1], rays[:, 0]))),
+        **({"radiation": sensor.radiation} if hasattr(sensor, "radiation") else {}),
     }
 
 
@@ -71,4 +72,5 @@ def _describe_channels(sensor: Sensor) -> dict[str, Any]:
     if sees(sensor):
         bearings = sensor_bearings(sensor)
         return {"bearings_rad": bearings} if len(bearings) > 1 else {}
-    return {"channels": [f"{channel.name}_{channel.unit}" for channel in sensor.channels]}
+    names = (f"{channel.name}_{channel.unit}".strip("_") for channel in sensor.channels)
+    return {"measures": sensor.measures, "channels": list(names)}

@@ -17,8 +17,7 @@ from evoros.base.checks import FLAG, NOT_NEGATIVE, POSITIVE, Rule, checked, is_n
 from evoros.base.errors import LaunchError, SimulationError, single_line
 from evoros.bridge.lines import LineConversation, start_conversation
 from evoros.controller.briefing_text import describe_briefing
-from evoros.controller.protocol import Briefing, Pilot
-from evoros.filter.protocol import FILTERS, Filter
+from evoros.controller.protocol import LOCALIZATION, Briefing, Localizer, Pilot
 from evoros.robot.model import Robot
 
 TIME_TOLERANCE_S = 1e-9
@@ -53,7 +52,7 @@ class LineController:
 
     period_s: Annotated[float, POSITIVE] = 0.1
     modes: Annotated[Sequence[str], MODES] = ("driving",)
-    localization: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)
+    localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
     parameters: Annotated[Mapping[str, Any], PARAMETERS] = field(
         default_factory=dict
     )  # told to the command

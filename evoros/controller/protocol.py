@@ -8,8 +8,8 @@ from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 from numpy.random import Generator
 
 from evoros.base.arrays import Array, RuleArrays
-from evoros.base.checks import instance_of
-from evoros.filter.protocol import Filter
+from evoros.base.checks import instance_of, mapping_of
+from evoros.filter.protocol import Filter, FilterRule
 from evoros.robot.model import Robot
 
 LayerRule: TypeAlias = Callable[[Array, Array, Array, Array, Array, float, Array], bool]
@@ -53,6 +53,40 @@ class StartedLayer(NamedTuple):
 
 
 @runtime_checkable
+class Estimator(Protocol):
+    """A localization that computes the pose from the readings of the robot's sensors."""
+
+    @property
+    def rule(self) -> FilterRule:
+        """Compute the pose (POSE_SIZE,); a static method, so that numba can compile it.
+
+        The memory begins with the readings of all sensors, which filters and failures have changed.
+        Then come ``memory_size`` values of the rule's own, at first 0. At its first call, the pose
+        is the true one, where the mission starts; later ones must not be read.
+        """
+        ...
+
+    @property
+    def memory_size(self) -> int:
+        """How many values the rule remembers."""
+        ...
+
+    def start_estimate(self, robot: Robot, period: float) -> Array:
+        """Return the parameters of the rule for one mission; ``period`` is the controller's [s].
+
+        Raises:
+            InputError: the robot lacks a sensor that the localization needs.
+        """
+        ...
+
+
+Localizer: TypeAlias = Filter | Estimator
+LOCALIZATION = mapping_of(
+    Filter | Estimator, "filters (name, rule and start) or a localization from sensors"
+)
+
+
+@runtime_checkable
 class Controller(Protocol):
     """Turns readings and the localized pose into commands, at its own period.
 
@@ -65,8 +99,11 @@ class Controller(Protocol):
         ...
 
     @property
-    def localization(self) -> Mapping[str, Filter]:
-        """The filters, by name, that act in order on the pose before the layers see it."""
+    def localization(self) -> Mapping[str, Localizer]:
+        """By name, what acts in order on the pose before the layers see it.
+
+        Filters change the true pose. An estimator, which comes first, replaces it.
+        """
         ...
 
     @property
@@ -127,8 +164,8 @@ class LiveController(Protocol):
         ...
 
     @property
-    def localization(self) -> Mapping[str, Filter]:
-        """The filters, by name, that act in order on the pose before the controller is told it."""
+    def localization(self) -> Mapping[str, Localizer]:
+        """By name, what acts in order on the pose before the controller is told it."""
         ...
 
     @property

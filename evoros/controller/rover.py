@@ -8,8 +8,7 @@ from typing import Annotated
 from numpy.random import Generator
 
 from evoros.base.checks import POSITIVE, checked, instance_of
-from evoros.controller.protocol import Layer, StartedLayer
-from evoros.filter.protocol import FILTERS, Filter
+from evoros.controller.protocol import LOCALIZATION, Layer, Localizer, StartedLayer
 from evoros.robot.model import Robot
 
 A_LAYER = instance_of(Layer, "a layer of a controller (mode, rule and start)")
@@ -30,7 +29,7 @@ class Rover:
     avoidance: Annotated[Layer, A_LAYER]
     navigation: Annotated[Layer, A_LAYER]
     period_s: Annotated[float, POSITIVE] = 0.1
-    localization: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)
+    localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
 
     @property
     def modes(self) -> tuple[str, str]:
