@@ -63,6 +63,7 @@ def fields(draw: st.DrawFn) -> Field:
         passage_m=draw(st.sampled_from([0.6, 0.9, 1.2])),
         enclosed=draw(st.booleans()),
         seed=draw(st.integers(0, 10**6)),
+        others=draw(st.sampled_from([(), (course([[-4.0, 0.0], [0.0, 3.0]], 2.0, -4.0),)])),
     )
 
 

@@ -8,7 +8,9 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.geometry.shapes import Pose
 from evoros.robot.model import Robot
+from evoros.simulator.engines.pybullet_bodies import wake
 from evoros.simulator.mujoco import Mujoco
+from evoros.simulator.planar import Planar
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
@@ -33,12 +35,20 @@ class Probe(Protocol):
         """Push the first of these along x [N] in the next step."""
         ...
 
+    def throw(self, speed: float) -> None:
+        """Let the first of these move along x [m/s]."""
+        ...
+
     def angle(self, joint: str) -> float:
         """The angle [rad] of a joint."""
         ...
 
     def height(self, x: float, y: float) -> float:
         """The height [m] of what a ray from above hits first, but for the robot."""
+        ...
+
+    def moments(self) -> list[float]:
+        """The moments of inertia [kg m2] of the first body that can be pushed, about its axes."""
         ...
 
 
@@ -67,6 +77,11 @@ class BulletProbe:
         at, frame = (0, 0, 0), bullet.LINK_FRAME
         bullet.applyExternalForce(body, -1, (force, 0, 0), at, frame, physicsClientId=self.client)
 
+    def throw(self, speed: float) -> None:
+        body = next(iter(self.model.movable))
+        wake(self.bullet, self.client, body)
+        self.bullet.resetBaseVelocity(body, (speed, 0.0, 0.0), (0.0, 0.0, 0.0), self.client)
+
     def angle(self, joint: str) -> float:
         body = self.model.robot.body
         for number in self.model.robot.joints:
@@ -79,6 +94,10 @@ class BulletProbe:
             [x, y, 9.0], [x, y, -9.0], collisionFilterMask=4 | 8 | 16, physicsClientId=self.client
         )
         return 9.0 - 18.0 * float(hit[2])
+
+    def moments(self) -> list[float]:
+        body = next(iter(self.model.movable))
+        return list(self.bullet.getDynamicsInfo(body, -1, self.client)[2])
 
 
 class MujocoProbe:
@@ -98,11 +117,20 @@ class MujocoProbe:
         free = np.flatnonzero(self.model.jnt_type == self.library.mjtJoint.mjJNT_FREE)
         return [self._pose(self.model.jnt_qposadr[joint]) for joint in free if joint != root]
 
-    def push(self, force: float) -> None:
+    def _first(self) -> int:
         free = np.flatnonzero(self.model.jnt_type == self.library.mjtJoint.mjJNT_FREE)
         root = self.model.joint("evoros root").id
-        joint = next(joint for joint in free if joint != root)
-        self.data.xfrc_applied[self.model.jnt_bodyid[joint], 0] = force
+        return int(self.model.jnt_bodyid[next(joint for joint in free if joint != root)])
+
+    def push(self, force: float) -> None:
+        self.data.xfrc_applied[self._first(), 0] = force
+
+    def throw(self, speed: float) -> None:
+        self.data.qvel[self.model.body_dofadr[self._first()]] = speed
+
+    def moments(self) -> list[float]:
+        assert self.model.body_iquat[self._first()].tolist() == [1.0, 0.0, 0.0, 0.0]
+        return list(self.model.body_inertia[self._first()].tolist())
 
     def angle(self, joint: str) -> float:
         return float(self.data.joint(joint).qpos[0])
@@ -127,7 +155,7 @@ def attitude(simulation: Any) -> tuple[float, float, float]:
     return pose.position[2], math.degrees(roll), math.degrees(pitch)
 
 
-def ranges(simulator: Rigid, robot: Robot, world: World, settle: float = 0.0) -> Array:
+def ranges(simulator: Rigid | Planar, robot: Robot, world: World, settle: float = 0.0) -> Array:
     """What the sensors read, ``settle`` [s] after the start."""
     readings = np.zeros(len(robot.mounts))
     with simulator.open(robot, world) as simulation:

@@ -11,8 +11,14 @@ class Design:
     """The evolved parts of an individual: its sensors, and other values by their key.
 
     ``values`` maps the key of a configuration value (``controller.avoidance.range_m``) to the
-    value that replaces the configured one.
+    value that replaces the configured one. ``agents`` has the designs of those other robots that
+    have one of their own; the rest share this one.
     """
 
     mounts: tuple[Mount, ...]
     values: Mapping[str, float] = field(default_factory=dict)
+    agents: Mapping[str, "Design"] = field(default_factory=dict)
+
+    def of(self, agent: str) -> "Design":
+        """Return the design of another robot."""
+        return self.agents.get(agent, self)

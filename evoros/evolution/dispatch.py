@@ -13,7 +13,6 @@ from typing import Any, Protocol, TypeVar
 
 from evoros.base.arrays import Array
 from evoros.base.errors import EvorosError, LaunchError, PilotLost, RunStopped, WorkerLost
-from evoros.controller.protocol import LiveController
 from evoros.evolution.calls import CallResult, pack, run_for_outcomes, run_for_trajectory
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission
@@ -176,7 +175,7 @@ class _Batch:
     def _pop_missions(self) -> list[Mission]:
         if self.alone:
             return [self.alone.pop()]
-        if isinstance(self.scenario.controller, LiveController):
+        if self.scenario.is_live:
             return [self.waiting.pop()]  # so that the executor's attempts are those at one mission
         # A share of what is left, so that at the end all workers have about as much to do.
         share = len(self.waiting) // (2 * self.workers)

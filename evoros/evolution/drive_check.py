@@ -59,13 +59,18 @@ def _simulators(experiment: Experiment) -> dict[str, Simulator]:
 
 
 def check_drive(experiment: Experiment) -> Iterator[str]:
-    """Yield the warnings of ``list_warnings``."""
-    for key, simulator in _simulators(experiment).items():
-        if not isinstance(simulator, RuleSimulator):
-            try:
-                yield from _check(key, simulator, experiment)
-            except SimulationError as error:
-                yield f"{key}: every mission would fail, because of this: {error}"
+    """Yield the warnings of ``list_warnings``, for each different robot."""
+    for name, member in experiment.members.items():
+        if name and experiment.agents[name].robot is None:
+            continue
+        robot = f"agents.{name}: " if name else ""
+        for key, simulator in _simulators(member).items():
+            if not isinstance(simulator, RuleSimulator):
+                try:
+                    for warning in _check(key, simulator, member):
+                        yield robot + warning
+                except SimulationError as error:
+                    yield f"{robot}{key}: every mission would fail, because of this: {error}"
 
 
 def _check(key: str, simulator: Simulator, experiment: Experiment) -> Iterator[str]:

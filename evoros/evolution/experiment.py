@@ -1,19 +1,31 @@
 """The description of a run: its parts, checked to fit together."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated
 
-from evoros.base.checks import COUNT, NAME, WHOLE, checked, instance_of, one_of
+from evoros.base.checks import (
+    COUNT,
+    NAME,
+    WHOLE,
+    checked,
+    instance_of,
+    mapping_of,
+    one_of,
+)
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.controller.protocol import Controller, LiveController
 from evoros.design.space import DesignSpace, SensorDesign
+from evoros.design.team import TeamSpace
+from evoros.evolution.agent import Agent, make_room
+from evoros.evolution.agents_check import check_agents
 from evoros.evolution.confirmation import A_CONFIRMATION, Confirmation
 from evoros.executor.protocol import Executor
 from evoros.failure.protocol import Failure
 from evoros.fitness.protocol import Fitness
+from evoros.fitness.team import TeamFitness
 from evoros.mission.plan import CONFIRMATION, POLICIES, STOP, VALIDATION, WORST, Plan
 from evoros.mission.scenario import Scenario
 from evoros.optimizer.protocol import Optimizer, Search
@@ -21,6 +33,8 @@ from evoros.robot.model import Robot
 from evoros.simulator.protocol import Simulator
 from evoros.world.course import A_COURSE, Course
 from evoros.world.model import World
+
+AGENTS = mapping_of(Agent, "agents (evoros.evolution.agent.Agent)")
 
 CHAMPION, ALL, NONE = "champion", "all", "none"
 """Whose trajectories a run keeps."""
@@ -32,7 +46,8 @@ class Experiment:
     """Everything that determines a run.
 
     The fields are named like the keys and groups of ``conf/config.yaml``. ``confirmation`` repeats
-    missions of the best designs in another simulator, or by another controller. ``figures`` names
+    missions of the best designs in another simulator, or by another controller. ``agents`` are
+    robots besides the first one, whose parts are the experiment's own. ``figures`` names
     subcommands of evoros-analyze, which draw the finished run. The worlds' courses may refer to the
     values of ``course``.
 
@@ -55,22 +70,65 @@ class Experiment:
     lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # if a mission crashes or hangs
     record: Annotated[str, one_of(CHAMPION, ALL, NONE)] = CHAMPION  # whose trajectories are kept
     confirmation: Annotated[Confirmation | None, A_CONFIRMATION] = None
+    agents: Annotated[Mapping[str, Agent], AGENTS] = field(default_factory=dict)
     figures: Sequence[str] = ()
     course: Annotated[Course | None, A_COURSE] = None
 
     def __post_init__(self) -> None:
+        for group, kind in (("world", "world"), ("agents", "agent")):
+            for name in getattr(self, group):
+                if not NAME.holds(name):
+                    rule = f"the key of each {kind} must be {NAME.text}"
+                    raise InputError(f"{group}: {rule}, not {name!r}; rename it")
+        # Worlds that are drawn for each mission leave room to all robots.
+        object.__setattr__(self, "world", make_room(self.agents, self.world))
+        check_agents(self.agents, self.robot, self.design, self.world)
         _ = self.confirming  # checks that the parts fit together
-        for name in self.world:
-            if not NAME.holds(name):
-                raise InputError(
-                    f"world: the key of each world must be {NAME.text}, not {name!r}; rename it"
-                )
+
+    @cached_property
+    def members(self) -> Mapping[str, "Experiment"]:
+        """The experiment of each robot by itself, by name; the first one's name is empty."""
+        if not self.agents:
+            return {"": self}
+        return {"": replace(self, agents={})} | {
+            name: self._create_member(name, agent) for name, agent in self.agents.items()
+        }
+
+    def _create_member(self, name: str, agent: Agent) -> "Experiment":
+        confirmation = self.confirmation
+        if confirmation is not None and agent.controller is not None:
+            confirmation = replace(confirmation, controller=None)  # is that of the first robot
+        try:
+            return replace(
+                self,
+                robot=agent.robot or self.robot,
+                design=agent.design or self.design,
+                controller=agent.controller or self.controller,
+                confirmation=confirmation,
+                world={
+                    key: replace(world, course=agent.place(world.course))
+                    for key, world in self.world.items()
+                },
+                agents={},
+            )
+        except InputError as error:
+            raise InputError(f"agents.{name}: {error}") from None
 
     @cached_property
     def scenario(self) -> Scenario:
         """The parts that missions need, with the run's own simulator."""
+        others = {name: self.members[name] for name in self.agents}
         return Scenario(
-            self.robot, self.world, self.design, self.failure, self.controller, self.simulator
+            self.robot,
+            self.world,
+            self.design,
+            self.failure,
+            self.controller,
+            self.simulator,
+            {
+                name: replace(other.scenario, awaited=self.agents[name].scored)
+                for name, other in others.items()
+            },
         )
 
     @cached_property
@@ -84,8 +142,17 @@ class Experiment:
         if confirmation is None:
             return self.scenario
         controller = confirmation.controller or self.controller
+        agents = {
+            name: replace(self.members[name].confirming, awaited=agent.scored)
+            for name, agent in self.agents.items()
+        }
         try:
-            return replace(self.scenario, simulator=confirmation.simulator, controller=controller)
+            return replace(
+                self.scenario,
+                simulator=confirmation.simulator,
+                controller=controller,
+                agents=agents,
+            )
         except InputError as error:
             key = "confirmation" if confirmation.controller else "confirmation.simulator"
             raise InputError(f"{key}: {error}") from None
@@ -98,9 +165,23 @@ class Experiment:
         return self.confirming if purpose in (CONFIRMATION, VALIDATION) else self.scenario
 
     @cached_property
-    def space(self) -> DesignSpace:
-        """The search space."""
+    def own_space(self) -> DesignSpace:
+        """The search space of the first robot."""
         return self.design.bind(self.robot)
+
+    @cached_property
+    def space(self) -> DesignSpace | TeamSpace:
+        """The search space, of all robots that have a design of their own."""
+        others = {name: self.members[name] for name, agent in self.agents.items() if agent.design}
+        if not others:
+            return self.own_space
+        return TeamSpace(self.own_space, {name: each.own_space for name, each in others.items()})
+
+    @cached_property
+    def scoring(self) -> Fitness:
+        """The fitness, of all robots that are scored."""
+        scored = (place for place, agent in enumerate(self.agents.values()) if agent.scored)
+        return TeamFitness(self.fitness, tuple(scored)) if self.agents else self.fitness
 
     def start_search(self) -> Search:
         """Start the search of this experiment, which its seed determines."""

@@ -63,11 +63,12 @@ class Champion:
 
     id: int
     design: Design
-    gene_names: Mapping[str, str]  # by the key of the value in ``design.values``
-    robot: Robot | None  # with the design's sensors and values; None if a part refuses these
+    gene_names: Mapping[str, Mapping[str, str]]  # by the robot and the key in ``design.values``
+    robots: Mapping[str, Robot]
+    """By name, the first one's is empty; with sensors and values. None if a part refuses these."""
     worlds: Mapping[str, World]  # by name
     tracks: Sequence[str]  # names of the worlds whose trajectories are kept
-    readings: Sequence[str]  # columns of the sensors in a trajectory
+    columns: Sequence[str]  # of a trajectory, after those of ``TRAJECTORY``
 
 
 class Observer(Protocol):

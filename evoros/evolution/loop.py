@@ -10,6 +10,7 @@ from evoros.evolution.scores import Scores
 from evoros.executor.protocol import Pool
 from evoros.mission.plan import CONFIRMATION, SELECTION
 from evoros.optimizer.protocol import Individual
+from evoros.robot.model import Robot
 
 
 def evolve(
@@ -55,17 +56,20 @@ def _record_champion(
     scenario, design = experiment.scenario_for(purpose), experiment.space.decode(individual.genome)
     missions = experiment.plan.missions(purpose, born, individual.id, design)
     missions = missions[: len(experiment.world)]
-    robot = None
+    robots: dict[str, Robot] = {}
     with suppress(InputError):  # a part refuses every design of the run, and so this one
-        robot = scenario.with_design(design).robot
+        robots = {name: each.robot for name, each in scenario.equip(design).items()}
     champion = Champion(
         id=individual.id,
         design=design,
-        gene_names={gene.key: name for name, gene in experiment.design.genes.items()},
-        robot=robot,
+        gene_names={
+            name: {gene.key: title for title, gene in member.design.genes.items()}
+            for name, member in experiment.members.items()
+        },
+        robots=robots,
         worlds={each.world: scenario.world[each.world].at(each.draws) for each in missions},
         tracks=[] if experiment.record == NONE else [each.world for each in missions],
-        readings=scenario.name_readings(design),
+        columns=scenario.name_columns(design),
     )
     if not journal.has_champion(champion):
         if experiment.record == CHAMPION:

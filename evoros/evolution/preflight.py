@@ -13,14 +13,16 @@ from evoros.base.rng import generator
 from evoros.controller.protocol import LiveController, StartedLayer
 from evoros.design.design import Design
 from evoros.design.genes import check_genes
+from evoros.design.space import DesignSpace
+from evoros.design.team import TeamSpace
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.route_check import check_routes
 from evoros.evolution.sight_check import check_sight
 from evoros.evolution.told_check import check_told
 from evoros.mission.compiled_loop import explain_interpreted, prepare
+from evoros.mission.engine_calls import ENGINE_RULES
 from evoros.mission.live_layers import open_layers
-from evoros.mission.loop import FilterStage
-from evoros.mission.loop_inputs import collect_inputs
+from evoros.mission.loop_inputs import Stages, collect_inputs
 from evoros.mission.pipeline import (
     Draws,
     describe_sensors,
@@ -29,8 +31,6 @@ from evoros.mission.pipeline import (
 )
 from evoros.mission.scenario import Scenario
 from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationRules
-
-Stages = tuple[Sequence[FilterStage], Sequence[FilterStage], Sequence[StartedLayer]]
 
 
 def preflight(experiment: Experiment) -> None:
@@ -46,22 +46,43 @@ def preflight(experiment: Experiment) -> None:
     """
     draws: Draws = partial(generator, "try out")
     experiment.optimizer.start(experiment.space, draws("optimizer"))
-    stages = {}
-    for key, scenario in _list_scenarios(experiment).items():
-        try:
-            _try_genes(experiment, scenario)
-            stages[scenario] = _start_stages(experiment, scenario, draws)
-        except InputError as error:
-            raise InputError(f"{key}{error}") from None
-    _report_mount(experiment)
-    for check in (check_routes, check_sight, check_told):
-        for warning in check(experiment):
-            LOGGER.warning("%s", warning)
+    teams: dict[str, list[Stages]] = {}  # of all robots, by the key of the scenario
+    told: set[str] = set()
+    for name, member in experiment.members.items():
+        robot = f"agents.{name}." if name else ""
+        for key, scenario in _list_scenarios(member).items():
+            try:
+                _try_genes(member, scenario)
+                teams.setdefault(key, []).append(_start_stages(member, scenario, draws))
+            except InputError as error:
+                raise InputError(f"{robot}{key}{error}") from None
+        for warning in _list_doubts(member):
+            if warning not in told:  # robots of one kind and design share most of them
+                LOGGER.warning("%s%s", robot, warning)
+            told.add(warning)
     # Each pair of rules of motion and controller once.
-    pairs = {(_rules(each), id(each.controller)): each for each in reversed(stages)}
-    interpreted = [line for each in pairs.values() for line in _compile(each, stages[each])]
+    scenarios = _list_scenarios(experiment)
+    rules = {key: _find_rules(experiment, each) for key, each in scenarios.items()}
+    pairs = {(rules[key], id(scenarios[key].controller)): key for key in reversed(scenarios)}
+    interpreted = [
+        line
+        for key in pairs.values()
+        for motion in rules[key]
+        for line in _compile(motion, scenarios[key], teams[key])
+    ]
     for line in dict.fromkeys(interpreted):
         LOGGER.warning("%s; missions run step by step, several times slower", line)
+
+
+def _list_doubts(experiment: Experiment) -> Iterator[str]:
+    """Yield a warning for each doubt about the robot, its sensors, its courses and its controller.
+
+    Raises:
+        InputError: the robot touches an obstacle at home.
+    """
+    yield from _describe_mount(experiment)
+    for check in (check_routes, check_sight, check_told):
+        yield from check(experiment)
 
 
 def _list_scenarios(experiment: Experiment) -> dict[str, Scenario]:
@@ -76,15 +97,15 @@ def _try_genes(experiment: Experiment, scenario: Scenario) -> None:
     check_genes(experiment.design.genes, parts)
 
 
-def _report_mount(experiment: Experiment) -> None:
-    """Log the parts of the default mount that were chosen for the robot."""
+def _describe_mount(experiment: Experiment) -> Iterator[str]:
+    """Yield the parts of the default mount that were chosen for the robot."""
     robot = experiment.robot
     if not robot.chosen_mount:
         return
     pitch = robot.default_pitch(experiment.design.sensors.values())
     values = {"link": robot.mount_link, "z_m": f"{robot.mount_z_m:.4g}", "pitch_deg": f"{pitch:g}"}
     chosen = ", ".join(f"robot.mount.{name}={values[name]}" for name in robot.chosen_mount)
-    LOGGER.warning("%s: chosen for the robot and its sensors: %s", robot.name, chosen)
+    yield f"{robot.name}: chosen for the robot and its sensors: {chosen}"
 
 
 def _start_stages(experiment: Experiment, scenario: Scenario, draws: Draws) -> Stages:
@@ -93,7 +114,7 @@ def _start_stages(experiment: Experiment, scenario: Scenario, draws: Draws) -> S
     The design is in the middle of the search space. The filters have one sensor of each type, and
     the controller has all that are in the design.
     """
-    middle = experiment.space.decode(np.full(experiment.space.size, 0.5))
+    middle = _choose_middle(experiment.own_space)
     mounts = tuple(
         replace(mount, sensor=name)
         for mount in middle.mounts[:1]  # none if no sensors are placed
@@ -101,13 +122,19 @@ def _start_stages(experiment: Experiment, scenario: Scenario, draws: Draws) -> S
     )
     robot = scenario.with_design(Design(mounts, middle.values)).robot
     faults = scenario.failure.draw(describe_sensors(robot), draws("failure"))
-    ranges, readings = np.zeros(robot.beam_count), np.zeros(robot.channel_count)
+    signals, readings = np.zeros(robot.signal_count), np.zeros(robot.channel_count)
     filters = start_sensor_filters(
-        robot, faults, ranges, readings, scenario.simulator.time_step, draws
+        robot, faults, signals, readings, scenario.simulator.time_step, draws
     )
     equipped = scenario.with_design(middle)
-    localization = start_localization(equipped.controller, np.zeros(POSE_SIZE), draws)
-    return filters, localization, _start_layers(equipped, draws)
+    told, pose = np.zeros(equipped.robot.channel_count), np.zeros(POSE_SIZE)
+    localization = start_localization(equipped.controller, equipped.robot, told, pose, draws)
+    layers = _start_layers(equipped, draws)
+    return Stages(filters, localization, layers)
+
+
+def _choose_middle(space: DesignSpace | TeamSpace) -> Design:
+    return space.decode(np.full(space.size, 0.5))
 
 
 def _start_layers(scenario: Scenario, draws: Draws) -> Sequence[StartedLayer]:
@@ -132,31 +159,39 @@ def _start_layers(scenario: Scenario, draws: Draws) -> Sequence[StartedLayer]:
     return layers
 
 
-def _rules(scenario: Scenario) -> tuple[SimulationRules, ...]:
-    """Return the different rules of motion in the worlds, of a simulator that has any."""
+def _find_rules(experiment: Experiment, scenario: Scenario) -> tuple[SimulationRules, ...]:
+    """Return the different rules of motion in the worlds; an engine has the same in all.
+
+    Raises:
+        InputError: the simulator cannot simulate so many robots in a world.
+    """
     simulator = scenario.simulator
     if not isinstance(simulator, RuleSimulator):
-        return ()
-    worlds = (world.at(f"try out/{name}") for name, world in scenario.world.items())
-    return tuple(dict.fromkeys(map(simulator.choose_rules, worlds)))
+        return (ENGINE_RULES,)
+    team = scenario.equip(_choose_middle(experiment.space))
+    robots = [each.robot for each in team.values()]
+    worlds = [world.at(f"try out/{name}") for name, world in scenario.world.items()]
+    return tuple(dict.fromkeys(simulator.choose_rules(world, robots) for world in worlds))
 
 
-def _compile(scenario: Scenario, stages: Stages) -> Iterator[str]:
+def _compile(rules: SimulationRules, scenario: Scenario, team: Sequence[Stages]) -> Iterator[str]:
     """Compile the rules and the loops that missions use; yield why rules are interpreted.
 
-    A live engine has no rules of motion, and a live controller has no rules at all.
+    With an engine, interpreted rules are hardly slower. A live controller has no rules at all.
     """
-    for rules in _rules(scenario):
-        yield from _compile_with(rules, scenario, stages)
-
-
-def _compile_with(rules: SimulationRules, scenario: Scenario, stages: Stages) -> Iterator[str]:
-    simulation = RuleSimulation(rules, np.zeros(0), np.zeros(0))
-    inputs = collect_inputs(simulation, *stages)
+    inputs = collect_inputs(RuleSimulation(rules, np.zeros(0), np.zeros(0)), team)
     prepare(inputs)
-    count = len(inputs.filters)  # designs without some type of sensor, or without faults, have less
-    while count:
+    count = len(inputs.filters)
+    while count:  # designs without some type of sensor, or without faults, have less
         count //= 2
         prepare(inputs._replace(filters=inputs.filters[:count]))
-    live = isinstance(scenario.controller, LiveController)
-    yield from explain_interpreted(inputs._replace(layers=()) if live else inputs)
+    if rules is ENGINE_RULES:
+        return
+    controllers = [each.controller for each in (scenario, *scenario.agents.values())]
+    told = [
+        layer
+        for stages, controller in zip(team, controllers, strict=True)
+        if not isinstance(controller, LiveController)
+        for layer in stages.layers
+    ]
+    yield from explain_interpreted(inputs._replace(layers=tuple(told)))

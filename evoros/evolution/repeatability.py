@@ -7,7 +7,6 @@ import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.base.log import LOGGER
-from evoros.controller.protocol import LiveController
 from evoros.evolution.calls import pack, run_for_trajectory
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission
@@ -17,11 +16,11 @@ from evoros.mission.scenario import Scenario
 
 
 def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> None:
-    """Let workers run a mission of a live controller twice, and log where the two differ.
+    """Let workers run a mission of live controllers twice, and log where the two differ.
 
     Rules and simulators of evoros do the same each time, so other controllers are left out.
     """
-    if not isinstance(scenario.controller, LiveController):
+    if not scenario.is_live:
         return
     packed = pack(scenario)
     futures = [pool.submit(run_for_trajectory, packed, mission) for _ in range(2)]
@@ -31,7 +30,7 @@ def report_repeatability(scenario: Scenario, mission: Mission, pool: Pool) -> No
         raise
     except Exception:  # the same mission will tell, as a part of the run
         return
-    columns = [*TRAJECTORY, *scenario.name_readings(mission.design)]
+    columns = [*TRAJECTORY, *scenario.name_columns(mission.design)]
     difference = find_difference(first, second, columns)
     if difference:
         LOGGER.warning(

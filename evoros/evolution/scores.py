@@ -96,6 +96,6 @@ class Scores:
         found = ((mission.key, journal.find(mission)) for mission in needed)
         outcomes = {key: outcome for key, outcome in found if outcome is not None}
         return {
-            number: compute_fitness(experiment.fitness, of_design, outcomes)
+            number: compute_fitness(experiment.scoring, of_design, outcomes)
             for number, of_design in missions.items()
         }

@@ -93,11 +93,11 @@ def _read(robot: Robot, itself: bool) -> Array:
         for i, solid in enumerate(robot.solids if itself else ())
     ]
     world = World("empty", (GROUND, *bodies), _AWAY, "preflight", "")
-    ranges = np.empty(robot.beam_count)
+    signals = np.zeros(robot.signal_count)
     with Planar().open(robot, world) as simulation:
         simulation.memory[[X, Y]] = 0.0
-        simulation.sense(ranges)
-    return ranges
+        simulation.sense(signals)
+    return signals[: robot.beam_count]
 
 
 def _describe_ground(sight: Sight) -> str:

@@ -18,6 +18,7 @@ from evoros.base.checks import (
     Rule,
     checked,
     invalid,
+    sequence_of,
 )
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
@@ -68,6 +69,7 @@ class Field:
     passage_m: Annotated[float, POSITIVE]  # width of a way that exists along each leg
     enclosed: Annotated[bool, FLAG]  # a wall around the extent
     seed: Annotated[int, WHOLE] = 0
+    others: Annotated[Sequence[Course], sequence_of(Course, "courses")] = ()  # of other robots
 
     def __post_init__(self) -> None:
         if not self.kinds or not all(map(NAME.holds, self.kinds)):
@@ -78,8 +80,10 @@ class Field:
             rule = f"must be at least {minimum:.3f}, half of passage_m and a margin"
             raise invalid(self, "clearing_m", self.clearing_m, rule)
         low, high = self.corners
-        if (np.minimum(self._points - low, high - self._points) < self.clearing_m).any():
-            rule = "must reach at least clearing_m beyond home and all waypoints"
+        points = np.concatenate(self._routes)
+        if (np.minimum(points - low, high - points) < self.clearing_m).any():
+            robots = " of all robots" if self.others else ""
+            rule = f"must reach at least clearing_m beyond home and all waypoints{robots}"
             raise invalid(self, "extent_m", self.extent_m, rule, "enlarge it")
 
     def __hash__(self) -> int:
@@ -87,16 +91,25 @@ class Field:
         return hash((self.seed, self.density, self.course))
 
     @property
-    def _points(self) -> Array:
-        """The points (n, 2) [m] of the route: home, the waypoints, home."""
-        home = self.course.home[:2]
-        return np.array([home, *self.course.waypoints, home])
+    def _routes(self) -> list[Array]:
+        """The points (n, 2) [m] of each robot's route: home, the waypoints, home."""
+        courses = (self.course, *self.others)
+        return [np.array([each.home[:2], *each.waypoints, each.home[:2]]) for each in courses]
 
     @property
     def corners(self) -> tuple[Array, Array]:
         """The corners [x, y] [m] of the extent with the minimum and the maximum coordinates."""
-        middle = (self._points.min(axis=0) + self._points.max(axis=0)) / 2
+        points = self._routes[0]
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
         return middle - np.array(self.extent_m) / 2, middle + np.array(self.extent_m) / 2
+
+    def keep_free(self, courses: Sequence[Course]) -> "Field":
+        """Return the field of the same extent that leaves the same room to other robots, too.
+
+        Raises:
+            InputError: the extent does not reach beyond their courses.
+        """
+        return replace(self, others=tuple(courses))
 
     def draw_world(self, draws: str) -> World:
         """Draw the field under this key of random draws, once in a process.
@@ -133,17 +146,17 @@ class Field:
         low, high = self.corners
         passage = self._open_passage(walls)
         inset = self.gap_m if walls else 0.0
-        points, clearing = self._points, self.clearing_m
+        points, clearing = np.concatenate(self._routes), self.clearing_m
         return PlacedObstacles(low, high, inset, points, clearing, self.gap_m, passage)
 
     def _open_passage(self, obstacles: Sequence[Body]) -> Passage:
-        passage = Passage(*self.corners, self._points, self.passage_m)
+        passage = Passage(*self.corners, self._routes, self.passage_m)
         for footprint in project_bodies(obstacles):
             passage.add(footprint)
         return passage
 
     def find_ways(self, bodies: Sequence[Body]) -> list[Array]:
-        """Find a way (n, 2) [m], ``passage_m`` wide, along each leg of the course among bodies."""
+        """Find a way (n, 2) [m], ``passage_m`` wide, along each leg of all courses among bodies."""
         return self._open_passage(bodies).ways
 
 
@@ -175,6 +188,8 @@ def generate_world(
 def _draw_world(field: Field, draws: str) -> World:
     """Draw a world and read it from its own SDF, so that the file is equal to it in every bit."""
     parameters = {entry.name: getattr(field, entry.name) for entry in fields(field)}
+    if not field.others:
+        del parameters["others"]
     note = write_note({"draws": draws} | parameters)
     content = write_sdf(WORLD_NAME, field.draw_bodies(draws), note).encode()
     source = f"generated field {field.seed}"

@@ -2,6 +2,7 @@
 
 import heapq
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -24,20 +25,21 @@ _GREED = 2  # weight of the heuristic: the way may be longer, but far fewer cell
 class Passage:
     """A way for a disc of diameter ``width`` [m] along each leg of a route, among obstacles.
 
-    ``low`` and ``high`` are opposite corners (2,) [m] of the field. Each of ``points`` (n, 2) [m]
-    must have ``width / 2 + 2 * MARGIN_M`` of free ground around it; a leg leads from each to the
-    next. The search runs on a grid and finds every way that is half a metre wider than ``width``.
+    ``low`` and ``high`` are opposite corners (2,) [m] of the field. Each of the points (n, 2) [m]
+    of ``routes`` must have ``width / 2 + 2 * MARGIN_M`` of free ground around it; a leg leads from
+    each to the next of its route. The search runs on a grid and finds every way that is half a
+    metre wider than ``width``.
     """
 
-    def __init__(self, low: Array, high: Array, points: Array, width: float) -> None:
+    def __init__(self, low: Array, high: Array, routes: Sequence[Array], width: float) -> None:
         self._low = low
         columns, rows = (math.ceil((b - a) / CELL_M) for a, b in zip(low, high, strict=True))
         self._stride = columns + 2  # a border that is never free, so that no step leaves the grid
         self._free = np.zeros((rows + 2, self._stride), dtype=np.bool_)
         self._free[1:-1, 1:-1] = True
         self._radius = width / 2 + MARGIN_M
-        self._points = points
-        self._legs = list(pairwise(self._cell(point) for point in points))
+        self._ends = [ends for points in routes for ends in pairwise(points)]
+        self._legs = [(self._cell(start), self._cell(end)) for start, end in self._ends]
         self._ways = [_find_way(self._free, *leg) or [] for leg in self._legs]
 
     def add(self, footprint: Footprint) -> bool:
@@ -62,7 +64,7 @@ class Passage:
     def ways(self) -> list[Array]:
         """The points (n, 2) [m] of the way along each leg, the ends of the leg included."""
         ways = []
-        for way, (start, end) in zip(self._ways, pairwise(self._points), strict=True):
+        for way, (start, end) in zip(self._ways, self._ends, strict=True):
             row, column = np.divmod(np.array(way), self._stride)
             ways.append(np.vstack((start, self._centres(column, row), end)))
         return ways

@@ -20,7 +20,7 @@ from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.mounting import level_pitch
 from evoros.robot.outline import SolidShape
 from evoros.robot.sensor_elements import sensor_elements
-from evoros.sensor.protocol import Mount, Sensor, sees
+from evoros.sensor.protocol import SIGNAL_SIZES, Mount, Sensor, is_signal_sensor, sees
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -130,6 +130,24 @@ class Robot:
         sensors = self.mounted_sensors()
         return _place([len(sensor.channels) if sees(sensor) else 0 for sensor in sensors])
 
+    @cached_property
+    def signal_layout(self) -> tuple[slice, ...]:
+        """The part of what simulators sense that each mount has.
+
+        First come the true ranges, as in ``beam_layout``. Then each mount that casts no rays has
+        its signal, followed by the memory of its sensor's rule.
+        """
+        sensors = self.mounted_sensors()
+        sizes = [
+            SIGNAL_SIZES[sensor.measures] + sensor.memory_size if is_signal_sensor(sensor) else 0
+            for sensor in sensors
+        ]
+        signals = _place([self.beam_count, *sizes])[1:]
+        return tuple(
+            beams if sees(sensor) else signal
+            for sensor, beams, signal in zip(sensors, self.beam_layout, signals, strict=True)
+        )
+
     @property
     def channel_count(self) -> int:
         """The number of all readings."""
@@ -137,8 +155,13 @@ class Robot:
 
     @property
     def beam_count(self) -> int:
-        """The number of true ranges, which simulators sense."""
+        """The number of true ranges."""
         return self.beam_layout[-1].stop if self.beam_layout else 0
+
+    @cached_property
+    def signal_count(self) -> int:
+        """The number of values that simulators sense: true ranges, signals and their memory."""
+        return max((part.stop for part in self.signal_layout), default=0)
 
     def mounted_sensors(self) -> list[Sensor]:
         """Return the sensor type of each mount."""

@@ -3,7 +3,7 @@
 ``docs/simulation.md`` gives the reason of each choice in the set-up.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -13,8 +13,12 @@ from typing import Annotated, Any
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked, positive_up_to
 from evoros.base.errors import InputError
 from evoros.robot.model import Robot
+from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
 from evoros.simulator.engines.mujoco_model import Models, Settings
 from evoros.simulator.engines.mujoco_simulation import MujocoSimulation
+from evoros.simulator.engines.mujoco_team import MujocoTeam
+from evoros.simulator.engines.teams import check_team
+from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
@@ -36,6 +40,7 @@ class Mujoco:
     wheel_friction: Annotated[float, POSITIVE] = 1.0  # the engine multiplies it by the ground's
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     packages = ("mujoco-core",)
+    measures = (RANGE, *SIGNAL_SIZES)
 
     def __post_init__(self) -> None:
         if find_spec("mujoco") is None:
@@ -49,11 +54,31 @@ class Mujoco:
             InputError: MuJoCo is not installed.
             SimulationError: MuJoCo refuses the robot or the world.
         """
-        settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
-        warnings = _warnings()
-        warnings.clear()
-        model = _models().prepare(robot, world, settings)
+        settings, warnings = self._settings(), _begin_warnings()
+        model = _models().prepare([PlacedRobot(robot, world.course.home)], world, settings)
         yield MujocoSimulation(model, robot, settings, warnings)
+
+    @contextmanager
+    def open_team(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[MujocoTeam]:
+        """Place each robot at its own home.
+
+        Raises:
+            InputError: MuJoCo is not installed.
+            SimulationError: MuJoCo refuses a robot or the world, or there are too many robots.
+        """
+        check_team(robots)
+        settings, warnings = self._settings(), _begin_warnings()
+        model = _models().prepare(robots, world, settings)
+        yield MujocoTeam(model, [robot for robot, _ in robots], settings, warnings)
+
+    def _settings(self) -> Settings:
+        return Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
+
+
+def _begin_warnings() -> list[str]:
+    """Forget the warnings of the last mission; return the list that gets those of this one."""
+    _warnings().clear()
+    return _warnings()
 
 
 @cache

@@ -1,29 +1,42 @@
 """The protocols of simulators: each opens simulations of one robot in one world."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from evoros.base.arrays import Array
 from evoros.base.checks import instance_of
+from evoros.sensor.protocol import RANGE
 
 if TYPE_CHECKING:
     from evoros.robot.model import Robot
     from evoros.world.model import World
 
 
+class PlacedRobot(NamedTuple):
+    """A robot, and where it starts: x, y, z [m] and yaw [rad] of its base frame."""
+
+    robot: "Robot"
+    home: tuple[float, float, float, float]
+
+
 class Simulation(Protocol):
-    """One robot in one world. Of all that a mission uses, this alone is mutable."""
+    """One robot in one world, or several. Of all that a mission uses, this alone is mutable.
+
+    The arrays of several robots have the parts of each one after another, in their order.
+    """
 
     def observe(self, state: Array) -> None:
         """Fill ``state`` (STATE_SIZE,) with the true state; its contact is that since last time."""
         ...
 
-    def sense(self, ranges: Array) -> None:
-        """Fill ``ranges`` (n,) with the true range [m] of each beam, within the sensor's limits.
+    def sense(self, signals: Array) -> None:
+        """Fill ``signals`` (n,), in the parts of ``Robot.signal_layout``.
 
-        ``engines.rays.sensor_beams`` lists the beams: one for each channel of a range sensor.
+        First comes the true range [m] of each beam, within the sensor's limits.
+        ``engines.rays.sensor_beams`` lists the beams: one for each channel of a range sensor. Then
+        come the signals of all other sensors, each before a memory that is not the simulator's.
         """
         ...
 
@@ -59,6 +72,21 @@ class Simulator(Protocol):
 
 
 @runtime_checkable
+class SignallingSimulator(Protocol):
+    """A simulator that serves other sensors too, besides those that measure ranges."""
+
+    @property
+    def measures(self) -> Collection[str]:
+        """All that its sensors can measure, see ``evoros.sensor.protocol``."""
+        ...
+
+
+def measured_by(simulator: Simulator) -> Collection[str]:
+    """Return what a simulator offers to sensors."""
+    return simulator.measures if isinstance(simulator, SignallingSimulator) else (RANGE,)
+
+
+@runtime_checkable
 class SelectiveSimulator(Protocol):
     """A simulator that cannot simulate every world; others need no ``check_world``."""
 
@@ -71,6 +99,21 @@ class SelectiveSimulator(Protocol):
         ...
 
 
+@runtime_checkable
+class TeamSimulator(Protocol):
+    """A simulator of robots that sense and touch one another; others need no ``open_team``."""
+
+    def open_team(
+        self, robots: Sequence[PlacedRobot], world: "World"
+    ) -> AbstractContextManager[Simulation]:
+        """Place each robot at its own home, and the bodies where the world puts them.
+
+        Raises:
+            SimulationError: the engine cannot simulate these robots or this world.
+        """
+        ...
+
+
 A_SIMULATOR = instance_of(Simulator, "a simulator (time_step, packages and open)")
 
 
@@ -78,7 +121,7 @@ ObserveRule: TypeAlias = Callable[[Array, Array, Array], None]
 """(parameters, memory, state): see ``Simulation.observe``."""
 
 SenseRule: TypeAlias = Callable[[Array, Array, Array], None]
-"""(parameters, memory, ranges): see ``Simulation.sense``."""
+"""(parameters, memory, signals): see ``Simulation.sense``."""
 
 AdvanceRule: TypeAlias = Callable[[Array, Array, Array, float], None]
 """(parameters, memory, command, duration [s]): see ``Simulation.advance``."""
@@ -104,9 +147,9 @@ class RuleSimulation:
         """Fill ``state`` with the true state."""
         self.rules.observe(self.parameters, self.memory, state)
 
-    def sense(self, ranges: Array) -> None:
-        """Fill ``ranges`` with the true ranges [m]."""
-        self.rules.sense(self.parameters, self.memory, ranges)
+    def sense(self, signals: Array) -> None:
+        """Fill ``signals`` with the true ranges [m] and the signals of other sensors."""
+        self.rules.sense(self.parameters, self.memory, signals)
 
     def advance(self, command: Array, duration: float) -> None:
         """Drive with ``command`` for ``duration`` [s]."""
@@ -117,6 +160,10 @@ class RuleSimulation:
 class RuleSimulator(Protocol):
     """A simulator that opens ``RuleSimulation``s."""
 
-    def choose_rules(self, world: "World") -> SimulationRules:
-        """Return the rules that all of its simulations in a world share."""
+    def choose_rules(self, world: "World", robots: Sequence["Robot"]) -> SimulationRules:
+        """Return the rules of robots in a world, which depend on what their sensors measure only.
+
+        Raises:
+            InputError: the simulator cannot simulate so many in it.
+        """
         ...

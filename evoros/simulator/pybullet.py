@@ -12,7 +12,7 @@ The set-up is the cheapest faithful one (``benchmarks/fidelity/engine.py`` measu
 
 import ctypes
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -22,8 +22,12 @@ from typing import Annotated, Any
 from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, checked, positive_up_to
 from evoros.base.errors import InputError
 from evoros.robot.model import Robot
-from evoros.simulator.engines.pybullet_model import Engine, Settings
+from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
+from evoros.simulator.engines.pybullet_model import Engine, Model, Settings
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
+from evoros.simulator.engines.pybullet_team import PyBulletTeam
+from evoros.simulator.engines.teams import check_team
+from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
 MAX_STEP_S = 0.025
@@ -47,6 +51,7 @@ class PyBullet:
     wheel_friction: Annotated[float, POSITIVE] = 1.0  # the engine multiplies it by the ground's
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     packages = ("pybullet",)
+    measures = (RANGE, *SIGNAL_SIZES)
 
     def __post_init__(self) -> None:
         if find_spec("pybullet") is None:
@@ -56,24 +61,51 @@ class PyBullet:
     def open(self, robot: Robot, world: World) -> Iterator[PyBulletSimulation]:
         """Place the robot at the world's home.
 
-        An engine keeps its model. If robot and world are those of its last mission and only the
-        robot has moved, the model is reset instead of rebuilt, which gives the same bits.
-
         Raises:
             InputError: PyBullet is not installed.
             SimulationError: PyBullet refuses the robot or the world.
         """
-        settings = Settings(
+        settings = self._settings()
+        with _prepare([PlacedRobot(robot, world.course.home)], world, settings) as prepared:
+            engine, model = prepared
+            yield PyBulletSimulation(engine.bullet, engine.client, model, robot, settings)
+
+    @contextmanager
+    def open_team(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[PyBulletTeam]:
+        """Place each robot at its own home.
+
+        Raises:
+            InputError: PyBullet is not installed.
+            SimulationError: PyBullet refuses a robot or the world, or there are too many robots.
+        """
+        check_team(robots)
+        settings = self._settings()
+        with _prepare(robots, world, settings) as (engine, model):
+            members = [robot for robot, _ in robots]
+            yield PyBulletTeam(engine.bullet, engine.client, model, members, settings)
+
+    def _settings(self) -> Settings:
+        return Settings(
             self.time_step, self.solver_iterations, self.wheel_friction, self.steering_lag_s
         )
-        engine = _idle().pop() if _idle() else Engine(import_pybullet())
-        try:
-            model = engine.prepare(robot, world, settings)
-            yield PyBulletSimulation(engine.bullet, engine.client, model, robot, settings)
-        except BaseException:
-            engine.close()
-            raise
-        _idle().append(engine)
+
+
+@contextmanager
+def _prepare(
+    robots: Sequence[PlacedRobot], world: World, settings: Settings
+) -> Iterator[tuple[Engine, Model]]:
+    """Take an idle engine, or make one, and place the robots.
+
+    An engine keeps its model. If robots and world are those of its last mission and only the robots
+    have moved, the model is reset instead of rebuilt, which gives the same bits.
+    """
+    engine = _idle().pop() if _idle() else Engine(import_pybullet())
+    try:
+        yield engine, engine.prepare(robots, world, settings)
+    except BaseException:
+        engine.close()
+        raise
+    _idle().append(engine)
 
 
 @cache
@@ -116,8 +148,8 @@ def import_pybullet() -> Any:
 def _not_installed() -> InputError:
     return InputError(
         "simulator=pybullet: PyBullet is not installed, and it publishes wheels only up to Python "
-        "3.11; install evoros with Python 3.11, or build PyBullet with `pip install pybullet` and "
-        "a C++ compiler"
+        "3.11; use simulator=physics, install evoros with Python 3.11, or build PyBullet with `pip "
+        "install pybullet` and a C++ compiler"
     )
 
 

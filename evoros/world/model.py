@@ -1,7 +1,8 @@
 """A world: bodies on the ground, and a course among them."""
 
-from dataclasses import dataclass
-from typing import Annotated, Protocol, runtime_checkable
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Protocol, Self, runtime_checkable
 
 import numpy as np
 
@@ -23,6 +24,15 @@ class WorldSampler(Protocol):
 
     def draw_world(self, draws: str) -> "World":
         """Draw the world of a mission, whose key ``draws`` determines all its random numbers."""
+        ...
+
+
+@runtime_checkable
+class TeamSampler(WorldSampler, Protocol):
+    """A sampler whose worlds can leave room to several robots, each with a course of its own."""
+
+    def keep_free(self, courses: Sequence[Course]) -> Self:
+        """Return the sampler that keeps these courses free besides the first robot's."""
         ...
 
 
@@ -56,8 +66,11 @@ class World:
         return hash((self.name, self.source_sha256))
 
     def at(self, draws: str) -> "World":
-        """Return the world of a mission with this key of random draws."""
-        return self if self.sampler is None else self.sampler.draw_world(draws)
+        """Return the world of a mission with this key of random draws, and with this course."""
+        if self.sampler is None:
+            return self
+        drawn = self.sampler.draw_world(draws)
+        return drawn if drawn.course == self.course else replace(drawn, course=self.course)
 
     @property
     def sdf(self) -> str:

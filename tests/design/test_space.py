@@ -1,6 +1,7 @@
 """Design spaces: every genome decodes to a valid design."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -42,9 +43,16 @@ def inside(mount: Mount, space: DesignSpace) -> bool:
     )
 
 
+def list_placed(space: DesignSpace, mounts: Sequence[Mount]) -> list[Mount]:
+    """Those sensors that are in regions; all others are fixed, in every design."""
+    placed = [mount for mount in mounts if mount.sensor in space.design.placed_types]
+    assert [mount for mount in mounts if mount not in placed] == list(space.fixed)
+    return placed
+
+
 def assert_valid(space: DesignSpace, genome: Array) -> None:
     design, decoded = space.design, space.decode(genome)
-    mounts = decoded.mounts
+    mounts = list_placed(space, decoded.mounts)
     if design.mirrored:
         assert len(mounts) % 2 == 0
         for one, twin in zip(mounts[0::2], mounts[1::2], strict=True):
@@ -165,14 +173,14 @@ def test_the_table_says_what_is_mounted(name: str) -> None:
     space = SPACES[name]
     for genome in np.random.default_rng(3).random((50, space.size)):
         values, design = space.to_row(genome), space.decode(genome)
-        mounts = design.mounts[:: 2 if space.design.mirrored else 1]
-        (one,) = space.design.sensors if len(space.design.sensors) == 1 else ("",)
+        mounts = list_placed(space, design.mounts)[:: 2 if space.design.mirrored else 1]
+        types = space.design.placed_types
+        (one,) = types if len(types) == 1 else ("",)
         poses = ("x_m", "y_m", "yaw_deg")
         tabled = [
             (values.get(f"sensor{i}_type", one), *(values[f"sensor{i}_{name}"] for name in poses))
             for i in range(len(mounts))
         ]
-        types = list(space.design.sensors)
         assert [(mount.sensor, *(getattr(mount, name) for name in poses)) for mount in mounts] == (
             sorted(tabled, key=lambda row: types.index(str(row[0])))
         )

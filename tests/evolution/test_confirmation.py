@@ -130,6 +130,7 @@ def test_each_generations_best_few_have_the_fitness_of_the_confirming_simulator(
     assert 0 < losses[losses < 5].abs().max() < 1  # by the other step alone
 
 
+@pytest.mark.slow
 def test_every_mission_is_replayed_in_the_simulator_of_its_purpose(whole: Path) -> None:
     missions = load_run(whole).missions
     assert set(missions["purpose"]) == {"selection", "confirmation", "validation"}
@@ -212,7 +213,7 @@ def test_without_a_confirmation_the_tables_have_no_columns_of_it(tmp_path: Path)
 # Interruptions -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("share", [0.0, 0.12, 0.3, 0.45, 0.6, 0.8, 0.97])
+@pytest.mark.parametrize("share", [0.0, 0.12, 0.45, 0.8])
 def test_a_run_cut_anywhere_ends_with_the_same_bytes(
     share: float, whole: Path, tmp_path: Path
 ) -> None:
@@ -226,11 +227,8 @@ def test_a_run_cut_anywhere_ends_with_the_same_bytes(
     assert load_run(run).status["session_missions"] == rows.count(b"\n") - 1 - kept
 
 
-@pytest.mark.parametrize("workers", [1, 3])
-def test_the_same_bytes_for_any_number_of_workers(
-    workers: int, whole: Path, tmp_path: Path
-) -> None:
-    more = ["trials=2", "executor=processes", f"executor.workers={workers}"]
+def test_the_same_bytes_in_workers(whole: Path, tmp_path: Path) -> None:
+    more = ["trials=2", "executor=processes", "executor.workers=2"]
     assert tiny(tmp_path / "run", *STRICT, *more) == DONE
     assert content(tmp_path / "run") == content(whole)
 

@@ -159,9 +159,8 @@ class Broken:
 # ---- what comes out
 
 
-@pytest.mark.parametrize("executor", [Processes(workers=1), Processes(workers=3)])
-def test_outcomes_are_the_same_in_any_number_of_workers(executor: Executor) -> None:
-    assert as_text(flown(executor, harmless(99))) == sound()
+def test_outcomes_are_the_same_in_workers() -> None:
+    assert as_text(flown(Processes(workers=2), harmless(99))) == sound()
 
 
 @pytest.mark.parametrize("seconds", [0.0, 1e9])
@@ -175,36 +174,37 @@ def test_outcomes_are_the_same_in_calls_of_any_size(
 # ---- what goes wrong
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["crash", "hang", "fail"])
 def test_a_fault_amid_a_call_costs_its_own_mission_only(what: str, tmp_path: Path) -> None:
     scenario = trapped(what, 13, str(tmp_path / "tally"))
     expected = sound()  # first: what is compiled counts against the time limit of a worker
-    limit = 10.0 if what == "hang" else 60.0
+    limit = 20.0 if what == "hang" else 600.0
     outcomes = flown(Processes(workers=2, retries=0, time_limit_s=limit), scenario, WORST)
     lost = {place for place, outcome in outcomes.items() if outcome.ended == LOST}
     assert lost == {mission.key for mission in missions() if mission.design_id == 13}
     rest = {place: text for place, text in as_text(outcomes).items() if place not in lost}
     assert rest == {place: text for place, text in expected.items() if place not in lost}
-    reasons = {"crash": "by signal 9", "hang": "time_limit_s = 10 s", "fail": "the trap"}
+    reasons = {"crash": "by signal 9", "hang": "time_limit_s = 20 s", "fail": "the trap"}
     assert all(reasons[what] in outcomes[place].reason for place in lost)
 
 
-@pytest.mark.parametrize("what", ["crash", "fail", "refuse"])
-def test_a_fault_that_stops_the_run_is_that_of_one_mission(what: str, tmp_path: Path) -> None:
+def test_a_fault_that_stops_the_run_is_that_of_one_mission() -> None:
     """And what was flown before or in the same call is not lost with it."""
-    scenario = trapped(what, 13, str(tmp_path / "tally"))
-    recorded: list[tuple[Mission, Outcome]] = []
-    said = "^the trap: must" if what == "refuse" else "the mission of design 13 in "
-    error = InputError if what == "refuse" else RunStopped
     with Processes(workers=1, retries=0).open() as pool:
-        batches = Dispatcher(pool, 1, STOP).run(scenario, missions())
-        with pytest.raises(error, match=said):
-            recorded.extend(pair for batch in batches for pair in batch)
-    designs = [mission.design_id for mission, _ in recorded]
-    assert 13 not in designs
-    assert set(range(13)) <= set(designs)
+        for what in ("fail", "refuse", "crash"):
+            recorded: list[tuple[Mission, Outcome]] = []
+            said = "^the trap: must" if what == "refuse" else "the mission of design 13 in "
+            error = InputError if what == "refuse" else RunStopped
+            batches = Dispatcher(pool, 1, STOP).run(trapped(what, 13), missions())
+            with pytest.raises(error, match=said):
+                recorded.extend(pair for batch in batches for pair in batch)
+            designs = [mission.design_id for mission, _ in recorded]
+            assert 13 not in designs
+            assert set(range(13)) <= set(designs)
 
 
+@pytest.mark.slow
 def test_an_attempt_at_a_call_is_one_at_each_mission_alone(tmp_path: Path) -> None:
     """A retry: two attempts at the call, if there was one, and two at each of two missions."""
     scenario = trapped("crash", 13, str(tmp_path / "tally"))
@@ -359,6 +359,7 @@ def test_the_task_is_packed_once_and_unpacked_once() -> None:
     assert COUNT == {"packed": 1, "unpacked": 1}
 
 
+@pytest.mark.slow
 def test_a_fresh_worker_gets_the_task() -> None:
     executor = Processes(workers=2, calls_per_worker=3)
     assert as_text(flown(executor, harmless(99))) == sound()

@@ -17,6 +17,7 @@ from evoros.controller.rover import Rover
 from evoros.evolution.preflight import preflight
 from evoros.failure.random import RandomFailure
 from evoros.mission import compiled_loop
+from evoros.mission.engine_calls import ENGINE_RULES
 from evoros.mission.loop import LoopInputs
 from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.robot.model import Robot
@@ -134,10 +135,10 @@ def test_what_would_break_inside_a_run_is_refused_before_it(
 
 @pytest.mark.parametrize(
     ("run", "confirming", "compiled"),
-    [("pybullet", "pybullet", 0), ("pybullet", "planar", 1), ("planar", "planar", 1)],
+    [("pybullet", "mujoco", "e"), ("pybullet", "planar", "ep"), ("planar", "planar", "p")],
 )
 def test_the_rules_of_both_simulators_are_compiled_once_before_the_run(
-    run: str, confirming: str, compiled: int, monkeypatch: pytest.MonkeyPatch
+    run: str, confirming: str, compiled: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     met: list[LoopInputs] = []
     monkeypatch.setattr("evoros.evolution.preflight.prepare", met.append)
@@ -145,10 +146,16 @@ def test_the_rules_of_both_simulators_are_compiled_once_before_the_run(
     chosen = [f"simulator={run}", f"simulator@confirmation.simulator={confirming}"]
     experiment = compose(["confirmation=pybullet", *chosen]).build()
     preflight(experiment)
-    (rules,) = {Planar().choose_rules(world.at("test")) for world in experiment.world.values()}
-    longest = max((len(parts.filters) for parts in met), default=0)
-    whole = [tuple(parts[:3]) for parts in met if len(parts.filters) == longest]
-    assert whole == [tuple(rules)] * compiled
+    robot = experiment.robot
+    (rules,) = {
+        Planar().choose_rules(world.at("test"), [robot]) for world in experiment.world.values()
+    }
+    filters = [len(parts.filters) for parts in met]
+    whole = [
+        tuple(parts[:3]) for parts, count in zip(met, filters, strict=True) if count == max(filters)
+    ]
+    expected = {"e": ENGINE_RULES, "p": rules}
+    assert sorted(whole, key=repr) == sorted((tuple(expected[each]) for each in compiled), key=repr)
 
 
 class Unnamed(Rover):

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from evoros.world.floors import GROUND
 from evoros.world.model import World
 
 
+@cache
 def build(*overrides: str, simulator: str = "planar") -> Experiment:
     return compose([f"simulator={simulator}", "executor=serial", *overrides]).build()
 

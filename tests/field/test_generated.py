@@ -1,6 +1,7 @@
 """Generated worlds: what a field promises, and what is refused."""
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,8 @@ def test_a_field_keeps_its_promises(one: Field) -> None:
     low, high = one.corners
     np.testing.assert_allclose((low + high) / 2, (places.min(axis=0) + places.max(axis=0)) / 2)
     np.testing.assert_allclose(high - low, one.extent_m)
+    courses = (one.course, *one.others)
+    places = np.array([place for each in courses for place in (each.home[:2], *each.waypoints)])
     keep = one.gap_m if one.enclosed else 0.0
     all_areas = areas(obstacles)
     for i, area in enumerate(all_areas):
@@ -62,11 +65,11 @@ def test_a_field_keeps_its_promises(one: Field) -> None:
 def test_a_way_of_the_promised_width_leads_along_each_leg(one: Field) -> None:
     world = one.draw_world(FIXED)
     ways = one.find_ways(world.bodies)
-    home = one.course.home[:2]
-    places = [home, *one.course.waypoints, home]
-    assert len(ways) == len(places) - 1
+    courses = (one.course, *one.others)
+    routes = [[each.home[:2], *each.waypoints, each.home[:2]] for each in courses]
+    legs = [leg for places in routes for leg in pairwise(places)]
     solid = areas(world.bodies)
-    for way, start, goal in zip(ways, places, places[1:], strict=False):
+    for way, (start, goal) in zip(ways, legs, strict=True):
         np.testing.assert_array_equal(way[[0, -1]], [start, goal])
         steps = np.diff(way, axis=0)
         assert np.sqrt((steps**2).sum(axis=1)).max() < 0.3
@@ -85,7 +88,7 @@ def test_a_closed_way_stays_open() -> None:
         return project_shape(Shape("box", (0.2, length, 1.0)), Pose((0.0, y, 0.5)))
 
     for width, open_ in ((0.5, True), (0.7, True), (1.3, False)):
-        passage = Passage(low, high, places, width)
+        passage = Passage(low, high, [places], width)
         assert passage.add(wall(-1.4, 1.6))  # from y = -2.2 to -0.6
         assert passage.add(wall(1.4, 1.6)) == open_
         assert not passage.add(wall(0.0, 5.0))

@@ -20,10 +20,13 @@ from evoros.world.loading import load_world
 from evoros.world.model import World
 
 
+def values(**changes: Any) -> dict[str, Any]:
+    one = field(**changes)
+    return {name: getattr(one, name) for name in one.__dataclass_fields__ if name != "others"}
+
+
 def renewed() -> World:
-    one = field(density=0.1)
-    values = {name: getattr(one, name) for name in one.__dataclass_fields__}
-    return generate_world(**values, renew=True)
+    return generate_world(**values(density=0.1), renew=True)
 
 
 def test_missions_that_share_their_draws_meet_the_same_world_and_others_do_not() -> None:
@@ -44,12 +47,11 @@ def test_missions_that_share_their_draws_meet_the_same_world_and_others_do_not()
 
 
 def test_a_world_that_is_not_renewed_is_the_same_in_every_mission() -> None:
-    values = {name: getattr(field(), name) for name in field().__dataclass_fields__}
-    world = generate_world(**values)
+    world = generate_world(**values())
     assert world.at("a") is world.at("b") is world
     assert renewed().bodies == renewed().bodies  # the example that a renewed one is itself
     with pytest.raises(InputError, match="renew"):
-        generate_world(**values, renew="yes")  # type: ignore[arg-type]
+        generate_world(**values(), renew="yes")  # type: ignore[arg-type]
 
 
 # ---- The command.

@@ -17,6 +17,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.mission.rollout import run_mission
 from evoros.sensor.sonar import Sonar
+from evoros.simulator.planar import Planar
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
 
@@ -79,6 +80,43 @@ def test_readings_stay_in_the_range(simulator: Rigid, experiment: Experiment) ->
     assert near == 0.4
     assert far == 0.8
     assert between == pytest.approx(0.5, abs=1e-3)
+
+
+CUBE = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5))
+SOLIDS = {
+    "box": Shape("box", (1.0, 1.0, 1.0)),
+    "sphere": Shape("sphere", (0.6,)),
+    "cylinder": Shape("cylinder", (0.6, 1.0)),
+    "convex": Shape("convex", (), corners=CUBE),
+}
+
+
+@pytest.mark.parametrize("kind", SOLIDS)
+def test_a_ray_does_not_see_the_shapes_that_it_starts_in(
+    simulator: Rigid, experiment: Experiment, kind: str
+) -> None:
+    """As in the plane: it sees what is beyond, here a wall and the ground, or nothing."""
+    rays = [(0, 0), (90, 0), (20, 0), (200, 0), (10, 60), (10, -60)]
+    robot = mount_sensors(experiment, beam(), *((1.5, 0.0, 0.5, *ray) for ray in rays))
+    sees = mount_sensors(experiment, beam(), (0.4, 0.0, 0.5, 0, 0))
+    for mass, moments in ((None, None), (50.0, (1.0, 1.0, 1.0))):
+        around = Body("around", Pose((1.5, 0.0, 0.6)), (SOLIDS[kind],), mass, inertia=moments)
+        within = Body("within", Pose((1.5, 0.0, 0.6)), (Shape("sphere", (0.3,)),))
+        world = level(experiment, around, within, box("wall", 4.0, size=(1, 4, 4)))
+        found, plane = ranges(simulator, robot, world), ranges(Planar(), robot, world)
+        assert plane == pytest.approx([2.0, 4.5, 2.0 / math.cos(math.radians(20)), 4.5, 4.5, 0.577],
+                                      abs=1e-3)  # fmt: skip
+        assert found == pytest.approx(plane, abs=1e-3)
+        assert ranges(simulator, sees, world) == pytest.approx(
+            ranges(Planar(), sees, world), abs=2e-3
+        )
+
+
+def test_the_ground_is_seen_around_obstacles(simulator: Rigid, experiment: Experiment) -> None:
+    """MuJoCo overlooks ground that touches nothing by itself, in directions without an obstacle."""
+    robot = mount_sensors(experiment, beam(), (0.25, 0.0, 0.4, 10, -60), (0.25, 0, 0.4, 180, -30))
+    found = ranges(simulator, robot, level(experiment, box("wall", 4.0, size=(1, 4, 4))))
+    assert found == pytest.approx([0.4 / math.sin(math.radians(60)), 0.8], abs=1e-3)
 
 
 def test_a_robot_never_sees_itself(simulator: Rigid, experiment: Experiment) -> None:

@@ -1,4 +1,4 @@
-"""Bodies that slide in PyBullet at the default step stay on the ground."""
+"""Bodies that slide in either engine at its default step stay on the ground."""
 
 from dataclasses import replace
 from typing import Any
@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 from pybullet_cases import box, level, short_experiment
+from rigid_cases import RIGID, Rigid, probe
 
 from evoros.base.arrays import STATE_SIZE, X
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
-from evoros.simulator.engines.pybullet_bodies import wake
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
@@ -29,10 +29,14 @@ def going_on(world: World) -> World:
     return replace(world, course=replace(world.course, end_on_collision=False))
 
 
+@pytest.fixture(params=RIGID)
+def engine(request: pytest.FixtureRequest) -> type[Rigid]:
+    return RIGID[request.param]
+
+
 def place_of(simulation: Any) -> tuple[float, ...]:
-    (number,) = simulation._model.movable
-    place, _ = simulation._bullet.getBasePositionAndOrientation(number, simulation._client)
-    return tuple(place)
+    (pose,) = probe(simulation).movable()
+    return tuple(pose.position)
 
 
 @pytest.mark.parametrize(
@@ -40,19 +44,20 @@ def place_of(simulation: Any) -> tuple[float, ...]:
     [(0.1, CUBE, 0.3), (5.0, BLOCK, 1.0), (5.0, SMALL, 0.3), (50.0, (1.0, 1.0, 1.0), 0.3)],
 )
 def test_a_dragged_body_stays_on_the_ground(
-    experiment: Experiment, mass: float, size: tuple[float, float, float], friction: float
+    engine: type[Rigid],
+    experiment: Experiment,
+    mass: float,
+    size: tuple[float, float, float],
+    friction: float,
 ) -> None:
-    """Thrown at 2 m/s it slides by v^2 / (2 mu g). The engine damps motion by 4 % per second."""
+    """Thrown at 2 m/s it slides by v^2 / (2 mu g). PyBullet damps motion by 4 % per second."""
     body = replace(box("body", 5.0, size=size, mass=mass), friction=friction)
     robot = experiment.robot.with_sensors([], {})
-    with PyBullet().open(robot, going_on(level(experiment, body))) as simulation:
-        (number,) = simulation._model.movable
-        bullet, client = simulation._bullet, simulation._client
-        wake(bullet, client, number)
-        bullet.resetBaseVelocity(number, (2.0, 0.0, 0.0), (0.0, 0.0, 0.0), client)
+    with engine().open(robot, going_on(level(experiment, body))) as simulation:
         start, heights = place_of(simulation), []
-        for _ in range(80):
-            simulation.advance(np.zeros(2), 0.025)
+        probe(simulation).throw(2.0)
+        for _ in range(40):
+            simulation.advance(np.zeros(2), 0.05)
             heights.append(place_of(simulation)[2])
         end = place_of(simulation)
     assert max(abs(height - start[2]) for height in heights) < 2e-3
@@ -71,13 +76,16 @@ BARREL = Body("barrel", Pose((0.6, 0.0, 0.2)), (Shape("cylinder", (0.15, 0.4)),)
     ],
 )
 def test_a_pushed_body_stays_on_the_ground_and_ahead_of_the_rover(
-    experiment: Experiment, body: Body, half_m: float
+    engine: type[Rigid], experiment: Experiment, body: Body, half_m: float
 ) -> None:
-    """It goes as fast as the rover, whose front is 0.25 m ahead. A second mission is the same."""
+    """It goes as fast as the rover, whose front is 0.25 m ahead. A second mission is the same.
+
+    MuJoCo lifts what slides, here by 1.2 mm.
+    """
     robot, world = experiment.robot.with_sensors([], {}), going_on(level(experiment, body))
     seen = []
     for _ in range(2):
-        with PyBullet().open(robot, world) as simulation:
+        with engine().open(robot, world) as simulation:
             start, state = place_of(simulation), np.zeros(STATE_SIZE)
             places = []
             for _ in range(30):
@@ -85,7 +93,7 @@ def test_a_pushed_body_stays_on_the_ground_and_ahead_of_the_rover(
                 places.append(place_of(simulation))
             simulation.observe(state)
             seen.append([*places[-1], *state])
-    assert max(abs(place[2] - start[2]) for place in places) < 1e-3
+    assert max(abs(place[2] - start[2]) for place in places) < 1.5e-3
     assert places[-1][0] - places[15][0] == pytest.approx(1.4 * 0.3, rel=0.04)
     assert places[-1][0] - state[X] == pytest.approx(0.25 + half_m, abs=5e-3)
     assert seen[0] == seen[1]

@@ -11,13 +11,16 @@ from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.model import World
 
 # The engine's groups of shapes, by which rays choose what they see.
-GROUND, FIXED, MOVABLE, ROBOT = range(4)
+GROUND, FIXED, MOVABLE, ROBOT, HIDDEN = range(5)
 VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 
 # Shapes touch if a bit of one's type is among those that the other meets. Whatever touches the
 # ground does so by a stated pair, because only a pair has a friction of its own.
-MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 0), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
+# The ground meets a type that nothing has: rays overlook fixed shapes that meet nothing.
+MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 4), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
 """Type and what it meets, as bits, of each group."""
+ROBOT_BIT = 8
+"""That of the first of several robots; the others have the next ones."""
 
 MAX_FRICTION = 1.0
 """Gazebo takes the smaller of two coefficients. So one of 100, which many worlds have, must not
@@ -162,11 +165,14 @@ def _add_field(spec: Any, name: str, shape: Shape) -> str:
     return name
 
 
-def add_ground_pairs(spec: Any, soles: Iterable[Sole], contact: dict[str, Any]) -> None:
+def add_ground_pairs(
+    spec: Any, soles: Iterable[Sole], slides: dict[str, Any], rolls: dict[str, Any]
+) -> None:
     """Let shapes touch the ground.
 
     The friction is the product of both sides' coefficients, as in PyBullet. By itself the engine
-    would take the greater one, and so would wheels grip on ice. ``contact`` is its stiffness.
+    would take the greater one, and so would wheels grip on ice. ``slides`` and ``rolls`` are the
+    stiffness of the contacts of what slides and of what rolls.
     """
     grounds = [geom for geom in spec.geoms if geom.group == GROUND]
     for sole, ground in _product(soles, grounds):
@@ -176,8 +182,7 @@ def add_ground_pairs(spec: Any, soles: Iterable[Sole], contact: dict[str, Any]) 
             geomname2=ground.name,
             condim=3 if friction else 1,
             friction=[max(friction, 1e-5)] * 2 + [0.0, 0.0, 0.0],
-            solreffriction=[0.0, 0.0] if sole.rolls else SLIDING,
-            **contact,
+            **(rolls if sole.rolls else slides),
         )
 
 

@@ -1,7 +1,8 @@
-"""Compiles the model of a robot in a world for MuJoCo, and keeps those that were used last."""
+"""Compiles the model of robots in a world for MuJoCo, and keeps those that were used last."""
 
 import math
 from collections import OrderedDict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,9 +11,18 @@ from numpy.typing import NDArray
 
 from evoros.base.errors import SimulationError
 from evoros.robot.model import Robot
-from evoros.simulator.engines.mujoco_bodies import add_bodies, add_ground_pairs
-from evoros.simulator.engines.mujoco_robot import ROOT_JOINT, add_robot, rotor_of
+from evoros.simulator.engines.mujoco_bodies import (
+    MEETS,
+    ROBOT,
+    ROBOT_BIT,
+    SLIDING,
+    add_bodies,
+    add_ground_pairs,
+)
+from evoros.simulator.engines.mujoco_robot import ROOT_JOINT, Making, add_robot, rotor_of
 from evoros.simulator.engines.set_down import home_frame
+from evoros.simulator.engines.teams import describe_for_engine, name_robots
+from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
 KEPT = 4
@@ -23,33 +33,44 @@ IMPEDANCE = (0.999, 0.9999, 1e-4, 0.5, 2.0)
 and the shape of the curve between. By the engine's own values (0.9, 0.95) a rover would sink by
 1 mm and roll 0.2 % too slowly."""
 
-SKIDDING = (0.95, 0.95, 1e-3, 0.5, 2.0)
-"""How firmly the ground holds the wheels of skid-steer: soft enough that four wheels carry equal
-loads. On firmer ground two of them carry most, and the robot turns by up to a third too much or too
-little."""
+SKIDDING = {"solimp": (0.8, 0.8, 1e-3, 0.5, 2.0), "solreffriction": (0.2, 1.0)}
+"""How firmly the ground holds the wheels of skid-steer, and how fast [s] it stops their slip.
+
+Firm friction stops a slipping wheel within a step and lifts it. The robot then hops from two wheels
+to the other two, and turns by up to a half too little or a third too much. This friction grows with
+the slip, up to 0.2 m/s, which keeps the wheels on the ground. On a slope of 0.1 rad the robot
+therefore creeps by 1 cm/s."""
 
 TOLERANCE = 1e-12
 """Of the solver. The engine scales it by the mean inertia, which that of the rotors dominates."""
 
 
 class Settings(NamedTuple):
-    """What the engine needs to know besides robot and world."""
+    """What the engine needs to know besides robots and world."""
 
     time_step: float  # [s]
     wheel_friction: float
     steering_lag_s: float
 
 
+class Parts(NamedTuple):
+    """Where in a model and its state the parts of a robot are."""
+
+    root: tuple[int, int]  # where in ``qpos`` and ``qvel`` the root link begins
+    servos: NDArray[np.intp]  # of the steering, in ``ctrl``
+    rotors: NDArray[np.intp]  # of the wheels, in ``qvel``
+    wheels: NDArray[np.intp]  # their angles, in ``qpos``
+    visible: NDArray[np.intp]  # the shapes that other robots see
+
+
 @dataclass(frozen=True)
 class Model:
-    """A compiled model, its state, and where in both the parts of the robot are."""
+    """A compiled model, its state, and its robots."""
 
     library: Any
     model: Any
     data: Any
-    root: tuple[int, int]  # where in ``qpos`` and ``qvel`` the root link begins
-    servos: NDArray[np.intp]  # of the steering, in ``ctrl``
-    rotors: NDArray[np.intp]  # of the wheels, in ``qvel``
+    robots: tuple[Parts, ...]
 
 
 class Models:
@@ -63,54 +84,85 @@ class Models:
         """Make the next missions compile their models."""
         self._kept.clear()
 
-    def prepare(self, robot: Robot, world: World, settings: Settings) -> Model:
+    def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
         """The model at the start of a mission.
 
         Raises:
-            SimulationError: MuJoCo refuses the robot or the world.
+            SimulationError: MuJoCo refuses a robot or the world.
         """
-        drive = robot.drive
-        joints = (drive.steering_joints, drive.wheel_joints, drive.caster_links)
-        described = (robot.urdf, robot.engine_text, joints, robot.exposed_links)
+        described = tuple(describe_for_engine(robot) for robot, _ in robots)
         source = (described, world.bodies, world.gravity_mps2, settings)
         model = self._kept.pop(source, None)
         if model is None:
             try:
-                model = compile_model(self._library, robot, world, settings)
+                model = compile_model(self._library, robots, world, settings)
             except ValueError as error:
                 reason = " ".join(str(error).split())
                 raise SimulationError(
-                    f"MuJoCo refuses {robot.name} in {world.name}: {reason}"
+                    f"MuJoCo refuses {name_robots(robots)} in {world.name}: {reason}"
                 ) from error
         self._kept[source] = model
         while len(self._kept) > KEPT:
             self._kept.popitem(last=False)
         self._library.mj_resetData(model.model, model.data)
-        (x, y, z), (qx, qy, qz, qw) = home_frame(robot, world)
-        first, _ = model.root
-        model.data.qpos[first : first + 7] = (x, y, z, qw, qx, qy, qz)
+        for (robot, home), parts in zip(robots, model.robots, strict=True):
+            (x, y, z), (qx, qy, qz, qw) = home_frame(robot, home, world)
+            first, _ = parts.root
+            model.data.qpos[first : first + 7] = (x, y, z, qw, qx, qy, qz)
         return model
 
 
-def compile_model(library: Any, robot: Robot, world: World, settings: Settings) -> Model:
-    """Compile the model of a robot in a world."""
+def compile_model(
+    library: Any, robots: Sequence[PlacedRobot], world: World, settings: Settings
+) -> Model:
+    """Compile the model of robots in a world."""
     spec = library.MjSpec()
     _set_options(spec, library, world, settings)
     bond = {"solref": [2 * settings.time_step, 1.0], "solimp": IMPEDANCE}
-    soles = add_bodies(spec, library, world)
-    soles += add_robot(spec, library, robot, settings.wheel_friction, _gain(settings), bond)
-    skids = not robot.drive.steering_joints and len(robot.drive.wheel_joints) > 2
-    add_ground_pairs(spec, soles, {**bond, "solimp": SKIDDING} if skids else bond)
+    slides, skids = {**bond, "solreffriction": SLIDING}, {**bond, **SKIDDING}
+    add_ground_pairs(spec, add_bodies(spec, library, world), slides, bond)
+    for i, (robot, _) in enumerate(robots):
+        making = Making(
+            settings.wheel_friction, _gain(settings), bond, _prefix(robots, i), _masks(robots, i)
+        )
+        soles = add_robot(spec, library, robot, making)
+        add_ground_pairs(spec, soles, slides, skids if _skids(robot) else bond)
     model = spec.compile()
-    drive, root = robot.drive, model.joint(ROOT_JOINT)
-    rotors = [model.joint(rotor_of(name)).dofadr[0] for name in drive.wheel_joints]
-    return Model(
-        library,
-        model,
-        library.MjData(model),
+    parts = (_find_parts(model, robot, _prefix(robots, i)) for i, (robot, _) in enumerate(robots))
+    return Model(library, model, library.MjData(model), tuple(parts))
+
+
+def _skids(robot: Robot) -> bool:
+    return not robot.drive.steering_joints and len(robot.drive.wheel_joints) > 2
+
+
+def _prefix(robots: Sequence[PlacedRobot], number: int) -> str:
+    """What the names of one of several robots begin with."""
+    return "" if len(robots) == 1 else f"{number}/"
+
+
+def _masks(robots: Sequence[PlacedRobot], number: int) -> tuple[int, int]:
+    """The type of a robot and what it meets: of several robots, each has a bit, by which it meets
+    the others and not itself."""
+    types, meets = MEETS[ROBOT]
+    if len(robots) == 1:
+        return types, meets
+    others = sum(ROBOT_BIT << i for i in range(len(robots)) if i != number)
+    return types | ROBOT_BIT << number, meets | others
+
+
+def _find_parts(model: Any, robot: Robot, prefix: str) -> Parts:
+    drive, root = robot.drive, model.joint(prefix + ROOT_JOINT)
+    rotors = [model.joint(rotor_of(prefix + name)).dofadr[0] for name in drive.wheel_joints]
+    wheels = [model.joint(prefix + name).qposadr[0] for name in drive.wheel_joints]
+    servos = [model.actuator(prefix + name).id for name in drive.steering_joints]
+    own = model.body_rootid[model.geom_bodyid] == model.jnt_bodyid[root.id]
+    return Parts(
         root=(int(root.qposadr[0]), int(root.dofadr[0])),
-        servos=np.array([model.actuator(name).id for name in drive.steering_joints], dtype=int),
+        servos=np.array(servos, dtype=int),
         rotors=np.array(rotors, dtype=int),
+        wheels=np.array(wheels, dtype=int),
+        visible=np.flatnonzero(own & (model.geom_contype != 0)),
     )
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from lxml import etree
 from lxml.etree import _Element as Element
@@ -14,7 +14,14 @@ from evoros.formats.urdf.parts import Joint, read_origin, read_tensor, read_valu
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.shapes import Shape
 from evoros.robot.model import Robot
-from evoros.simulator.engines.mujoco_bodies import CENTRED, ROBOT, Sole, add_shapes, scalar_first
+from evoros.simulator.engines.mujoco_bodies import (
+    CENTRED,
+    MEETS,
+    ROBOT,
+    Sole,
+    add_shapes,
+    scalar_first,
+)
 
 CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
 
@@ -26,13 +33,18 @@ ROOT_JOINT = "evoros root"
 """The joint by which the robot moves freely."""
 
 
-def add_robot(
-    spec: Any, library: Any, robot: Robot, wheel_friction: float, gain: float, bond: dict[str, Any]
-) -> list[Sole]:
-    """Add the robot, its root link at the origin; return its shapes that can touch the ground.
+class Making(NamedTuple):
+    """How a robot is made, besides its description."""
 
-    ``gain`` is the share of its error that the steering makes up in one step. ``bond`` is the
-    stiffness with which motors hold their joints.
+    wheel_friction: float
+    gain: float  # share of its error that the steering makes up in one step
+    bond: dict[str, Any]  # stiffness with which motors hold their joints
+    prefix: str = ""  # of its names
+    masks: tuple[int, int] = MEETS[ROBOT]  # type and what it meets, of what obstacles can touch
+
+
+def add_robot(spec: Any, library: Any, robot: Robot, making: Making) -> list[Sole]:
+    """Add the robot, its root link at the origin; return its shapes that can touch the ground.
 
     Raises:
         SimulationError: a joint is of a kind that the engine does not have.
@@ -40,37 +52,46 @@ def add_robot(
     drive = robot.drive
     root = etree.fromstring(merge_fixed_links(robot.urdf_elements(), drive.caster_links).encode())
     urdf = read_tree(root, robot.name)
-    bodies = _add_tree(spec, library, urdf, {*drive.wheel_joints, *drive.steering_joints})
+    driven = {*drive.wheel_joints, *drive.steering_joints}
+    bodies = _add_tree(spec, library, urdf, driven, making.prefix)
     for element in root.findall("link"):
         _set_inertia(bodies[str(element.get("name"))], element.find("inertial"))
     for name in drive.wheel_joints:
-        _add_wheel_motor(spec, library, name, urdf.joints[name].effort, bond)
+        effort = urdf.joints[name].effort
+        _add_wheel_motor(spec, library, making.prefix + name, effort, making.bond)
     for name in drive.steering_joints:
-        _add_servo(spec, library, name, gain, bond)
-    rolling = {urdf.joints[name].child: wheel_friction for name in drive.wheel_joints}
+        _add_servo(spec, library, making.prefix + name, making.gain, making.bond)
+    rolling = {urdf.joints[name].child: making.wheel_friction for name in drive.wheel_joints}
     rolling |= dict.fromkeys(drive.caster_links, 0.0)
     soles = []
     for link, shapes in urdf.shapes.items():
         covered = link in rolling and link not in robot.exposed_links
-        names = _add_link(spec, library, bodies[link], shapes, link in rolling, covered)
+        masks = None if covered else making.masks
+        names = _add_link(spec, library, bodies[link], shapes, link in rolling, masks)
         friction = rolling.get(link, CHASSIS_FRICTION)
         soles += [Sole(name, friction, link in rolling) for name in names]
     return soles
 
 
-def _add_tree(spec: Any, library: Any, urdf: Urdf, driven: Collection[str]) -> dict[str, Any]:
+def _add_tree(
+    spec: Any, library: Any, urdf: Urdf, driven: Collection[str], prefix: str
+) -> dict[str, Any]:
     """Add the links with their joints; return the engine's bodies by the links' names."""
-    root = spec.worldbody.add_body(name=urdf.root, sleep=library.mjtSleepPolicy.mjSLEEP_NEVER)
-    root.add_joint(name=ROOT_JOINT, type=library.mjtJoint.mjJNT_FREE)
+    root = spec.worldbody.add_body(
+        name=prefix + urdf.root, sleep=library.mjtSleepPolicy.mjSLEEP_NEVER
+    )
+    root.add_joint(name=prefix + ROOT_JOINT, type=library.mjtJoint.mjJNT_FREE)
     bodies, frontier = {urdf.root: root}, [urdf.root]
     while frontier:
         name = frontier.pop()
         for joint in urdf.children_of(name):
             child = bodies[name].add_body(
-                name=joint.child, pos=joint.origin.position, quat=scalar_first(joint.origin)
+                name=prefix + joint.child,
+                pos=joint.origin.position,
+                quat=scalar_first(joint.origin),
             )
             if joint.type != "fixed":
-                _add_joint(child, library, joint, joint.name in driven)
+                _add_joint(child, library, joint, joint.name in driven, prefix)
             bodies[joint.child] = child
             frontier.append(joint.child)
     return bodies
@@ -88,7 +109,7 @@ def _set_inertia(body: Any, inertial: Element | None) -> None:
     body.fullinertia = [t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2]]
 
 
-def _add_joint(body: Any, library: Any, joint: Joint, driven: bool) -> None:
+def _add_joint(body: Any, library: Any, joint: Joint, driven: bool, prefix: str) -> None:
     kinds = {
         "continuous": library.mjtJoint.mjJNT_HINGE,
         "revolute": library.mjtJoint.mjJNT_HINGE,
@@ -96,7 +117,7 @@ def _add_joint(body: Any, library: Any, joint: Joint, driven: bool) -> None:
     }
     if joint.type not in kinds:
         raise SimulationError(f"MuJoCo has no {joint.type} joints, as {joint.name!r} is one")
-    added = body.add_joint(name=joint.name, type=kinds[joint.type], axis=joint.axis)
+    added = body.add_joint(name=prefix + joint.name, type=kinds[joint.type], axis=joint.axis)
     if not driven and math.isfinite(joint.lower) and math.isfinite(joint.upper):
         added.limited, added.range = True, [joint.lower, joint.upper]
 
@@ -162,10 +183,16 @@ def _add_servo(spec: Any, library: Any, joint: str, gain: float, bond: dict[str,
 
 
 def _add_link(
-    spec: Any, library: Any, body: Any, shapes: Sequence[Shape], rolls: bool, covered: bool
+    spec: Any,
+    library: Any,
+    body: Any,
+    shapes: Sequence[Shape],
+    rolls: bool,
+    masks: tuple[int, int] | None,
 ) -> list[str]:
     """Add the collision shapes of a link; return the names of those that touch the ground.
 
+    ``masks`` are those of a link that obstacles can touch.
     A wheel or caster that sticks out has each shape twice, on the ground and against obstacles, so
     that a sensor of the engine can tell these contacts apart at no cost.
     """
@@ -173,9 +200,10 @@ def _add_link(
     if not posed:
         return []
     names: list[str] = []
-    if not covered:
+    if masks is not None:
         names = add_shapes(spec, library, body, body.name, ROBOT, posed)
         for name in names:
+            spec.geom(name).contype, spec.geom(name).conaffinity = masks
             _add_touch(spec, library, name)
     if rolls:
         names = add_shapes(spec, library, body, f"{body.name} rolling", ROBOT, posed)

@@ -2,70 +2,48 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
-
-import numpy as np
 
 from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
 from evoros.base.errors import SimulationError
 from evoros.robot.model import Robot
-from evoros.simulator.engines.mujoco_bodies import FIXED, MOVABLE, ROBOT, VISIBLE
+from evoros.simulator.engines.mujoco_bodies import FIXED, MOVABLE, ROBOT
 from evoros.simulator.engines.mujoco_model import Model, Settings
-from evoros.simulator.engines.rays import sensor_beams
+from evoros.simulator.engines.mujoco_rays import MujocoRays
+from evoros.simulator.engines.mujoco_signals import MujocoSignals
 
 HARMLESS = "Linesearch"
 """How the warning begins that a step of the solver was cut short; the next one goes on."""
 
 
-class Span(NamedTuple):
-    """The rays of one sensor within those of all; one call of the engine casts them."""
-
-    first: int
-    end: int  # one past the last
-    range_max: float  # [m]
-
-
 class MujocoSimulation:
-    """The robot of ``model`` in its world.
+    """A robot of ``model`` in its world.
 
     The calls of the engine and the views of its state are bound once: looking them up costs as
     much as some of them.
     """
 
     def __init__(
-        self, model: Model, robot: Robot, settings: Settings, warnings: Sequence[str]
+        self,
+        model: Model,
+        robot: Robot,
+        settings: Settings,
+        warnings: Sequence[str],
+        number: int = 0,  # of the robot
     ) -> None:
         library, engine, data = model.library, model.model, model.data
         self._drive, self._time_step = robot.drive, settings.time_step
         self._warnings = warnings  # the engine adds to them
         self._engine, self._data, self._model = engine, data, model
-        self._step, self._cast = library.mj_step, library.mj_multiRay
-        self._place = library.mj_kinematics
-        position, rate = model.root
+        self._step, self._place = library.mj_step, library.mj_kinematics
+        self._parts = model.robots[number]
+        position, rate = self._parts.root
         self._pose, self._rates = data.qpos[position : position + 7], data.qvel[rate : rate + 6]
         self._all_rates, self._list_touches = data.qvel, data.sensordata.tolist
-        self._wheel_rates: tuple[float, ...] = (0.0,) * len(model.rotors)
+        self._wheel_rates: tuple[float, ...] = (0.0,) * len(self._parts.rotors)
         self._command: tuple[float, float] | None = None
         self._touched = False  # since the last observation
-        self._set_up_rays(robot)
-
-    def _set_up_rays(self, robot: Robot) -> None:
-        beams = sensor_beams(robot, robot.sensor_frames())
-        ends = np.cumsum([0, *(len(beam.directions) for beam in beams)])
-        self._spans = [
-            Span(int(ends[part.start]), int(ends[part.stop]), beams[part.start].range_max)
-            for part in robot.beam_layout
-            if part.stop > part.start
-        ]
-        self._origins = np.array(
-            [beams[p.start].origin for p in robot.beam_layout if p.stop > p.start]
-        ).reshape(-1, 3)
-        self._directions = np.concatenate([np.zeros((0, 3)), *(b.directions for b in beams)])
-        self._firsts = ends[:-1]
-        self._low = np.array([beam.range_min for beam in beams])
-        self._high = np.array([beam.range_max for beam in beams])
-        self._hits = np.zeros(ends[-1])
-        self._seen = np.zeros(ends[-1], dtype=np.int32)
+        self._rays, self._ranges = MujocoRays(model, robot), robot.beam_count
+        self._signals = MujocoSignals(model, robot, number)
 
     def observe(self, state: Array) -> None:
         """Fill ``state`` with the true state of the base link; contact is that since last time.
@@ -99,61 +77,45 @@ class MujocoSimulation:
         obstacles = (pairs == FIXED) | (pairs == MOVABLE)
         return bool(((pairs == ROBOT) & obstacles[:, ::-1]).any())
 
-    def sense(self, ranges: Array) -> None:
-        """Fill ``ranges`` with the nearest hit [m] of each beam, within the sensor's range."""
-        if not self._spans:
-            return
-        engine, data, cast = self._engine, self._data, self._cast
-        self._place(engine, data)
-        rotation, position = _frame(self._pose.tolist())
-        directions = (self._directions @ rotation.T).ravel()
-        origins = self._origins @ rotation.T + position
-        hits, seen = self._hits, self._seen
-        for origin, (first, end, range_max) in zip(origins, self._spans, strict=True):
-            cast(
-                engine,
-                data,
-                origin,
-                directions[3 * first : 3 * end],
-                VISIBLE,
-                True,  # fixed shapes too
-                -1,
-                seen[first:end],
-                hits[first:end],
-                None,
-                end - first,
-                range_max,
-            )
-        hits[hits < 0.0] = np.inf  # -1: nothing
-        nearest = np.minimum.reduceat(hits, self._firsts)
-        ranges[:] = np.minimum(np.maximum(nearest, self._low), self._high)
+    def sense(self, signals: Array) -> None:
+        """Fill ``signals``: the nearest hit [m] of each beam, within its sensor's range, first."""
+        self._place(self._engine, self._data)
+        self.sense_placed(signals)
+
+    def sense_placed(self, signals: Array) -> None:
+        """Fill ``signals`` as ``sense`` does, if all shapes are where their links are."""
+        self._rays.cast(self._pose, signals[: self._ranges])
+        self._signals.read(signals)
+
+    def feel(self) -> None:
+        """Let contact sensors feel what touches the robot after a step."""
+        if self._signals.feels:
+            self._signals.feel()
 
     def advance(self, command: Array, duration: float) -> None:
         """Drive with ``command`` for ``duration`` [s].
 
         Contact is tested in every step, because it may be shorter than a control period.
         """
-        speed, steering = float(command[DRIVE_SPEED]), float(command[STEERING])
-        if self._command != (speed, steering):
-            self._command = (speed, steering)
-            angles, self._wheel_rates = self._drive.targets(speed, steering)
-            self._data.ctrl[self._model.servos] = angles
-        self._all_rates[self._model.rotors] = self._wheel_rates  # loads slow rotors a little
+        self.set_motors(command)
         step, engine, data, touches = self._step, self._engine, self._data, self._list_touches
+        feels = self._signals.feels
         for _ in range(round(duration / self._time_step)):
             step(engine, data)
             if not self._touched and any(touches()) and self._touches():
                 self._touched = True
+            if feels and any(touches()):
+                self._signals.feel()
 
+    def set_motors(self, command: Array) -> None:
+        """Let the motors follow a command, which is done before each control period."""
+        speed, steering = float(command[DRIVE_SPEED]), float(command[STEERING])
+        if self._command != (speed, steering):
+            self._command = (speed, steering)
+            angles, self._wheel_rates = self._drive.targets(speed, steering)
+            self._data.ctrl[self._parts.servos] = angles
+        self._all_rates[self._parts.rotors] = self._wheel_rates  # loads slow rotors a little
 
-def _frame(pose: Sequence[float]) -> tuple[Array, Array]:
-    """Rotation (3, 3) and position (3,) [m] of the root link."""
-    x, y, z, w, i, j, k = pose
-    rotation = np.array(
-        [
-            [1 - 2 * (j * j + k * k), 2 * (i * j - k * w), 2 * (i * k + j * w)],
-            [2 * (i * j + k * w), 1 - 2 * (i * i + k * k), 2 * (j * k - i * w)],
-            [2 * (i * k - j * w), 2 * (j * k + i * w), 1 - 2 * (i * i + j * j)],
-        ]
-    )
-    return rotation, np.array([x, y, z])
+    def report_contact(self) -> None:
+        """Let the next observation report contact."""
+        self._touched = True

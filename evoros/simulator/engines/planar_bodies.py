@@ -15,7 +15,7 @@ from evoros.geometry.footprint import bottom_height, project_shape, top_height
 from evoros.geometry.grid import Grid
 from evoros.geometry.outlines import Outlines
 from evoros.geometry.polygon import transform_polygon
-from evoros.geometry.ray import AT_X, AT_Y, OBSTACLE_SIZE, ROTATION
+from evoros.geometry.ray import OBSTACLE_SIZE, place_obstacle
 from evoros.geometry.shapes import Body, Pose
 from evoros.robot.model import Robot
 from evoros.world.model import World
@@ -76,15 +76,16 @@ def can_push(world: World) -> bool:
 
 
 def surround(
-    world: World, height: float, touch: float, see: float
+    world: World, height: float, touch: float, see: float, tallest: float
 ) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
     """Return the obstacles that stay, as ``obstacle_arrays``, and the blocks for those that move.
 
-    Nothing moves in a world whose missions end at the first contact.
+    Nothing moves in a world whose missions end at the first contact. Robots share the bodies, which
+    are those that one of the ``tallest`` height [m] can push.
     """
     if not can_push(world):
         return world_arrays(world, height, touch, see), ()
-    fixed, pushable = split_obstacles(world, height)
+    fixed, pushable = split_obstacles(world, tallest)
     if not pushable:
         return world_arrays(world, height, touch, see), ()
     reach = max(body.radius for body in pushable)
@@ -191,10 +192,4 @@ def place_body(pushing: Array, memory: Array, number: int) -> None:
         start = int(parts[part, START])
         end = int(parts[part, END])
         transform_polygon(local[start:end], x, y, cos, sin, corners[start:end])
-        for i in range(OBSTACLE_SIZE):
-            sights[part, i] = solids[part, i]
-        sights[part, AT_X] = x + cos * solids[part, AT_X] - sin * solids[part, AT_Y]
-        sights[part, AT_Y] = y + sin * solids[part, AT_X] + cos * solids[part, AT_Y]
-        for i in range(ROTATION, ROTATION + 3):
-            sights[part, i] = cos * solids[part, i] - sin * solids[part, i + 3]
-            sights[part, i + 3] = sin * solids[part, i] + cos * solids[part, i + 3]
+        place_obstacle(solids[part], x, y, cos, sin, sights[part])

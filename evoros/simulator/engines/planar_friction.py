@@ -1,10 +1,10 @@
 """How a contact moves a body over the ground in the plane, by the friction below it.
 
-Friction with the ground acts by its limit surface, taken for an ellipsoid (Goyal, Ruina and
-Papadopoulos 1991; Howe and Cutkosky 1996). So a push with a force f at r from the centre of
-friction moves the body by f, and turns it by (r x f) / c^2, in the same unit of length; c is the
-largest moment of friction by the largest force. The contact sticks or slides by Coulomb's law
-(Lynch, Maekawa and Tanie 1992).
+Friction with the ground acts by its limit surface (Goyal, Ruina and Papadopoulos, Wear 143, 1991),
+taken for an ellipsoid (Howe and Cutkosky, International Journal of Robotics Research 15, 1996). So
+a push with a force f at r from the centre of friction moves the body by f, and turns it by
+(r x f) / c^2, in the same unit of length; c is the largest moment of friction by the largest force.
+The contact sticks or slides by Coulomb's law (Lynch, Maekawa and Tanie, IROS 1992).
 """
 
 import math

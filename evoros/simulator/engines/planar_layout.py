@@ -45,15 +45,19 @@ from evoros.world.model import World
     CORNERS,  # (c, 2) [m], of the footprints
     OBSTACLES,  # as in evoros.geometry.ray
     FACES,  # of polyhedra, as in evoros.geometry.ray
+    PROBES,  # (p, PROBE_SIZE), as in planar_signals
     PUSHING,  # as in planar_bodies; empty if nothing can be pushed
-) = range(14)
-BLOCKS = 14
+) = range(15)
+BLOCKS = 15
 HEADER_SIZE = STARTS + BLOCKS + 1
 
 # The memory: the state, then these.
 STEERING_ANGLE = STATE_SIZE  # [rad]
-PLACED_OUTLINE = STATE_SIZE + 1  # (k, 2) corners [m] where the robot would be after the next step
-"""After it come the bodies that can be pushed, as in planar_bodies."""
+ROLLED, TURNED = STATE_SIZE + 1, STATE_SIZE + 2  # by the rear axle since the start [m], [rad]
+PLACED_OUTLINE = STATE_SIZE + 3  # (k, 2) corners [m] where the robot would be after the next step
+"""After it come the touches of each probe, and the bodies that can be pushed, as in
+planar_bodies."""
+PROBE_SIZE = 10
 
 
 @compilable
@@ -63,17 +67,27 @@ def block(parameters: Array, number: int) -> Array:
 
 
 def lay_out(
-    robot: Robot, world: World, time_step: float, steering_lag: float, drive_lag: float
+    robot: Robot,
+    world: World,
+    time_step: float,
+    steering_lag: float,
+    drive_lag: float,
+    probes: Array,
+    tallest: float,
 ) -> Array:
-    """The parameters of ``planar_rules`` for a robot in a world; the last arguments are in [s]."""
+    """The parameters of ``planar_rules`` for a robot in a world.
+
+    The times are in [s]; ``probes`` is a block; ``tallest`` is the height [m] of the tallest robot.
+    """
     frames = robot.sensor_frames()
     beams = sensor_beams(robot, frames)
     rays = np.concatenate([np.zeros((0, 3)), *(beam.directions for beam in beams)])
     rows = beam_rows(robot, frames, beams, rays)
     radius = float(np.sqrt((robot.outline * robot.outline).sum(axis=1)).max())
-    surroundings, bodies = surround(world, robot.height_m, radius, _sight(rows))
+    sight = measure_sight(rows)
+    surroundings, bodies = surround(world, robot.height_m, radius, sight, tallest)
     groups, pushing = group_rows(robot, rows, rays), lay_out_pushing(robot, bodies)
-    blocks = [robot.outline, rows, groups, rays, *surroundings, pushing]
+    blocks = [robot.outline, rows, groups, rays, *surroundings, probes, pushing]
     starts = HEADER_SIZE + np.cumsum([0, *(array.size for array in blocks)])
     numbers = [
         time_step,
@@ -87,7 +101,8 @@ def lay_out(
 
 def lay_out_memory(parameters: Array, home: tuple[float, float, float]) -> Array:
     """The memory of a mission that starts at x, y [m] and yaw [rad]."""
-    memory = np.zeros(PLACED_OUTLINE + len(block(parameters, OUTLINE)))
+    probes = len(block(parameters, PROBES)) // PROBE_SIZE
+    memory = np.zeros(PLACED_OUTLINE + len(block(parameters, OUTLINE)) + probes)
     memory[[X, Y, YAW]] = home
     return np.concatenate([memory, start_memory(block(parameters, PUSHING))])
 
@@ -107,7 +122,7 @@ def _gain(step: float, lag: float) -> float:
     return -math.expm1(-step / lag) if lag > 0.0 else 1.0
 
 
-def _sight(beams: Array) -> float:
+def measure_sight(beams: Array) -> float:
     """How far [m] the sensors see from the robot's origin.
 
     Rounded up to half metres, so that many designs share the arrays of a world.

@@ -61,13 +61,20 @@ def push_bodies(
         if levels[i] > 0.0:
             load += bodies[i, layout.LOAD]
     if left or load > pushing[layout.GRIP]:
-        for i in range(len(levels)):
-            if levels[i] > 0.0:
-                for k in range(layout.POSE_SIZE):
-                    poses[i, k] = saved[i, k]
-                place_body(pushing, memory, i)
+        put_back(pushing, memory)
         return BLOCKED
     return PUSHED
+
+
+@compilable
+def put_back(pushing: Array, memory: Array) -> None:
+    """Move the bodies back to where they were before the last push."""
+    poses, saved, levels, _, _ = memory_views(pushing, memory)
+    for i in range(len(levels)):
+        if levels[i] > 0.0:
+            for k in range(layout.POSE_SIZE):
+                poses[i, k] = saved[i, k]
+            place_body(pushing, memory, i)
 
 
 @compilable

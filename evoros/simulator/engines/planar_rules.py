@@ -33,10 +33,12 @@ from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_layout import block
 from evoros.simulator.engines.planar_pushing import BLOCKED, UNTOUCHED, push_bodies
 from evoros.simulator.engines.planar_sensing import moving_memory
+from evoros.simulator.engines.planar_signals import feel
 
 FULL_TURN = 2.0 * math.pi
 
 
+@compilable
 def observe(parameters: Array, memory: Array, state: Array) -> None:
     """Copy the state and clear its contact, which is that since the last call."""
     for i in range(STATE_SIZE):
@@ -54,7 +56,7 @@ def advance(parameters: Array, memory: Array, command: Array, duration: float) -
             memory[CONTACT] = 1.0
             stop(memory)
             continue
-        cos, sin = move(memory, pose)
+        cos, sin = move(parameters, memory, pose)
 
 
 def advance_pushing(parameters: Array, memory: Array, command: Array, duration: float) -> None:
@@ -76,7 +78,30 @@ def advance_pushing(parameters: Array, memory: Array, command: Array, duration: 
         if contact == BLOCKED:
             stop(memory)
             continue
-        cos, sin = move(memory, pose)
+        cos, sin = move(parameters, memory, pose)
+
+
+def advance_feeling(parameters: Array, memory: Array, command: Array, duration: float) -> None:
+    """Drive as ``advance`` or ``advance_pushing``, and count what contact sensors feel."""
+    cos = math.cos(memory[YAW])
+    sin = math.sin(memory[YAW])
+    pushes = len(block(parameters, layout.PUSHING)) > 0
+    for _ in range(round(duration / parameters[layout.TIME_STEP])):
+        pose = predict(parameters, memory, command, cos, sin)
+        x, y, _, new_cos, new_sin = pose
+        contact = UNTOUCHED
+        if touches(parameters, memory, x, y, new_cos, new_sin):
+            contact = BLOCKED
+        elif pushes:
+            contact = push(parameters, memory, (x, y, new_cos, new_sin), cos, sin)
+        if contact != UNTOUCHED:
+            memory[CONTACT] = 1.0
+            outline = place_outline(parameters, memory, x, y, new_cos, new_sin)
+            feel(parameters, memory, outline, x, y, new_cos, new_sin)
+        if contact == BLOCKED:
+            stop(memory)
+            continue
+        cos, sin = move(parameters, memory, pose)
 
 
 @compilable
@@ -125,8 +150,12 @@ def stop(memory: Array) -> None:
 
 
 @compilable
-def move(memory: Array, pose: tuple[float, float, float, float, float]) -> tuple[float, float]:
+def move(
+    parameters: Array, memory: Array, pose: tuple[float, float, float, float, float]
+) -> tuple[float, float]:
     """Move the robot to a pose of ``predict``; return cosine and sine of its yaw."""
+    memory[layout.ROLLED] += memory[SPEED] * parameters[layout.TIME_STEP]
+    memory[layout.TURNED] += memory[YAW_RATE] * parameters[layout.TIME_STEP]
     memory[X] = pose[0]
     memory[Y] = pose[1]
     memory[YAW] = pose[2]
@@ -161,7 +190,8 @@ def place_outline(
     parameters: Array, memory: Array, x: float, y: float, cos: float, sin: float
 ) -> Array:
     """Return the outline of the robot at x, y [m], in the memory."""
-    placed = memory[layout.PLACED_OUTLINE : moving_memory(parameters)].reshape((-1, 2))
+    end = layout.PLACED_OUTLINE + len(block(parameters, layout.OUTLINE))
+    placed = memory[layout.PLACED_OUTLINE : end].reshape((-1, 2))
     transform_polygon(block(parameters, layout.OUTLINE).reshape((-1, 2)), x, y, cos, sin, placed)
     return placed
 

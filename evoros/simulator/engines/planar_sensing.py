@@ -29,6 +29,7 @@ from evoros.simulator.engines.planar_beams import (
 )
 from evoros.simulator.engines.planar_bodies import memory_views, part_of
 from evoros.simulator.engines.planar_layout import block
+from evoros.simulator.engines.planar_signals import fill_signals
 
 FULL_TURN = 2.0 * math.pi
 
@@ -44,6 +45,16 @@ def sense_pushing(parameters: Array, memory: Array, ranges: Array) -> None:
     sense_obstacles(parameters, memory, ranges)
     sense_bodies(parameters, memory, ranges)
     raise_to_minimum(parameters, ranges)
+
+
+def sense_signals(parameters: Array, memory: Array, signals: Array) -> None:
+    """Fill ``signals`` with the ranges, as the other rules do, and with all other signals."""
+    ranges = signals[: len(block(parameters, layout.BEAMS)) // BEAM_SIZE]
+    sense_obstacles(parameters, memory, ranges)
+    if len(block(parameters, layout.PUSHING)):
+        sense_bodies(parameters, memory, ranges)
+    raise_to_minimum(parameters, ranges)
+    fill_signals(parameters, memory, signals)
 
 
 @compilable
@@ -97,7 +108,8 @@ def sense_bodies(parameters: Array, memory: Array, ranges: Array) -> None:
 @compilable
 def moving_memory(parameters: Array) -> int:
     """Return where the memory of the bodies that can be pushed begins."""
-    return layout.PLACED_OUTLINE + len(block(parameters, layout.OUTLINE))
+    probes = len(block(parameters, layout.PROBES)) // layout.PROBE_SIZE
+    return layout.PLACED_OUTLINE + len(block(parameters, layout.OUTLINE)) + probes
 
 
 @compilable

@@ -17,6 +17,9 @@ from evoros.world.standing import GAP_M
 RAY, ROBOT, GROUND, FIXED, MOVABLE = 1, 2, 4, 8, 16
 VISIBLE = GROUND | FIXED | MOVABLE
 MOVING = RAY | ROBOT | MOVABLE
+ROBOT_BIT = 32
+"""The group of the first of several robots, whose others have the next ones: robots meet the others
+and not themselves."""
 
 MARGIN_M = 1e-4
 """What the engine adds to fixed polyhedra all around: with less, rays miss them; it would add 1 mm,

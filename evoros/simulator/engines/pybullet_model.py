@@ -1,15 +1,23 @@
-"""A PyBullet client with the model of a robot in a world, which it builds or resets."""
+"""A PyBullet client with the model of robots in a world, which it builds or resets."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from evoros.base.errors import SimulationError
 from evoros.robot.model import Robot
-from evoros.simulator.engines.pybullet_bodies import add_body, find_falling, measure_radius, wake
-from evoros.simulator.engines.pybullet_robot import LoadedRobot, load_robot
+from evoros.simulator.engines.pybullet_bodies import (
+    ROBOT_BIT,
+    add_body,
+    find_falling,
+    measure_radius,
+    wake,
+)
+from evoros.simulator.engines.pybullet_robot import Groups, LoadedRobot, load_robot
 from evoros.simulator.engines.pybullet_shapes import Frame
 from evoros.simulator.engines.set_down import home_frame
+from evoros.simulator.engines.teams import describe_for_engine, name_robots
+from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
 LIFT_M = 1000.0  # height at which a robot is far from everything
@@ -17,7 +25,7 @@ AT_REST = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))  # velocity and angular velocity of
 
 
 class Settings(NamedTuple):
-    """What the engine needs to know besides robot and world."""
+    """What the engine needs to know besides robots and world."""
 
     time_step: float  # [s]
     solver_iterations: int
@@ -29,11 +37,16 @@ class Settings(NamedTuple):
 class Model:
     """The loaded bodies."""
 
-    robot: LoadedRobot
+    robots: tuple[LoadedRobot, ...]
     ground: frozenset[int]  # bodies that are not obstacles
     movable: Mapping[int, Frame]  # bodies that can be pushed, and where they stood when built
     falling: tuple[int, ...]  # movable bodies in the air
     watched: Mapping[int, float]  # movable bodies that need finer steps, and their radii [m]
+
+    @property
+    def robot(self) -> LoadedRobot:
+        """The first robot."""
+        return self.robots[0]
 
 
 class Engine:
@@ -53,28 +66,26 @@ class Engine:
         """Make the next mission build its model."""
         self._built_from = None
 
-    def prepare(self, robot: Robot, world: World, settings: Settings) -> Model:
+    def prepare(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
         """The model at the start of a mission, reset if possible and else built.
 
         Raises:
-            SimulationError: PyBullet refuses the robot or the world.
+            SimulationError: PyBullet refuses a robot or the world.
         """
-        drive = robot.drive
-        joints = (drive.steering_joints, drive.wheel_joints, drive.caster_links)
-        course = world.course
-        surroundings = (world.bodies, world.gravity_mps2, course.home, course.end_on_collision)
-        described = (robot.urdf, robot.engine_text, joints, robot.exposed_links)
+        described = tuple((*describe_for_engine(robot), home) for robot, home in robots)
+        ends = world.course.end_on_collision
+        surroundings = (world.bodies, world.gravity_mps2, ends)
         source = (described, surroundings, settings)
         if self._model is None or self._built_from != source or self._disturbed(self._model):
             self._built_from = None
             try:
-                self._model = self._build(robot, world, settings)
+                self._model = self._build(robots, world, settings)
             except self.bullet.error as error:
-                reason = f"PyBullet refuses {robot.name} in {world.name}: {error}"
+                reason = f"PyBullet refuses {name_robots(robots)} in {world.name}: {error}"
                 raise SimulationError(reason) from error
             self._built_from = source
         self.bullet.setTimeStep(settings.time_step, self.client)  # a mission may have made it finer
-        self._reset(self._model.robot)
+        self._reset(self._model.robots)
         for number in self._model.falling:
             wake(self.bullet, self.client, number)
         return self._model
@@ -92,24 +103,28 @@ class Engine:
             for body, frame in model.movable.items()
         )
 
-    def _reset(self, robot: LoadedRobot) -> None:
-        """Put the robot at its start, at rest. Also done after building, to get the same bits.
+    def _reset(self, robots: Sequence[LoadedRobot]) -> None:
+        """Put the robots at their start, at rest. Also done after building, to get the same bits.
 
         The engine keeps contacts, with their forces, as long as their bodies are near each other.
-        So the robot first makes one step far above the ground.
+        So the robots first make one step far above the ground, each at a height of its own.
         """
+        for number, robot in enumerate(robots):
+            self._place(robot, LIFT_M * (number + 1))
+        self.bullet.stepSimulation(self.client)
+        for robot in robots:
+            self._place(robot, 0.0)
+
+    def _place(self, robot: LoadedRobot, lift: float) -> None:
+        """Put a robot, at rest, at a height [m] above its start."""
         bullet, client = self.bullet, self.client
         (x, y, z), facing = robot.start
-        for height in (z + LIFT_M, z):
-            position = (x, y, height)
-            bullet.resetBasePositionAndOrientation(robot.body, position, facing, client)
-            bullet.resetBaseVelocity(robot.body, (0, 0, 0), (0, 0, 0), client)
-            for joint in robot.joints:
-                bullet.resetJointState(robot.body, joint, 0, 0, client)
-            if height > z:
-                bullet.stepSimulation(client)
+        bullet.resetBasePositionAndOrientation(robot.body, (x, y, z + lift), facing, client)
+        bullet.resetBaseVelocity(robot.body, (0, 0, 0), (0, 0, 0), client)
+        for joint in robot.joints:
+            bullet.resetJointState(robot.body, joint, 0, 0, client)
 
-    def _build(self, robot: Robot, world: World, settings: Settings) -> Model:
+    def _build(self, robots: Sequence[PlacedRobot], world: World, settings: Settings) -> Model:
         bullet, client = self.bullet, self.client
         bullet.resetSimulation(physicsClientId=client)
         bullet.setGravity(0, 0, -world.gravity_mps2, physicsClientId=client)
@@ -121,7 +136,7 @@ class Engine:
             collisionFilterMode=0,  # else a pair collides if only one of the two masks says so
             physicsClientId=client,
         )
-        if not robot.drive.steering_joints and len(robot.drive.wheel_joints) > 2:
+        if any(_skids(robot) for robot, _ in robots):
             # Skid-steer: the engine's usual friction of a sliding wheel is not against its slip.
             bullet.setPhysicsEngineParameter(enableConeFriction=0, physicsClientId=client)
         numbers = [
@@ -137,6 +152,26 @@ class Engine:
         # A mission that ends at the first contact pushes nothing.
         pushing = falling or not world.course.end_on_collision
         watched = {n: measure_radius(bullet, client, n) for n in movable if pushing}
-        home, friction = home_frame(robot, world), settings.wheel_friction
-        loaded = load_robot(bullet, client, robot, home, friction)
+        loaded = tuple(
+            load_robot(
+                bullet,
+                client,
+                robot,
+                home_frame(robot, home, world),
+                settings.wheel_friction,
+                _group(robots, number),
+            )
+            for number, (robot, home) in enumerate(robots)
+        )
         return Model(loaded, ground, frames, falling, watched)
+
+
+def _skids(robot: Robot) -> bool:
+    return not robot.drive.steering_joints and len(robot.drive.wheel_joints) > 2
+
+
+def _group(robots: Sequence[PlacedRobot], number: int) -> Groups:
+    if len(robots) == 1:
+        return Groups()
+    others = sum(ROBOT_BIT << i for i in range(len(robots)) if i != number)
+    return Groups(ROBOT_BIT << number, others)

@@ -9,7 +9,7 @@ from lxml.etree import _Element as Element
 from evoros.drive.protocol import Drive
 from evoros.formats.urdf.merging import merge_fixed_links
 from evoros.robot.model import Robot
-from evoros.simulator.engines.pybullet_bodies import FIXED, GROUND, MOVABLE, ROBOT
+from evoros.simulator.engines.pybullet_bodies import FIXED, GROUND, MOVABLE, RAY, ROBOT, VISIBLE
 from evoros.simulator.engines.pybullet_shapes import Frame, load_urdf
 
 CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
@@ -28,6 +28,14 @@ class LoadedRobot:
     wheel_forces: tuple[float, ...]  # [N m]
     start: Frame  # of the centre of mass, when a mission starts
     to_base: Frame  # from the centre of mass to the base link
+    seen: int  # groups of bodies that its sensors see
+
+
+class Groups(NamedTuple):
+    """The collision groups of one of several robots, or none."""
+
+    own: int = 0
+    others: int = 0
 
 
 class _Joint(NamedTuple):
@@ -41,7 +49,12 @@ class _Joint(NamedTuple):
 
 
 def load_robot(
-    bullet: Any, client: int, robot: Robot, frame: Frame, wheel_friction: float
+    bullet: Any,
+    client: int,
+    robot: Robot,
+    frame: Frame,
+    wheel_friction: float,
+    groups: Groups = Groups(),  # noqa: B008 - it cannot be changed
 ) -> LoadedRobot:
     """Load the robot at the frame of its base link.
 
@@ -63,7 +76,7 @@ def load_robot(
     center = bullet.getDynamicsInfo(body, -1, physicsClientId=client)[3:5]
     return LoadedRobot(
         body=body,
-        touching=_set_up_links(bullet, client, body, joints, robot, wheel_friction),
+        touching=_set_up_links(bullet, client, body, joints, robot, wheel_friction, groups),
         joints=tuple(joint.number for joint in joints if not joint.fixed),
         steering=steering,
         steering_forces=steering_forces,
@@ -71,6 +84,7 @@ def load_robot(
         wheel_forces=wheel_forces,
         start=bullet.multiplyTransforms(*frame, *center),
         to_base=bullet.invertTransform(*center),
+        seen=VISIBLE | groups.others,
     )
 
 
@@ -140,6 +154,7 @@ def _set_up_links(
     joints: Sequence[_Joint],
     robot: Robot,
     wheel_friction: float,
+    groups: Groups,
 ) -> tuple[int, ...]:
     """Set friction, damping and collision masks; returns the links that can touch obstacles."""
     rolling = _rolling_friction(joints, robot.drive, wheel_friction)
@@ -147,8 +162,11 @@ def _set_up_links(
     covered = rolling.keys() - exposed
     links = range(-1, len(joints))
     for link in links:
-        meets = GROUND if link in covered else GROUND | FIXED | MOVABLE
-        bullet.setCollisionFilterGroupMask(body, link, ROBOT, meets, physicsClientId=client)
+        group, meets = ROBOT, GROUND
+        if link not in covered:
+            group, meets = ROBOT | groups.own, GROUND | FIXED | MOVABLE | groups.others
+            meets |= RAY if groups.own else 0
+        bullet.setCollisionFilterGroupMask(body, link, group, meets, physicsClientId=client)
         bullet.changeDynamics(
             body,
             link,

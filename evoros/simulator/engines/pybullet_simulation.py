@@ -1,21 +1,15 @@
 """One mission in PyBullet: observe, sense, advance."""
 
 import math
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
 from evoros.robot.model import Robot
-from evoros.simulator.engines.pybullet_bodies import VISIBLE
 from evoros.simulator.engines.pybullet_model import AT_REST, Model, Settings
-from evoros.simulator.engines.pybullet_shapes import Frame
-from evoros.simulator.engines.rays import sensor_beams
-
-MAX_RAYS = 16_383
-"""One call of rayTestBatch takes no more."""
-
+from evoros.simulator.engines.pybullet_rays import BulletRays
+from evoros.simulator.engines.pybullet_signals import BulletSignals
 
 FINE_STEP_S = 0.0025
 """The step while a movable body moves. The engine finds one contact with a plane in a step, and
@@ -27,33 +21,23 @@ NEAR_STEPS = (
 )
 
 
-class Span(NamedTuple):
-    """The rays of one beam within a batch."""
-
-    first: int
-    end: int  # one past the last
-    range_min: float  # [m]
-    range_max: float  # [m]
-
-
-class Batch(NamedTuple):
-    """Rays that one call of the engine casts, in the frame of the chassis' centre of mass."""
-
-    starts: list[list[float]]  # (k, 3) [m]
-    ends: list[list[float]]  # (k, 3) [m]
-    spans: list[Span]
-
-
 class PyBulletSimulation:
-    """The robot of ``model`` in its world.
+    """A robot of ``model`` in its world.
 
     The calls of the engine are bound once: looking them up costs as much as some of them.
     """
 
     def __init__(
-        self, bullet: Any, client: int, model: Model, robot: Robot, settings: Settings
+        self,
+        bullet: Any,
+        client: int,
+        model: Model,
+        robot: Robot,
+        settings: Settings,
+        number: int = 0,  # of the robot
     ) -> None:
         self._bullet, self._client, self._model = bullet, client, model
+        self._robot = model.robots[number]
         self._drive, self._time_step = robot.drive, settings.time_step
         self._lag = settings.steering_lag_s
         self._finer = math.ceil(settings.time_step / FINE_STEP_S - 1e-9)  # steps that replace one
@@ -62,11 +46,12 @@ class PyBulletSimulation:
         self._reach = self._gap + 2.0 * float(np.hypot(*robot.outline.T).max())
         self._command: tuple[float, float] | None = None
         self._touched = False  # since the last observation
-        self._batches = _batches(robot, bullet, model.robot.to_base)
+        self._rays, self._ranges = BulletRays(bullet, client, self._robot, robot), robot.beam_count
+        self._signals = BulletSignals(bullet, client, model, robot, number)
 
     def observe(self, state: Array) -> None:
         """Fill ``state`` with the true state of the base link; contact is that since last time."""
-        bullet, client, robot = self._bullet, self._client, self._model.robot
+        bullet, client, robot = self._bullet, self._client, self._robot
         position, facing = bullet.getBasePositionAndOrientation(robot.body, client)
         (vx, vy, _), (_, _, yaw_rate) = bullet.getBaseVelocity(robot.body, client)
         (x, y, _), (qx, qy, qz, qw) = bullet.multiplyTransforms(position, facing, *robot.to_base)
@@ -82,61 +67,66 @@ class PyBulletSimulation:
         The engine lists contact points of all bodies that are near. Those with a force or an
         overlap touch.
         """
-        robot, client = self._model.robot, self._client
+        robot, client = self._robot, self._client
         for link in robot.touching:
             for point in self._bullet.getContactPoints(robot.body, -1, link, -2, client):
                 if point[2] not in self._model.ground and (point[8] <= 0.0 or point[9] > 0.0):
                     return True
         return False
 
-    def sense(self, ranges: Array) -> None:
-        """Fill ``ranges`` with the nearest hit [m] of each beam, within the sensor's range."""
-        beam = 0
-        for starts, ends, spans in self._batches:
-            hits = self._bullet.rayTestBatch(
-                starts,
-                ends,
-                parentObjectUniqueId=self._model.robot.body,
-                parentLinkIndex=-1,
-                collisionFilterMask=VISIBLE,
-                physicsClientId=self._client,
-            )
-            fractions = [hit[2] for hit in hits]
-            for first, end, range_min, range_max in spans:
-                distance = range_max * min(fractions[first:end])
-                ranges[beam] = distance if distance > range_min else range_min
-                beam += 1
+    def sense(self, signals: Array) -> None:
+        """Fill ``signals``: the nearest hit [m] of each beam, within its sensor's range, first."""
+        self._rays.cast(signals[: self._ranges])
+        self._signals.read(signals)
 
     def advance(self, command: Array, duration: float) -> None:
         """Drive with ``command`` for ``duration`` [s]; the motors are set only when it changes.
 
         Contact is tested after every step, because it may be shorter than a control period.
         """
-        speed, steering = float(command[DRIVE_SPEED]), float(command[STEERING])
-        if self._command != (speed, steering):
-            self._command = (speed, steering)
-            self._set_motors(speed, steering)
+        self.take(command)
         step, client, watched = self._bullet.stepSimulation, self._client, self._model.watched
         for _ in range(round(duration / self._time_step)):
             if watched:
-                self._adapt_step(speed, steering)
+                self.adapt_step(self.is_disturbed())
             for _ in range(self._substeps):
                 step(client)
                 if not self._touched and self._touches():
                     self._touched = True
+                if self._signals.feels:
+                    self._signals.feel()
 
-    def _adapt_step(self, speed: float, steering: float) -> None:
-        """Divide the step while a body moves or is about to be pushed."""
-        disturbed = any(map(self._is_disturbed, self._model.watched))
+    def take(self, command: Array) -> None:
+        """Set the motors if the command is a new one."""
+        wanted = float(command[DRIVE_SPEED]), float(command[STEERING])
+        if self._command != wanted:
+            self._command = wanted
+            self._set_motors(*wanted)
+
+    def report_contact(self) -> None:
+        """Let the next observation report contact if the robot touches an obstacle."""
+        if not self._touched and self._touches():
+            self._touched = True
+        if self._signals.feels:
+            self._signals.feel()
+
+    def is_disturbed(self) -> bool:
+        """Whether a body moves or is about to be pushed by this robot."""
+        return any(map(self._is_disturbed, self._model.watched))
+
+    def adapt_step(self, disturbed: bool) -> int:
+        """Divide the step while a body is disturbed; return into how many."""
         substeps = self._finer if disturbed else 1
         if substeps != self._substeps:
             self._substeps = substeps
             self._bullet.setTimeStep(self._time_step / substeps, self._client)
-            self._set_motors(speed, steering)  # whose gains count per step
+            if self._command is not None:
+                self._set_motors(*self._command)  # whose gains count per step
+        return substeps
 
     def _is_disturbed(self, body: int) -> bool:
         """Whether a movable body moves, or is so near that the robot may reach it in this step."""
-        bullet, client, robot = self._bullet, self._client, self._model.robot.body
+        bullet, client, robot = self._bullet, self._client, self._robot.body
         if bullet.getBaseVelocity(body, client) != AT_REST:
             return True
         (x, y, _), _ = bullet.getBasePositionAndOrientation(robot, client)
@@ -147,7 +137,7 @@ class PyBulletSimulation:
         return bool(bullet.getClosestPoints(robot, body, self._gap, physicsClientId=client))
 
     def _set_motors(self, speed: float, steering: float) -> None:
-        bullet, robot = self._bullet, self._model.robot
+        bullet, robot = self._bullet, self._robot
         angles, rates = self._drive.targets(speed, steering)
         if angles:
             bullet.setJointMotorControlArray(
@@ -176,28 +166,3 @@ class PyBulletSimulation:
         if self._lag == 0.0:
             return 1.0
         return -math.expm1(-self._time_step / self._substeps / self._lag)
-
-
-def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
-    batches: list[Batch] = []
-    for beam in sensor_beams(robot, _sensor_frames(robot, bullet, to_base)):
-        ends = beam.origin + beam.range_max * beam.directions
-        if not batches or len(batches[-1].starts) + len(ends) > MAX_RAYS:
-            batches.append(Batch([], [], []))
-        batch = batches[-1]
-        first = len(batch.starts)
-        batch.spans.append(Span(first, first + len(ends), beam.range_min, beam.range_max))
-        batch.starts.extend([beam.origin.tolist()] * len(ends))
-        batch.ends.extend(ends.tolist())
-    return batches
-
-
-def _sensor_frames(robot: Robot, bullet: Any, to_base: Frame) -> Iterator[Array]:
-    """The frames (4, 4) of the sensors in the frame of the chassis' centre of mass."""
-    position, quaternion = to_base
-    rotation = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
-    for frame in robot.sensor_frames():
-        moved = np.eye(4)
-        moved[:3, :3] = rotation @ frame[:3, :3]
-        moved[:3, 3] = rotation @ frame[:3, 3] + position
-        yield moved

@@ -1,4 +1,4 @@
-"""Renders a robot among bodies with PyBullet; simulates nothing."""
+"""Renders robots among bodies with PyBullet; simulates nothing."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -31,26 +31,22 @@ class Picture(NamedTuple):
     bodies: NDArray[np.int32]  # (h, w) number of the body, or NO_BODY
 
 
-class Scene:
-    """One PyBullet client with a robot, which can be moved, and bodies around it."""
+class ShownRobot:
+    """A robot in a scene, which can be moved."""
 
-    def __init__(
-        self, bullet: Any, client: int, urdf: str, bodies: Sequence[tuple[Body, Colour]]
-    ) -> None:
+    def __init__(self, bullet: Any, client: int, urdf: str) -> None:
         self._bullet, self._client = bullet, client
-        for body, colour in bodies:
-            _add_visible(bullet, client, body, colour)
         origin = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
         with quiet():  # it reports links without mass, which are frames
-            self.robot = load_urdf(bullet, client, without_meshes(urdf), origin, flags)
+            self.number = load_urdf(bullet, client, without_meshes(urdf), origin, flags)
         joints = [
-            bullet.getJointInfo(self.robot, joint, physicsClientId=client)
-            for joint in range(bullet.getNumJoints(self.robot, physicsClientId=client))
+            bullet.getJointInfo(self.number, joint, physicsClientId=client)
+            for joint in range(bullet.getNumJoints(self.number, physicsClientId=client))
         ]
         self._joints = {info[1].decode(): info[0] for info in joints}
         self._links = {info[12].decode(): info[0] for info in joints}
-        self._center = bullet.getDynamicsInfo(self.robot, -1, physicsClientId=client)[3:5]
+        self._center = bullet.getDynamicsInfo(self.number, -1, physicsClientId=client)[3:5]
 
     def move(
         self,
@@ -58,19 +54,31 @@ class Scene:
         quaternion: Sequence[float],
         joints: Mapping[str, float],
     ) -> None:
-        """Move the robot's root link to a frame [m] and its named joints to angles [rad]."""
+        """Move the root link to a frame [m] and the named joints to angles [rad]."""
         bullet, client = self._bullet, self._client
         # PyBullet places a body by its centre of mass.
         frame = bullet.multiplyTransforms(position, quaternion, *self._center)
-        bullet.resetBasePositionAndOrientation(self.robot, *frame, client)
+        bullet.resetBasePositionAndOrientation(self.number, *frame, client)
         for name, angle in joints.items():
-            bullet.resetJointState(self.robot, self._joints[name], angle, 0, client)
+            bullet.resetJointState(self.number, self._joints[name], angle, 0, client)
 
     def paint(self, link: str, colour: Colour) -> None:
-        """Change the colour of a link of the robot."""
+        """Change the colour of a link."""
         self._bullet.changeVisualShape(
-            self.robot, self._links[link], rgbaColor=(*colour, 1), physicsClientId=self._client
+            self.number, self._links[link], rgbaColor=(*colour, 1), physicsClientId=self._client
         )
+
+
+class Scene:
+    """One PyBullet client with robots, which can be moved, and bodies around them."""
+
+    def __init__(
+        self, bullet: Any, client: int, urdfs: Sequence[str], bodies: Sequence[tuple[Body, Colour]]
+    ) -> None:
+        self._bullet, self._client = bullet, client
+        for body, colour in bodies:
+            _add_visible(bullet, client, body, colour)
+        self.robots = [ShownRobot(bullet, client, urdf) for urdf in urdfs]
 
     def render(
         self, view: Array, projection: Array, size: tuple[int, int], light: Sequence[float]
@@ -132,19 +140,19 @@ def _create_surface(bullet: Any, client: int, triangles: Array) -> int:
 
 
 @contextmanager
-def open_scene(urdf: str, bodies: Sequence[tuple[Body, Colour]]) -> Iterator[Scene]:
-    """Open a scene with the robot at the origin; needs no display.
+def open_scene(urdfs: Sequence[str], bodies: Sequence[tuple[Body, Colour]]) -> Iterator[Scene]:
+    """Open a scene with all robots at the origin; needs no display.
 
     Raises:
-        InputError: PyBullet is not installed, or ``urdf`` is not XML.
-        SimulationError: PyBullet refuses the robot or a body.
+        InputError: PyBullet is not installed, or a URDF is not XML.
+        SimulationError: PyBullet refuses a robot or a body.
     """
     bullet = import_pybullet()
     client: int = bullet.connect(bullet.DIRECT)
     try:
-        yield Scene(bullet, client, urdf, bodies)
+        yield Scene(bullet, client, urdfs, bodies)
     except bullet.error as error:
-        raise SimulationError(f"PyBullet cannot show the robot and its world: {error}") from error
+        raise SimulationError(f"PyBullet cannot show robots and world: {error}") from error
     finally:
         bullet.disconnect(client)
 

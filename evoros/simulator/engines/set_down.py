@@ -13,13 +13,13 @@ from evoros.world.model import World
 MAX_POINTS = 12  # of the outline, which tell the slope of the ground below the robot
 
 
-def home_frame(robot: Robot, world: World) -> Frame:
-    """The frame of the base link at the world's home.
+def home_frame(robot: Robot, home: tuple[float, float, float, float], world: World) -> Frame:
+    """The frame of the base link at a home in the world: x, y, z [m] and yaw [rad].
 
-    On level ground it is that of the course. On other ground the robot is tilted as the ground
+    On level ground it is the home. On other ground the robot is tilted as the ground
     below its outline, and lifted until no part of that ground is above its own.
     """
-    x, y, z, yaw = world.course.home
+    x, y, z, yaw = home
     cos, sin = math.cos(yaw), math.sin(yaw)
     level = (x, y, z), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
     if world.is_level:

@@ -1,0 +1,292 @@
+"""Several robots in one experiment: their missions, their fitness, their files."""
+
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import evoros
+from evoros.base.console import DONE
+from evoros.base.errors import EvorosError, InputError
+from evoros.cli.evaluate import evaluate
+from evoros.config.compose import compose
+from evoros.design.design import Design
+from evoros.evolution.experiment import Experiment
+from evoros.evolution.preflight import preflight
+from evoros.fitness.team import TeamFitness
+from evoros.geometry.footprint import distances, project_bodies
+from evoros.mission.compiled_loop import prepare_interpreted
+from evoros.mission.mission import Mission
+from evoros.mission.outcome import TRAJECTORY
+from evoros.mission.rollout import run_mission
+from evoros.robot.model import Robot
+from evoros.sensor.protocol import Mount
+from evoros.world.model import World
+
+SHORT = ["experiment=two_rovers", "course.time_limit_s=60", "executor=serial", "trials=1"]
+OWN_DESIGN = ["+design@agents.oncoming.design=six_sonars", "agents.oncoming.design.number=1"]
+RUN = ["optimizer.population_size=3", "optimizer.generations=2", "figures=[]"]
+
+
+def build(*overrides: str) -> Experiment:
+    return compose([*SHORT, *overrides]).build()
+
+
+def middle_mission(experiment: Experiment) -> Mission:
+    design = experiment.space.decode(np.full(experiment.space.size, 0.4))
+    return experiment.plan.evaluation(0, 0, design)[0]
+
+
+def test_a_robot_out_of_sight_changes_nothing_for_the_first() -> None:
+    """The first robot's draws, readings and motion are those of its mission alone, to the bit."""
+    together = build("agents.oncoming.home=[60,60,0]", "agents.oncoming.scored=false")
+    alone = replace(together, agents={})
+    outcome, track = run_mission(together.scenario, middle_mission(together))
+    own_outcome, own_track = run_mission(alone.scenario, middle_mission(alone))
+    assert repr(replace(outcome, others=())) == repr(own_outcome)
+    assert track[:, : own_track.shape[1]].tobytes() == own_track.tobytes()
+    assert track.shape[1] == 2 * own_track.shape[1] - 1
+    assert len(outcome.others) == 1
+
+
+def test_the_compiled_mission_of_two_is_the_interpreted_one() -> None:
+    experiment = build("failure=combined")
+    whole = run_mission(experiment.scenario, middle_mission(experiment))
+    stepped = run_mission(experiment.scenario, middle_mission(experiment), prepare_interpreted)
+    assert repr(whole[0]) == repr(stepped[0])
+    assert whole[1].tobytes() == stepped[1].tobytes()
+
+
+@pytest.mark.parametrize("awaited", [True, False])
+def test_a_mission_waits_for_the_robots_that_are_scored(awaited: bool) -> None:
+    """The first one's route is complete at once, the other one's is not."""
+    here = ["course.acceptance_m=8", "agents.oncoming.route=[[60,60]]"]
+    experiment = build(*here, f"agents.oncoming.scored={str(awaited).lower()}")
+    outcome, track = run_mission(experiment.scenario, middle_mission(experiment))
+    (other,) = outcome.others
+    assert outcome.completed
+    if awaited:
+        assert other.ended in ("time_limit", "collision")
+        assert other.time_s > outcome.time_s
+    else:
+        assert other.ended == "mission_over"
+        assert other.time_s == outcome.time_s
+    columns = [*TRAJECTORY, *experiment.scenario.name_columns(middle_mission(experiment).design)]
+    table = pd.DataFrame(track, columns=columns)
+    assert table["time_s"].iloc[-1] == max(outcome.time_s, other.time_s)
+    ended = table[table["time_s"] > outcome.time_s + 1.0]
+    assert ended[["x_m", "y_m"]].nunique().max() <= 1  # it stands where it stopped
+
+
+TOWARDS = [
+    "world=generated",
+    "world.generated.density=0",
+    "world.generated.enclosed=false",
+    "course.home_yaw_rad=0",
+    "course.waypoints=[[5,0]]",
+    "course.direction=forward",
+    "agents.oncoming.home=[3,0,3.14159265]",
+    "agents.oncoming.route=[[-2,0]]",
+    "controller/avoidance=blind",
+    "controller/localization=exact",
+    "controller.navigation.amplitude_deg=0",
+    "~design.sensors.sonar.filters.noise",
+]
+"""Two rovers on empty ground, 3 m from each other, which see and do not avoid each other."""
+
+
+@pytest.mark.parametrize("simulator", ["planar", "mujoco", "pybullet"])
+def test_robots_that_meet_in_a_mission_see_and_touch_each_other(simulator: str) -> None:
+    """What each reads is how far the front of the other is; both end where their fronts meet."""
+    experiment = build(*TOWARDS, f"simulator={simulator}")
+    front = Mount("sonar", "base_link", 0.25, 0.0, 0.166, 0.0, 12.5)
+    design = Design((front,))
+    mission = replace(middle_mission(experiment), design=design)
+    outcome, track = run_mission(experiment.scenario, mission)
+    again = run_mission(experiment.scenario, mission)
+    assert repr(outcome) == repr(again[0])
+    assert track.tobytes() == again[1].tobytes()
+    table = pd.DataFrame(track, columns=[*TRAJECTORY, *experiment.scenario.name_columns(design)])
+    (other,) = outcome.others
+    assert outcome.ended == other.ended == "collision"
+    assert outcome.time_s == other.time_s == table["time_s"].iloc[-1]
+    gap = (table["oncoming.x_m"] - table["x_m"] - 2 * 0.25).to_numpy()
+    assert gap[0] == pytest.approx(2.5, abs=0.01)
+    assert abs(gap[-1]) < 0.02
+    assert (gap[:-1] > 0.0).all()
+    far = gap > 0.5  # nearer, each meets what the other has lower down
+    for name in ("", "oncoming."):
+        contact = table[f"{name}contact"]
+        assert contact.iloc[-1] == 1.0
+        assert contact.sum() == 1.0
+        assert table[f"{name}range_0_m"][far].to_numpy() == pytest.approx(gap[far], abs=0.01)
+
+
+DRAWN = ["world=generated", "world.generated.renew=true"]
+
+
+def test_worlds_that_are_drawn_for_a_mission_leave_room_to_all_robots() -> None:
+    experiment = build(*DRAWN, "agents.oncoming.home=[2,-3,0]", "agents.oncoming.route=[[-3,1]]")
+    first, other = (each.world["generated"] for each in experiment.members.values())
+    places = np.array([[2.0, -3.0], [-3.0, 1.0], *first.course.waypoints])
+    worlds = [first.at(f"{number}") for number in range(3)]
+    for number, world in enumerate(worlds):
+        assert other.at(f"{number}").bodies is world.bodies
+        assert other.at(f"{number}").course == other.course != world.course
+        areas = project_bodies(world.obstacles)
+        assert min(distances(area, places).min() for area in areas) >= 1.0  # clearing_m
+    assert len({world.source_sha256 for world in worlds}) == 3
+    mission = middle_mission(experiment)
+    outcome, track = run_mission(experiment.scenario, mission)
+    assert outcome.others[0].distance_m > 1.0
+    start = 1 + track.shape[1] // 2
+    assert track[0, start : start + 2] == pytest.approx([2.0, -3.0])
+
+
+class Drawing:
+    """A user's sampler that knows of one robot."""
+
+    def draw_world(self, draws: str) -> World:
+        raise NotImplementedError
+
+
+def test_a_sampler_that_cannot_leave_room_to_others_is_refused() -> None:
+    experiment = build()
+    world = replace(experiment.world["blocks"], sampler=Drawing())
+    with pytest.raises(InputError, match=r"world.blocks: must .* keep_free .* not Drawing; add"):
+        replace(experiment, world={"blocks": world})
+
+
+def test_designs_of_their_own_are_genes_side_by_side() -> None:
+    experiment = build(*OWN_DESIGN)
+    space = experiment.space
+    genes = [gene for block in space.blocks for gene in block.genes]
+    assert sorted(genes) == list(range(space.size))
+    genome = np.full(space.size, 0.5)
+    before = space.decode(genome)
+    assert len(before.mounts) == 6
+    assert len(before.of("oncoming").mounts) == 2
+    for block in space.blocks:
+        for gene in block.genes:
+            changed = genome.copy()
+            changed[gene] = 0.03
+            after = space.decode(changed)
+            mine = block.name.startswith("oncoming.")
+            assert (after.mounts == before.mounts) == mine
+            assert (after.agents == before.agents) != mine
+    assert {"sensor0_x_m", "oncoming.sensor0_x_m"} <= set(space.to_row(genome))
+    with pytest.raises(InputError, match="genome"):
+        space.decode(genome[:-1])
+
+
+def test_the_fitness_is_the_mean_over_the_robots_that_are_scored() -> None:
+    experiment = build()
+    outcome, _ = run_mission(experiment.scenario, middle_mission(experiment))
+    alone = experiment.fitness
+    first, other = alone.score([outcome]), alone.score(outcome.others)
+    assert experiment.scoring.score([outcome]) == (first + other) / 2
+    assert TeamFitness(alone, ()).score([outcome]) == first
+    assert experiment.scoring.worst([outcome]) == alone.worst([outcome])
+
+
+BAD = [
+    (["agents.oncoming.home=[0.3,0,0]"], r"agents.oncoming.home: must be clear of the first robot"),
+    (["agents.oncoming.home=[1,2]"], r"home: must be three numbers"),
+    (
+        [*DRAWN, "agents.oncoming.home=[9,-3,0]"],
+        r"world.generated, with agents oncoming: Field.extent_m: must reach at least clearing_m",
+    ),
+    (["+world.yard.course.home_x_m=1"], r"world.yard: must be a world"),
+    ([*OWN_DESIGN, "agents.oncoming.scored=false"], r"agents.oncoming.scored: must be true"),
+    (["+robot@agents.oncoming.robot=mule"], r"agents.oncoming.design: must be given"),
+    (["simulator.time_step=0.03"], r"controller.period_s"),
+    (["agents.oncoming=7"], r"agents: must be a mapping"),
+    (["agents.oncoming.rout=[[1,1]]"], r"rout"),
+]
+
+
+@pytest.mark.parametrize(("overrides", "message"), BAD, ids=[each[1] for each in BAD])
+def test_agents_that_do_not_fit_are_refused(overrides: list[str], message: str) -> None:
+    with pytest.raises(EvorosError, match=message) as error:
+        build(*overrides)
+    assert "\n" not in str(error.value)
+
+
+def test_a_warning_that_robots_share_is_given_once(caplog: pytest.LogCaptureFixture) -> None:
+    """Both have a design that sees the ground; the far route is that of the agent alone."""
+    preflight(build("robot.mount.pitch_deg=0", "agents.oncoming.route=[[0.1,0],[5,-5.2]]"))
+    lines = [record.getMessage() for record in caplog.records]
+    assert sum("sees the ground" in line for line in lines) == 1
+    (own,) = (line for line in lines if "is complete at once" in line)
+    assert own.startswith("agents.oncoming.world.blocks: ")
+
+
+class Lonely:
+    """A user's simulator of one robot."""
+
+    time_step = 0.02
+    packages = ()
+
+    def open(self, robot: Robot, world: World) -> Any:
+        raise NotImplementedError
+
+
+def test_a_simulator_of_one_robot_is_refused() -> None:
+    with pytest.raises(InputError, match="agents: must be empty with a simulator of one robot"):
+        _ = replace(build(), simulator=Lonely())
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("team") / "run"
+    evoros.run(compose([*SHORT, *OWN_DESIGN, *RUN]), folder)
+    return folder
+
+
+def read_files(folder: Path) -> dict[str, bytes]:
+    """Return the files that must not depend on how a run was run."""
+    names = ["missions.csv", *(f"{part}/**/*" for part in ("generations", "champion"))]
+    files = [path for name in names for path in sorted(folder.glob(name)) if path.is_file()]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def test_an_interrupted_run_of_a_team_ends_as_an_undisturbed_one(
+    finished: Path, tmp_path: Path
+) -> None:
+    """Its last missions and its champion are gone, as after a kill."""
+    copy = tmp_path / "run"
+    evoros.run(compose([*SHORT, *OWN_DESIGN, *RUN]), copy)
+    whole = (copy / "missions.csv").read_bytes()
+    (copy / "missions.csv").write_bytes(whole[: len(whole) * 2 // 3])
+    for path in [*(copy / "champion").rglob("*"), *(copy / "generations").glob("*1.csv")]:
+        with suppress(IsADirectoryError):
+            path.unlink()
+    evoros.resume(copy)
+    assert read_files(copy) == read_files(finished)
+
+
+def test_a_champion_of_a_team_can_be_read_scored_and_replayed(
+    finished: Path, tmp_path: Path
+) -> None:
+    run = evoros.load_run(finished)
+    designs = pd.read_csv(finished / "champion" / "design.csv")
+    assert set(designs["agent"].dropna()) == {"oncoming"}
+    assert len(designs) == 6 + 2
+    assert (finished / "champion" / "agents" / "oncoming" / "robot.urdf").is_file()
+    row = run.missions.iloc[0]
+    key: Any = (row["generation"], row["design"], row["world"], row["trial"])
+    outcome, track = evoros.replay(finished, *key)
+    assert outcome.others[0].ended == row["oncoming.ended"]
+    assert outcome.others[0].distance_m == row["oncoming.distance_m"]
+    assert {"oncoming.x_m", "oncoming.mode"} <= set(track.columns)
+    again = tmp_path / "again"
+    places = [f"designs={finished}", f"hydra.run.dir={again}"]
+    assert evaluate([*SHORT, *OWN_DESIGN, *places]) == DONE
+    given = pd.read_csv(again / "designs_in.csv")
+    assert given["x_m"].tolist() == designs["x_m"].tolist()
+    assert given["agent"].fillna("").tolist() == designs["agent"].fillna("").tolist()
+    assert len(pd.read_csv(again / "missions.csv")["oncoming.progress"].dropna()) == 1
