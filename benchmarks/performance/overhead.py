@@ -4,14 +4,15 @@ Runs random designs through the three worlds of the case study. Each mission is 
 (``run_mission``: robot, building, filters, controller, metrics). Its calls of the engine, which are
 ``stepSimulation`` and ``rayTestBatch`` or ``mj_step`` and ``mj_multiRay``, are then repeated and
 timed alone, with the same robot under the same commands. The script checks that the robot ends in
-the same pose, to the last bit. The two alternate, so that a busy machine slows both:
+the same pose, to the last bit. The two alternate, and the time is that of the processor, so that a
+busy machine slows both:
 
     python benchmarks/performance/overhead.py [designs] [pybullet|mujoco]
 """
 
 import sys
 from dataclasses import replace
-from time import perf_counter
+from time import thread_time
 from typing import Any
 
 import numpy as np
@@ -79,11 +80,11 @@ def bare(
     with scenario.simulator.open(robot, world) as opened:
         simulation: Any = opened
         bullet, client, body = simulation._bullet, simulation._client, simulation._model.robot.body
-        rays = [(starts, ends) for starts, ends, _ in simulation._batches]
+        rays = [(starts, ends) for starts, ends, _ in simulation._rays._batches]
         step = scenario.simulator.time_step
         for number, (command, duration) in enumerate(commands):
             if number % sense_every == 0:
-                begin = perf_counter()
+                begin = thread_time()
                 for starts, ends in rays:
                     bullet.rayTestBatch(
                         starts,
@@ -93,12 +94,12 @@ def bare(
                         collisionFilterMask=VISIBLE,
                         physicsClientId=client,
                     )
-                spent += perf_counter() - begin
+                spent += thread_time() - begin
             simulation.advance(command, 0.0)
-            begin = perf_counter()
+            begin = thread_time()
             for _ in range(round(duration / step)):
                 bullet.stepSimulation(client)
-            spent += perf_counter() - begin
+            spent += thread_time() - begin
         simulation.observe(state)
     return spent, state
 
@@ -110,22 +111,23 @@ def bare_mujoco(
     state, ranges, spent = np.zeros(STATE_SIZE), np.zeros(robot.beam_count), 0.0
     with scenario.simulator.open(robot, world) as opened:
         simulation: Any = opened
-        engine, data, cast = simulation._engine, simulation._data, simulation._cast
+        engine, data, cast = simulation._engine, simulation._data, simulation._rays._call
         step, move = scenario.simulator.time_step, simulation._step
         calls: list[tuple[Any, ...]] = []
-        simulation._cast = lambda *arguments: calls.append(arguments)
+        simulation._rays._call = lambda *arguments: calls.append(arguments)
         for command, duration in commands:
             calls.clear()
+            simulation._rays._normals[:] = 0.0  # of the calls before: no ray starts inside a shape
             simulation.sense(ranges)
-            begin = perf_counter()
+            begin = thread_time()
             for arguments in calls:
                 cast(*arguments)
-            spent += perf_counter() - begin
+            spent += thread_time() - begin
             simulation.advance(command, 0.0)
-            begin = perf_counter()
+            begin = thread_time()
             for _ in range(round(duration / step)):
                 move(engine, data)
-            spent += perf_counter() - begin
+            spent += thread_time() - begin
         simulation.observe(state)
     return spent, state
 
@@ -136,9 +138,9 @@ def pair(experiment: Experiment, recorder: Recorder, mission: Mission) -> tuple[
     _, track = run_mission(replace(scenario, simulator=recorder), mission)
     forget_pybullet()  # so that building the model counts, as for every new design
     forget_mujoco()
-    begin = perf_counter()
+    begin = thread_time()
     outcome, _ = run_mission(scenario, mission)
-    whole = perf_counter() - begin
+    whole = thread_time() - begin
     equipped = scenario.with_design(mission.design)
     robot, world = equipped.robot, scenario.world[mission.world]
     if isinstance(scenario.simulator, Mujoco):

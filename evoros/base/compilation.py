@@ -15,10 +15,13 @@ from typing import Any, TypeVar
 
 import numba
 import numpy as np
+from llvmlite import ir
 from numba import njit, types
-from numba.core.errors import NumbaExperimentalFeatureWarning
-from numba.extending import register_jitable
+from numba.core.caching import FunctionCache
+from numba.core.errors import NumbaError, NumbaExperimentalFeatureWarning
+from numba.extending import intrinsic, register_jitable
 
+from evoros.base.disk import sync
 from evoros.base.log import LOGGER
 from evoros.base.resources import PACKAGE
 
@@ -28,6 +31,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 F8, I8 = types.float64, types.int64
 A1, A2 = types.Array(F8, 1, "C"), types.Array(F8, 2, "C")
 RNG = numba.typeof(np.random.default_rng(0))
+# Types of results.
+NOTHING, TRUTH = types.void, types.boolean
 
 # Signatures of the kinds of rules, as the protocols of filters, controllers and simulators have
 # them.
@@ -81,6 +86,18 @@ def compilable(function: Function) -> Function:
     return jitable
 
 
+@intrinsic  # type: ignore[untyped-decorator]
+def call_address(typing: Any, address: Any) -> Any:
+    """Call a C function without arguments and result, in compiled code, by its address (int)."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        function = ir.FunctionType(ir.VoidType(), ()).as_pointer()
+        builder.call(builder.inttoptr(arguments[0], function), ())
+        return context.get_dummy_value()
+
+    return types.void(I8), generate
+
+
 def compile_rule(rule: Any, signature: Any) -> CompiledRule:
     """Compile a rule, once per process.
 
@@ -114,12 +131,34 @@ def _compile(rule: Any, signature: Any) -> CompiledRule | NotCompilable:
     bundled = rule.__module__.partition(".")[0] == "evoros"
     try:
         with compiling() as on_disk:
-            dispatcher = njit(signature, cache=bundled and on_disk, **NJIT_OPTIONS)(rule)
+            dispatcher = compile_function(rule, signature, bundled and on_disk)
             return CompiledRule(dispatcher, signature)
     except Exception as error:  # numba raises errors of many types
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         reasons = [line for line in lines if not line.startswith(("Failed in", "During:", "File"))]
         return NotCompilable((reasons or lines or ["numba cannot compile it"])[0])
+
+
+def compile_function(function: Any, signature: Any, on_disk: bool) -> Any:
+    """Compile a function, or load its machine code from the disk; for use within ``compiling``.
+
+    What cannot be loaded, for example after a loss of power, is discarded and compiled anew.
+    """
+    try:
+        dispatcher = njit(signature, cache=on_disk, **NJIT_OPTIONS)(function)
+    except NumbaError:
+        raise
+    except Exception as error:
+        if not on_disk:
+            raise
+        LOGGER.info("compiled code of %s is damaged (%r) and is made anew", function, error)
+        FunctionCache(function).flush()
+        dispatcher = njit(signature, cache=True, **NJIT_OPTIONS)(function)
+    if on_disk and dispatcher.stats.cache_misses:
+        for path in sorted(Path(FunctionCache(function).cache_path).iterdir()):
+            with suppress(FileNotFoundError):  # a draft of another process
+                sync(path)
+    return dispatcher
 
 
 @contextmanager

@@ -1,15 +1,15 @@
-"""Compiles whole missions whose rules can all be compiled.
+"""Compiles whole missions, but for the calls of an engine.
 
 Each rule is compiled by itself, with the one signature of its kind, and passed to the compiled loop
 as a function of that type. So one compiled loop serves every combination of parts.
 """
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any, TypeVar
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
 from evoros.base.arrays import NO_MEMORY, NO_PARAMETERS, Array
 from evoros.base.compilation import (
@@ -19,19 +19,21 @@ from evoros.base.compilation import (
     FILTER,
     I8,
     LAYER,
-    NJIT_OPTIONS,
     RNG,
     SIMULATION_RULES,
     CompiledRule,
     NotCompilable,
+    compile_function,
     compiling,
     try_compile,
 )
+from evoros.base.signals import hold_signals
 from evoros.controller.protocol import StartedLayer
+from evoros.mission.engine_calls import run_with_engine
 from evoros.mission.loop import (
+    Agents,
     Arrays,
     FilterStage,
-    Goal,
     LoopInputs,
     LoopResult,
     Timing,
@@ -42,7 +44,7 @@ from evoros.simulator.protocol import SimulationRules
 
 Stage = TypeVar("Stage", FilterStage, StartedLayer)
 
-Loop = Callable[[LoopInputs, Goal, Timing, Arrays], LoopResult]
+Loop = Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult]
 
 
 def prepare_interpreted(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
@@ -53,25 +55,39 @@ def prepare_interpreted(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
 def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
     """Return the compiled loop if all rules can be compiled, else the interpreted loop.
 
-    The interpreted loop calls those rules of a ``RuleSimulation``'s mission that can be compiled.
-    The mission of a live engine is not changed.
+    Rules of motion need not be compiled: the compiled loop can call those of a live engine. The
+    interpreted loop calls those rules of a ``RuleSimulation``'s mission that can be compiled.
     """
     motion = SimulationRules(*map(_compile_if_possible, inputs[:3], SIMULATION_RULES))
-    if not all(isinstance(rule, CompiledRule) for rule in motion):
+    live = not all(isinstance(rule, CompiledRule) for rule in motion)
+    layers = tuple(_compile_stage(layer, LAYER) for layer in inputs.layers)
+    if live and not all(map(_is_compiled, layers)):
         return run_loop, inputs
     filters, localization = (
         tuple(_compile_stage(stage, FILTER) for stage in stages)
         for stages in (inputs.filters, inputs.localization)
     )
-    layers = tuple(_compile_stage(layer, LAYER) for layer in inputs.layers)
     loop: Loop = run_loop
     if all(map(_is_compiled, filters + localization)) and all(map(_is_compiled, layers)):
         no_filter, no_layer = _padding()
         filters, localization = _pad(filters, no_filter), _pad(localization, no_filter)
         layers = _pad(layers, no_layer)
-        loop = _compile_loop(len(filters), len(localization), len(layers))
-    arrays = inputs.parameters, inputs.memory
-    return loop, LoopInputs(*motion, *arrays, filters, localization, layers)
+        loop = _compile_loop(inputs.robots, len(filters), len(localization), len(layers))
+        loop = partial(run_with_engine if live else _run, loop)
+    return loop, inputs._replace(
+        **({} if live else motion._asdict()),
+        filters=filters,
+        localization=localization,
+        layers=layers,
+    )
+
+
+def _run(
+    loop: Loop, inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays
+) -> LoopResult:
+    """Run a compiled loop from its start to its end."""
+    with hold_signals():
+        return loop(inputs, agents, timing, arrays)
 
 
 def explain_interpreted(inputs: LoopInputs) -> list[str]:
@@ -135,9 +151,9 @@ def _padding() -> tuple[FilterStage, StartedLayer]:
 
 
 @cache
-def _compile_loop(filters: int, localization: int, layers: int) -> Loop:
-    """Compile ``run_loop`` for these numbers of filters and layers."""
-    stage = types.NamedTuple((I8, types.FunctionType(FILTER), A1, A1, RNG, A1), FilterStage)
+def _compile_loop(robots: int, filters: int, localization: int, layers: int) -> Loop:
+    """Compile ``run_loop`` for these numbers of robots, filters and layers."""
+    stage = types.NamedTuple((I8, types.FunctionType(FILTER), A1, A1, RNG, A1, I8), FilterStage)
     layer = types.NamedTuple((types.FunctionType(LAYER), A1, A1), StartedLayer)
     rules = map(types.FunctionType, SIMULATION_RULES)
     pipelines = (
@@ -145,14 +161,19 @@ def _compile_loop(filters: int, localization: int, layers: int) -> Loop:
         types.UniTuple(stage, localization),
         types.UniTuple(layer, layers),
     )
-    signature = types.NamedUniTuple(I8, len(LoopResult._fields), LoopResult)(
-        types.NamedTuple((*rules, A1, A1, *pipelines), LoopInputs),
-        types.NamedTuple((A2, F8, types.boolean), Goal),
-        types.NamedTuple((F8, I8, I8, I8, I8), Timing),
-        types.NamedTuple((*(A1,) * 7, A2), Arrays),
+    of_each = (F8, types.boolean, types.boolean, I8, I8)
+    agents = (
+        *(types.UniTuple(kind, robots) for kind in of_each),
+        *(types.UniTuple(I8, robots + 1) for _ in range(len(Agents._fields) - len(of_each))),
+    )
+    signature = types.NamedTuple((I8, I8, types.boolean), LoopResult)(
+        types.NamedTuple((*rules, A1, A1, *pipelines, I8), LoopInputs),
+        types.NamedTuple(agents, Agents),
+        types.NamedTuple((F8, I8, I8), Timing),
+        types.NamedTuple((A2, *(A1,) * 7, A2, A2), Arrays),
     )
     with compiling() as cached:
-        loop = njit(signature, cache=cached, **NJIT_OPTIONS)(run_loop)
+        loop = compile_function(run_loop, signature, cached)
     # The entry point skips numba's inspection of every argument's type, which takes as long as all
     # other Python code of a mission. ``collect_inputs`` has checked the arrays.
     entry: Loop = loop.get_compile_result(signature).entry_point

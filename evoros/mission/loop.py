@@ -1,6 +1,6 @@
 """The mission loop: observe, sense, filter, decide, advance, until the mission ends.
 
-It is one plain function of functions, numbers and float64 arrays. It knows no engine, configuration
+It is plain functions of functions, numbers and float64 arrays. They know no engine, configuration
 or file.
 """
 
@@ -9,13 +9,36 @@ from typing import NamedTuple
 
 from numpy.random import Generator
 
-from evoros.base.arrays import CONTACT, SPEED, STEERING, YAW, Array, X, Y
+from evoros.base.arrays import (
+    COMMAND_SIZE,
+    CONTACT,
+    DRIVE_SPEED,
+    FROM_X,
+    FROM_Y,
+    LEG_SIZE,
+    SPEED,
+    STATE_SIZE,
+    STEERING,
+    TO_X,
+    TO_Y,
+    YAW,
+    Array,
+    X,
+    Y,
+)
+from evoros.base.compilation import compilable
 from evoros.controller.protocol import StartedLayer
 from evoros.filter.protocol import FilterRule
 from evoros.simulator.protocol import AdvanceRule, ObserveRule, SenseRule
 
-RUNNING, COMPLETED, COLLISION, TIME_LIMIT, NOT_FINITE = range(5)
-"""How the loop ended."""
+RUNNING, COMPLETED, COLLISION, TIME_LIMIT = range(4)
+"""How a robot's part of the mission ended; RUNNING: the mission ended before it."""
+
+# What the loop counts of a robot, each a row of ``Arrays.counts``.
+VISITED, COLLISIONS, FIRST_COLLISION, TOUCHING, DECIDED, ENDED, END_TICK, END_ROW = range(8)
+"""Waypoints reached; contacts begun, and the tick of the first one, -1 without any; whether it
+touches something; the mode of the last decision; how, when and in which row it ended."""
+COUNTS = 8
 
 
 class FilterStage(NamedTuple):
@@ -27,10 +50,11 @@ class FilterStage(NamedTuple):
     memory: Array
     rng: Generator
     values: Array  # a view of the values that the filter changes
+    agent: int = 0  # the number of its robot
 
 
 class LoopInputs(NamedTuple):
-    """The rules of a mission, with their parameters and memory."""
+    """The rules of a mission, with their parameters and memory; those of all robots in turn."""
 
     observe: ObserveRule
     sense: SenseRule
@@ -40,48 +64,57 @@ class LoopInputs(NamedTuple):
     filters: tuple[FilterStage, ...]
     localization: tuple[FilterStage, ...]
     layers: tuple[StartedLayer, ...]
+    robots: int
 
 
-class Goal(NamedTuple):
-    """What ends a mission besides its time limit."""
+class Agents(NamedTuple):
+    """What each robot has to do, and where its values are in the arrays; an entry for each.
 
-    route: Array  # (legs, 2) waypoints in order [m]
-    acceptance: float  # distance [m] from a waypoint at which it is reached
-    end_on_collision: bool
+    It is a tuple of tuples, because compiled code would count the references to arrays in it at
+    every access.
+    """
+
+    acceptance: tuple[float, ...]  # distance [m] from a waypoint at which it is reached
+    end_on_collision: tuple[bool, ...]
+    awaited: tuple[bool, ...]  # whether the mission goes on until the robot has ended
+    sense_every: tuple[int, ...]  # [ticks]
+    decide_every: tuple[int, ...]  # [ticks]
+    # The start of each robot's part, and the end of the last one's.
+    routes: tuple[int, ...]  # in ``Arrays.routes``
+    layers: tuple[int, ...]  # in ``LoopInputs.layers``
+    readings: tuple[int, ...]  # in ``Arrays.readings``
+    estimates: tuple[int, ...]  # among the columns of a trajectory for estimated poses
 
 
 class Timing(NamedTuple):
     """Periods in ticks, of which each is the greatest common divisor of all periods."""
 
     tick: float  # [s]
-    sense_every: int
-    decide_every: int
     record_every: int
     limit: int  # ticks until the time limit
 
 
 class Arrays(NamedTuple):
-    """The arrays that the loop changes; all float64."""
+    """The arrays of the loop, all float64, in which robots come one after another."""
 
-    state: Array  # (STATE_SIZE,) true
-    pose: Array  # (STATE_SIZE,) as localized
-    leg: Array  # (LEG_SIZE,)
-    command: Array  # (COMMAND_SIZE,)
-    ranges: Array  # (beams,) true [m]
+    routes: Array  # (legs, 2) waypoints in order [m]; the loop does not change them
+    states: Array  # (robots * STATE_SIZE,) true
+    poses: Array  # (robots * STATE_SIZE,) as localized
+    legs: Array  # (robots * LEG_SIZE,)
+    commands: Array  # (robots * COMMAND_SIZE,)
+    signals: Array  # what the simulation senses: true ranges [m], signals of other sensors
     readings: Array  # (channels,) of all sensors, after the filters
-    decisions: Array  # (1 + layers,) how many each layer took; first: how many no layer took
-    trajectory: Array  # (rows, columns + channels)
+    decisions: Array  # (robots + layers,) how many each layer took; first: how many none took
+    counts: Array  # (COUNTS, robots)
+    trajectory: Array  # (rows, columns)
 
 
 class LoopResult(NamedTuple):
-    """How the loop ended, and what it counted."""
+    """How long the mission lasted, and the rows of its trajectory."""
 
-    ended: int
     ticks: int
     rows: int
-    visited: int
-    collisions: int
-    first_collision: int  # tick; -1: none
+    finite: bool  # whether the states were finite to the end
 
 
 def publish(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
@@ -89,83 +122,129 @@ def publish(parameters: Array, memory: Array, rng: Generator, values: Array, tim
     values[:] = memory
 
 
-def run_loop(inputs: LoopInputs, goal: Goal, timing: Timing, arrays: Arrays) -> LoopResult:
-    """Run a mission. At the start, ``arrays.leg`` begins at home.
+def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays) -> LoopResult:
+    """Run a mission. At the start, the leg of each robot is its way from home.
 
-    This is one long function so that numba compiles it as one (``evoros.base.compilation``).
+    This is one long function, because compiled code copies the rules if it hands them on.
     """
-    observe, sense, advance, parameters, memory, filters, localization, layers = inputs
-    route, acceptance, end_on_collision = goal
-    tick, sense_every, decide_every, record_every, limit = timing
-    state, pose, leg, command, ranges, readings, decisions, trajectory = arrays
-    legs, reach_squared = len(route), acceptance * acceptance
-    visited = collisions = mode = rows = 0
-    first_collision, touching, ended = -1, False, RUNNING
-    goal_x, goal_y = float(route[0, 0]), float(route[0, 1])
-    leg[2] = goal_x
-    leg[3] = goal_y
+    observe, sense, advance, parameters, memory, filters, localization, layers, robots = inputs
+    tick, record_every, limit = timing
+    states, poses, legs, commands = arrays.states, arrays.poses, arrays.legs, arrays.commands
+    signals, readings, decisions = arrays.signals, arrays.readings, arrays.decisions
+    ended, decided = arrays.counts[ENDED], arrays.counts[DECIDED]
+    rows = 0
     for k in range(limit + 1):
         time = k * tick
-        observe(parameters, memory, state)
-        # Plain numbers: an array's own scalars cost several times as much to compute with.
-        x, y, yaw, speed = float(state[X]), float(state[Y]), float(state[YAW]), float(state[SPEED])
-        if not math.isfinite(x + y + yaw + speed):
-            ended = NOT_FINITE
-            break
-        if (goal_x - x) * (goal_x - x) + (goal_y - y) * (goal_y - y) <= reach_squared:
-            visited += 1
-            if visited == legs:
-                ended = COMPLETED
+        observe(parameters, memory, states)
+        awaited, ending, due = False, False, False
+        for i in range(robots):
+            if ended[i] != RUNNING:
+                continue
+            if not update_agent(agents, arrays, i, k, rows, k == limit):
+                return LoopResult(k, rows, False)
+            if ended[i] != RUNNING:
+                ending = True
             else:
-                leg[0] = goal_x
-                leg[1] = goal_y
-                goal_x, goal_y = float(route[visited, 0]), float(route[visited, 1])
-                leg[2] = goal_x
-                leg[3] = goal_y
-        contact = float(state[CONTACT]) > 0.0
-        if contact and not touching:
-            collisions += 1
-            if first_collision < 0:
-                first_collision = k
-            if end_on_collision and ended == RUNNING:
-                ended = COLLISION
-        touching = contact
-        if k == limit and ended == RUNNING:
-            ended = TIME_LIMIT
-        if ended == RUNNING:
-            if k % sense_every == 0:
-                sense(parameters, memory, ranges)
-                for every, change, stage_parameters, stage_memory, rng, values in filters:
-                    if every == 0:
-                        break
-                    if k % every == 0:
-                        change(stage_parameters, stage_memory, rng, values, time)
-            if k % decide_every == 0:
-                pose[:] = state
-                for every, change, stage_parameters, stage_memory, rng, values in localization:
-                    if every == 0:
-                        break
+                awaited = awaited or agents.awaited[i]
+                due = due or k % agents.sense_every[i] == 0
+        if awaited and due:
+            sense(parameters, memory, signals)
+            for every, change, stage_parameters, stage_memory, rng, values, i in filters:
+                if every == 0:
+                    break
+                if k % every == 0 and ended[i] == RUNNING:
                     change(stage_parameters, stage_memory, rng, values, time)
-                mode = 0
-                for number, (decide, layer_parameters, layer_memory) in enumerate(layers):
-                    if decide(layer_parameters, layer_memory, pose, leg, readings, time, command):
-                        mode = number + 1
-                        break
-                decisions[mode] += 1.0
-        if k % record_every == 0 or ended != RUNNING:
-            row = trajectory[rows]
-            row[0] = time
-            row[1] = x
-            row[2] = y
-            row[3] = yaw
-            row[4] = speed
-            row[5] = command[STEERING]
-            row[6] = mode
-            row[7] = visited
-            row[8] = 1.0 if contact else 0.0
-            row[9:] = readings
+        for i in range(robots):
+            if not awaited or ended[i] != RUNNING or k % agents.decide_every[i] != 0:
+                continue
+            pose = poses[i * STATE_SIZE : (i + 1) * STATE_SIZE]
+            pose[:] = states[i * STATE_SIZE : (i + 1) * STATE_SIZE]
+            for every, change, stage_parameters, stage_memory, rng, values, agent in localization:
+                if every == 0:
+                    break
+                if agent == i:
+                    change(stage_parameters, stage_memory, rng, values, time)
+            leg = legs[i * LEG_SIZE : (i + 1) * LEG_SIZE]
+            own = readings[agents.readings[i] : agents.readings[i + 1]]
+            command = commands[i * COMMAND_SIZE : (i + 1) * COMMAND_SIZE]
+            mode, first = 0, agents.layers[i]
+            for number in range(first, agents.layers[i + 1]):
+                decide, layer_parameters, layer_memory = layers[number]
+                if decide(layer_parameters, layer_memory, pose, leg, own, time, command):
+                    mode = number - first + 1
+                    break
+            decisions[first + i + mode] += 1.0
+            decided[i] = mode
+        if k % record_every == 0 or ending or not awaited:
+            record(agents, arrays, time, arrays.trajectory[rows])
             rows += 1
-        if ended != RUNNING:
+        if not awaited:
             break
-        advance(parameters, memory, command, tick)
-    return LoopResult(ended, k, rows, visited, collisions, first_collision)
+        advance(parameters, memory, commands, tick)
+    return LoopResult(k, rows, True)
+
+
+@compilable
+def update_agent(agents: Agents, arrays: Arrays, i: int, k: int, row: int, last: bool) -> bool:
+    """Count waypoints and contacts of robot ``i`` at tick ``k``; return if its state is finite.
+
+    A robot that has ended stops, and stays in the world.
+    """
+    states, legs, counts = arrays.states, arrays.legs, arrays.counts
+    at, leg = i * STATE_SIZE, i * LEG_SIZE
+    # Plain numbers: an array's own scalars cost several times as much to compute with.
+    x, y = float(states[at + X]), float(states[at + Y])
+    if not math.isfinite(x + y + float(states[at + YAW]) + float(states[at + SPEED])):
+        return False
+    goal_x, goal_y = float(legs[leg + TO_X]), float(legs[leg + TO_Y])
+    ended, reach = RUNNING, agents.acceptance[i]
+    if (goal_x - x) * (goal_x - x) + (goal_y - y) * (goal_y - y) <= reach * reach:
+        counts[VISITED, i] += 1.0
+        next_goal = agents.routes[i] + int(counts[VISITED, i])
+        if next_goal == agents.routes[i + 1]:
+            ended = COMPLETED
+        else:
+            legs[leg + FROM_X] = goal_x
+            legs[leg + FROM_Y] = goal_y
+            legs[leg + TO_X] = arrays.routes[next_goal, 0]
+            legs[leg + TO_Y] = arrays.routes[next_goal, 1]
+    contact = float(states[at + CONTACT]) > 0.0
+    if contact and counts[TOUCHING, i] == 0.0:
+        counts[COLLISIONS, i] += 1.0
+        if counts[FIRST_COLLISION, i] < 0.0:
+            counts[FIRST_COLLISION, i] = k
+        if agents.end_on_collision[i] and ended == RUNNING:
+            ended = COLLISION
+    counts[TOUCHING, i] = 1.0 if contact else 0.0
+    if last and ended == RUNNING:
+        ended = TIME_LIMIT
+    if ended != RUNNING:
+        arrays.commands[i * COMMAND_SIZE + DRIVE_SPEED] = 0.0
+        counts[ENDED, i] = ended
+        counts[END_TICK, i] = k
+        counts[END_ROW, i] = row
+    return True
+
+
+@compilable
+def record(agents: Agents, arrays: Arrays, time: float, row: Array) -> None:
+    """Write a row of the trajectory: the time, and then the columns of each robot."""
+    states, counts, start = arrays.states, arrays.counts, 1
+    row[0] = time
+    for i in range(len(agents.awaited)):
+        at = i * STATE_SIZE
+        row[start] = states[at + X]
+        row[start + 1] = states[at + Y]
+        row[start + 2] = states[at + YAW]
+        row[start + 3] = states[at + SPEED]
+        row[start + 4] = arrays.commands[i * COMMAND_SIZE + STEERING]
+        row[start + 5] = counts[DECIDED, i]
+        row[start + 6] = counts[VISITED, i]
+        row[start + 7] = counts[TOUCHING, i]
+        first, end = agents.readings[i], agents.readings[i + 1]
+        start += 8
+        row[start : start + end - first] = arrays.readings[first:end]
+        start += end - first
+        count = agents.estimates[i + 1] - agents.estimates[i]
+        row[start : start + count] = arrays.poses[at : at + count]
+        start += count

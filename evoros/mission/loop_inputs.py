@@ -1,6 +1,7 @@
 """Collects the inputs of the mission loop from the parts that are started for a mission."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,37 +12,52 @@ from evoros.mission.loop import FilterStage, LoopInputs
 from evoros.simulator.protocol import RuleSimulation, Simulation
 
 
-def collect_inputs(
-    simulation: Simulation,
-    filters: Sequence[FilterStage],
-    localization: Sequence[FilterStage],
-    layers: Sequence[StartedLayer],
-) -> LoopInputs:
+class Stages(NamedTuple):
+    """The stages of one robot."""
+
+    filters: Sequence[FilterStage]
+    localization: Sequence[FilterStage]
+    layers: Sequence[StartedLayer]
+
+
+def collect_inputs(simulation: Simulation, robots: Sequence[Stages]) -> LoopInputs:
     """Collect the rules of a mission; the methods of a live engine take the place of rules.
 
     Raises:
         InputError: the parameters or the memory of a rule are not as rules need them.
     """
+    filters = _join(robot.filters for robot in robots)
+    localization = _join(robot.localization for robot in robots)
+    layers = tuple(layer for robot in robots for layer in robot.layers)
     for stage in (*filters, *localization):
         _check_arrays(stage.rule, stage.parameters, stage.memory)
     for layer in layers:
         _check_arrays(*layer)
-    stages = tuple(filters), tuple(localization)
+    stages: tuple[Any, ...] = filters, localization, layers, len(robots)
     if isinstance(simulation, RuleSimulation):
         arrays = simulation.parameters, simulation.memory
         _check_arrays(simulation.rules.advance, *arrays)
-        return LoopInputs(*simulation.rules, *arrays, *stages, tuple(layers))
+        return LoopInputs(*simulation.rules, *arrays, *stages)
 
     def observe(parameters: Array, memory: Array, state: Array) -> None:
         simulation.observe(state)
 
-    def sense(parameters: Array, memory: Array, ranges: Array) -> None:
-        simulation.sense(ranges)
+    def sense(parameters: Array, memory: Array, signals: Array) -> None:
+        simulation.sense(signals)
 
     def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
         simulation.advance(command, duration)
 
-    return LoopInputs(observe, sense, advance, NO_PARAMETERS, NO_MEMORY, *stages, tuple(layers))
+    return LoopInputs(observe, sense, advance, NO_PARAMETERS, NO_MEMORY, *stages)
+
+
+def _join(pipelines: Iterable[Sequence[FilterStage]]) -> tuple[FilterStage, ...]:
+    """Return the stages of all robots, each with the number of its robot."""
+    return tuple(
+        stage._replace(agent=number)
+        for number, pipeline in enumerate(pipelines)
+        for stage in pipeline
+    )
 
 
 def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array) -> None:

@@ -5,6 +5,7 @@ from typing import Any
 
 # How a mission ended.
 COMPLETED, COLLISION, TIME_LIMIT = "completed", "collision", "time_limit"
+MISSION_OVER = "mission_over"  # another robot than the first: the mission did not wait for it
 SIMULATION_FAILURE, LOST, REFUSED = "simulation_failure", "lost", "refused"
 NOT_RUN = (SIMULATION_FAILURE, LOST, REFUSED)
 
@@ -20,18 +21,23 @@ TRAJECTORY = (
     "visited",
     "contact",
 )
+AGENT_COLUMNS = TRAJECTORY[1:]  # of each robot; those of another than the first as NAME.x_m ...
 TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJECTORY))
+
+ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
+"""The last columns of a trajectory, if the localization computes the pose from readings."""
 
 
 @dataclass(frozen=True)
 class Outcome:
     """The metrics of one mission, in the order of the columns of ``missions.csv``.
 
+    They are those of the first robot; ``others`` are the outcomes of the other ones.
     If the simulation failed, the worker was lost, or a part refused the design, then the progress
     is 0 and every metric that was not measured is NaN.
     """
 
-    ended: str  # completed, collision, time_limit, or one of NOT_RUN
+    ended: str  # completed, collision, time_limit, mission_over, or one of NOT_RUN
     reason: str  # why the mission was not run; otherwise empty
     completed: bool
     progress: float  # 0..1
@@ -50,6 +56,7 @@ class Outcome:
     failed_sensors: tuple[int, ...]
     failed_at_s: tuple[float, ...]  # NaN-free, in the order of failed_sensors
     failed_by: tuple[str, ...]  # the effect: silence, stuck ...
+    others: tuple["Outcome", ...] = ()  # in the order of the experiment's agents
 
     @classmethod
     def failure(cls, ended: str, reason: str, time_limit: float, sensors: int) -> "Outcome":

@@ -6,11 +6,13 @@ import numpy as np
 from numpy.random import Generator
 
 from evoros.base.arrays import NO_PARAMETERS, POSE_SIZE, Array
+from evoros.base.errors import InputError
 from evoros.controller.protocol import Controller, LiveController
 from evoros.failure.protocol import Fault
 from evoros.filter.protocol import Channels, Filter
 from evoros.mission.loop import FilterStage, publish
 from evoros.robot.model import Robot
+from evoros.sensor.protocol import is_signal_sensor
 
 Draws = Callable[[str], Generator]
 """Creates the generator of a named part in one mission."""
@@ -36,17 +38,23 @@ def _describe_channels(robot: Robot, first: int, last: int) -> Channels:
         high=np.array([channel.high for channel in channels] * count),
         position=np.repeat(robot.sensor_poses()[first:last, :3], len(channels), axis=0),
         period=sensor.period_s,
+        names=tuple(channel.name for channel in channels) * count,
     )
 
 
 def start_sensor_filters(
-    robot: Robot, faults: Sequence[Fault], ranges: Array, readings: Array, tick: float, draws: Draws
+    robot: Robot,
+    faults: Sequence[Fault],
+    signals: Array,
+    readings: Array,
+    tick: float,
+    draws: Draws,
 ) -> list[FilterStage]:
     """Start, for each sensor type, the publication of its readings, its filters and the faults.
 
-    ``ranges`` (beams,) [m] and ``readings`` (channels,) are arrays of the mission, and ``tick`` is
-    that of its clock [s]. Each stage acts on the sensors of one type, whenever they have new
-    readings. A fault acts on all channels of a sensor from the same time on.
+    ``signals``, which a simulation senses, and ``readings`` (channels,) are arrays of the mission,
+    and ``tick`` is that of its clock [s]. Each stage acts on the sensors of one type, whenever they
+    have new readings. A fault acts on all channels of a sensor from the same time on.
     """
     names = [mount.sensor for mount in robot.mounts]
     stages: list[FilterStage] = []
@@ -55,9 +63,8 @@ def start_sensor_filters(
         last = first + names.count(name)
         channels = _describe_channels(robot, first, last)
         values = readings[robot.layout[first].start : robot.layout[last - 1].stop]
-        source = ranges[robot.beam_layout[first].start : robot.beam_layout[last - 1].stop]
         every, part = round(channels.period / tick), f"sensor.{name}"
-        stages.append(FilterStage(every, publish, NO_PARAMETERS, source, draws(part), values))
+        stages += _start_reading(robot, first, last, signals, readings, every, draws(part))
         stages += _start_filters(part, robot.sensors[name].filters, channels, values, every, draws)
         for number, fault in _number_by_name(faults):
             onset = np.repeat(fault.onset[first:last], channels.size // (last - first))
@@ -66,6 +73,31 @@ def start_sensor_filters(
                 arrays = fault.filter.start(channels, onset, rng)
                 stages.append(FilterStage(every, fault.filter.rule, *arrays, rng, values))
     return stages
+
+
+def _start_reading(
+    robot: Robot,
+    first: int,
+    last: int,
+    signals: Array,
+    readings: Array,
+    every: int,
+    rng: Generator,
+) -> list[FilterStage]:
+    """Start what publishes the readings of the sensors from ``first`` to before ``last``.
+
+    Ranges are copied. From a signal, the rule of the sensor computes the readings of each mount.
+    """
+    sensor, parts = robot.mounted_sensors()[first], robot.signal_layout[first:last]
+    if not is_signal_sensor(sensor):
+        source = signals[parts[0].start : parts[-1].stop]
+        values = readings[robot.layout[first].start : robot.layout[last - 1].stop]
+        return [FilterStage(every, publish, NO_PARAMETERS, source, rng, values)]
+    parameters = sensor.parameters()
+    return [
+        FilterStage(every, sensor.rule, parameters, signals[part], rng, readings[place])
+        for part, place in zip(parts, robot.layout[first:last], strict=True)
+    ]
 
 
 def _number_by_name(faults: Sequence[Fault]) -> Iterator[tuple[int, Fault]]:
@@ -80,12 +112,40 @@ def _number_by_name(faults: Sequence[Fault]) -> Iterator[tuple[int, Fault]]:
 
 
 def start_localization(
-    controller: Controller | LiveController, pose: Array, draws: Draws
+    controller: Controller | LiveController,
+    robot: Robot,
+    readings: Array,
+    pose: Array,
+    draws: Draws,
 ) -> list[FilterStage]:
-    """Start the filters between the true ``pose`` (POSE_SIZE,) and the controller's layers."""
+    """Start what is between the true ``pose`` (POSE_SIZE,) and the controller's layers.
+
+    ``readings`` (channels,) are those of all sensors of the robot.
+
+    Raises:
+        InputError: an estimator comes after something else, or the robot lacks its sensors.
+    """
     unlimited = np.full(POSE_SIZE, np.inf)
     channels = Channels(-unlimited, unlimited, np.zeros((POSE_SIZE, 3)), controller.period_s)
-    return _start_filters("localization", controller.localization, channels, pose, 1, draws)
+    stages, filters = [], {}
+    for number, (name, item) in enumerate(controller.localization.items()):
+        if isinstance(item, Filter):
+            filters[name] = item
+            continue
+        if number:
+            raise InputError(
+                f"controller.localization.{name}: must be the first of its localization, because "
+                f"it does not depend on what comes before; remove "
+                f"{', '.join(list(controller.localization)[:number])}, or put it after"
+            )
+        parameters = item.start_estimate(robot, controller.period_s)
+        rng, memory = draws(f"localization.{name}"), np.zeros(len(readings) + item.memory_size)
+        told = memory[: len(readings)]
+        stages = [
+            FilterStage(1, publish, NO_PARAMETERS, readings, rng, told),
+            FilterStage(1, item.rule, parameters, memory, rng, pose),
+        ]
+    return stages + _start_filters("localization", filters, channels, pose, 1, draws)
 
 
 def _start_filters(

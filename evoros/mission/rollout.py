@@ -1,51 +1,56 @@
 """Runs one mission, from a design to its outcome."""
 
 import math
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import replace
 
 import numpy as np
 
-from evoros.base.arrays import COMMAND_SIZE, POSE_SIZE, STATE_SIZE, Array
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError, LaunchError, SimulationError
-from evoros.base.rng import generator
 from evoros.mission import outcome
 from evoros.mission.compiled_loop import Loop, prepare
-from evoros.mission.live_layers import open_layers
 from evoros.mission.loop import (
     COLLISION,
+    COLLISIONS,
     COMPLETED,
-    NOT_FINITE,
+    END_ROW,
+    END_TICK,
+    ENDED,
+    FIRST_COLLISION,
+    RUNNING,
     TIME_LIMIT,
+    VISITED,
+    Agents,
     Arrays,
-    Goal,
     LoopInputs,
     LoopResult,
     Timing,
 )
-from evoros.mission.loop_inputs import collect_inputs
+from evoros.mission.loop_inputs import Stages, collect_inputs
+from evoros.mission.member import (
+    Member,
+    compute_timing,
+    create_agents,
+    create_arrays,
+    create_member,
+    open_controllers,
+    start_pipelines,
+)
 from evoros.mission.metrics import Rollout, measure
 from evoros.mission.mission import Mission
-from evoros.mission.outcome import TRAJECTORY, Outcome
-from evoros.mission.pipeline import (
-    Draws,
-    describe_sensors,
-    start_localization,
-    start_sensor_filters,
-)
-from evoros.mission.plan import count_round
+from evoros.mission.outcome import AGENT_COLUMNS, TRAJECTORY, Outcome
 from evoros.mission.scenario import Scenario
-from evoros.robot.model import Robot
-from evoros.world.model import World
+from evoros.simulator.protocol import PlacedRobot, Simulation, TeamSimulator
 
-ENDED = {
+ENDINGS = {
+    RUNNING: outcome.MISSION_OVER,
     COMPLETED: outcome.COMPLETED,
     COLLISION: outcome.COLLISION,
     TIME_LIMIT: outcome.TIME_LIMIT,
 }
 AVOIDING = "avoiding"
-MIN_RECORD_S = 0.05
-"""A trajectory has a row for each decision, or fewer if decisions are closer than this time [s]."""
 
 Prepare = Callable[[LoopInputs], tuple[Loop, LoopInputs]]
 """Chooses the loop for the inputs, and adapts these to it."""
@@ -54,28 +59,29 @@ Prepare = Callable[[LoopInputs], tuple[Loop, LoopInputs]]
 def run_mission(
     scenario: Scenario, mission: Mission, prepare: Prepare = prepare
 ) -> tuple[Outcome, Array]:
-    """Run a mission and return its outcome and its trajectory, (rows, columns + channels).
+    """Run a mission and return its outcome and its trajectory, (rows, columns).
 
-    A failure of the simulation is an outcome, because it would recur. So are evolved values that
-    a part refuses, because other designs can still be evaluated.
+    The columns are those of ``TRAJECTORY`` and of ``Scenario.name_columns``. A failure of the
+    simulation is an outcome, because it would recur. So are evolved values that a part refuses,
+    because other designs can still be evaluated.
 
     Raises:
         InputError: a part refuses to start for another reason than an evolved value.
         PilotLost: a controller outside of this process ended or did not answer.
     """
     try:
-        equipped = scenario.with_design(mission.design)
+        team = scenario.equip(mission.design)
     except InputError as error:
         ended, reason = outcome.REFUSED, str(error)
     else:
         try:
-            return _run(equipped, mission, prepare)
+            return _run(team, mission, prepare)
         except SimulationError as error:
             ended, reason = outcome.SIMULATION_FAILURE, str(error)
         except LaunchError:
             raise
         except InputError as error:
-            if not mission.design.values:
+            if not any(each.values for each in (mission.design, *mission.design.agents.values())):
                 raise
             ended, reason = outcome.REFUSED, str(error)
     return failed_mission(scenario, mission, ended, reason), empty_trajectory(scenario, mission)
@@ -84,86 +90,89 @@ def run_mission(
 def failed_mission(scenario: Scenario, mission: Mission, ended: str, reason: str) -> Outcome:
     """Create the outcome of a mission that could not be run."""
     limit = scenario.world[mission.world].course.time_limit_s
-    return Outcome.failure(ended, reason, limit, len(mission.design.mounts))
+    first, *others = (
+        Outcome.failure(ended, reason, limit, number)
+        for number in scenario.count_sensors(mission.design)
+    )
+    return replace(first, others=tuple(others))
 
 
 def empty_trajectory(scenario: Scenario, mission: Mission) -> Array:
     """Create the trajectory of a mission that could not be run, with all columns and no row."""
-    return np.empty((0, len(TRAJECTORY) + len(scenario.name_readings(mission.design))))
+    return np.empty((0, len(TRAJECTORY) + len(scenario.name_columns(mission.design))))
 
 
-def _run(scenario: Scenario, mission: Mission, prepare: Prepare) -> tuple[Outcome, Array]:
-    """Run a mission of a scenario whose robot has the sensors of the design."""
-    robot, controller = scenario.robot, scenario.controller
-    world = scenario.world[mission.world].at(mission.draws)
-    course, timing = world.course, _compute_timing(scenario, world)
-    draws: Draws = partial(generator, mission.draws)
-    number = count_round(mission.purpose, mission.generation, mission.trial)
-    route = course.route(course.goes_forward(number, draws("course")))
-    goal = Goal(route, course.acceptance_m, course.end_on_collision)
-    faults = scenario.failure.draw(describe_sensors(robot), draws("failure"))
-    with open_layers(scenario, course, route, draws) as layers:
-        arrays = _create_arrays(timing, world, route, robot, len(layers))
-        ranges, readings, pose = arrays.ranges, arrays.readings, arrays.pose[:POSE_SIZE]
-        filters = start_sensor_filters(robot, faults, ranges, readings, timing.tick, draws)
-        localization = start_localization(controller, pose, draws)
-        with scenario.simulator.open(robot, world) as simulation:
-            loop, inputs = prepare(collect_inputs(simulation, filters, localization, layers))
-            result = loop(inputs, goal, timing, arrays)
-    rollout = _convert_result(result, timing, arrays, controller.modes)
-    return measure(rollout, robot, world, route, faults), rollout.trajectory
-
-
-def _create_arrays(timing: Timing, world: World, route: Array, robot: Robot, layers: int) -> Arrays:
-    channels = robot.channel_count
-    rows = timing.limit // timing.record_every + 2
-    return Arrays(
-        state=np.zeros(STATE_SIZE),
-        pose=np.zeros(STATE_SIZE),
-        leg=np.array([*world.course.home[:2], *route[0]], dtype=float),
-        command=np.zeros(COMMAND_SIZE),
-        ranges=np.zeros(robot.beam_count),
-        readings=np.zeros(channels),
-        decisions=np.zeros(1 + layers),
-        trajectory=np.empty((rows, len(TRAJECTORY) + channels)),
-    )
-
-
-def _compute_timing(scenario: Scenario, world: World) -> Timing:
-    """Express all periods in ticks of their greatest common divisor."""
-    decide = scenario.count_steps("controller.period_s", scenario.controller.period_s)
-    types = {mount.sensor for mount in scenario.robot.mounts}
-    periods = [
-        scenario.count_steps(name, scenario.robot.sensors[name].period_s) for name in sorted(types)
-    ]
-    sense = math.gcd(*periods) if periods else decide
-    common = math.gcd(decide, sense)
-    tick = common * scenario.simulator.time_step
-    limit = math.ceil(round(world.course.time_limit_s / tick, 6))
-    decide //= common
-    record = decide * math.ceil(MIN_RECORD_S / (decide * tick) - 1e-9)
-    return Timing(tick, sense // common, decide, record, limit)
-
-
-def _convert_result(
-    result: LoopResult, timing: Timing, arrays: Arrays, modes: Sequence[str]
-) -> Rollout:
-    """Convert what the loop counted to seconds and shares.
-
-    Raises:
-        SimulationError: the state of the simulation was not finite.
-    """
-    time, first = result.ticks * timing.tick, result.first_collision
-    if result.ended == NOT_FINITE:
+def _run(team: Mapping[str, Scenario], mission: Mission, prepare: Prepare) -> tuple[Outcome, Array]:
+    """Run a mission of robots that have the sensors of their designs."""
+    members = list(_create_members(team, mission))
+    timing, sense_every, decide_every = compute_timing(members)
+    with ExitStack() as stack:
+        layers = open_controllers(members, stack)
+        agents = create_agents(members, layers, sense_every, decide_every)
+        arrays = create_arrays(members, timing, agents.layers[-1])
+        pipelines = start_pipelines(members, timing.tick, arrays)
+        stages = [Stages(*pipeline, own) for pipeline, own in zip(pipelines, layers, strict=True)]
+        simulation = stack.enter_context(_open(members))
+        loop, inputs = prepare(collect_inputs(simulation, stages))
+        result = loop(inputs, agents, timing, arrays)
+    if not result.finite:
+        time = result.ticks * timing.tick
         raise SimulationError(f"the state is not finite after {time:g} s")
+    first, *others = (
+        measure(
+            _convert_counts(number, member, agents, timing, arrays, result),
+            member.robot,
+            member.world,
+            member.route,
+            member.faults,
+        )
+        for number, member in enumerate(members)
+    )
+    return replace(first, others=tuple(others)), arrays.trajectory[: result.rows]
+
+
+def _create_members(team: Mapping[str, Scenario], mission: Mission) -> Iterator[Member]:
+    for name, scenario in team.items():
+        world = scenario.world[mission.world].at(mission.draws)
+        yield create_member(name, scenario, world, mission)
+
+
+def _open(members: Sequence[Member]) -> AbstractContextManager[Simulation]:
+    """Open a simulation of the robots in the world of the first one."""
+    first, simulator = members[0], members[0].scenario.simulator
+    if len(members) > 1 and isinstance(simulator, TeamSimulator):
+        placed = [PlacedRobot(each.robot, each.world.course.home) for each in members]
+        return simulator.open_team(placed, first.world)
+    return simulator.open(first.robot, first.world)
+
+
+def _convert_counts(
+    number: int,
+    member: Member,
+    agents: Agents,
+    timing: Timing,
+    arrays: Arrays,
+    result: LoopResult,
+) -> Rollout:
+    """Convert what the loop counted of a robot to seconds and shares."""
+    counts, tick = arrays.counts[:, number], timing.tick
+    ended, first = int(counts[ENDED]), int(counts[FIRST_COLLISION])
+    cut_off = ended == RUNNING  # the mission did not wait for it
+    rows = result.rows if cut_off else int(counts[END_ROW]) + 1
+    before = agents.readings[number] + agents.estimates[number]
+    start = 1 + before + number * len(AGENT_COLUMNS)
+    end = start + member.columns
+    # The first robot's columns follow the time, so that they need not be copied.
+    columns = slice(end) if number == 0 else [0, *range(start, end)]
+    layers = slice(agents.layers[number] + number, agents.layers[number + 1] + number + 1)
     return Rollout(
-        ended=ENDED[result.ended],
-        time=time,
-        visited=result.visited,
-        collisions=result.collisions,
-        first_collision=first * timing.tick if first >= 0 else math.nan,
-        avoiding=_share_avoiding(modes, arrays.decisions),
-        trajectory=arrays.trajectory[: result.rows],
+        ended=ENDINGS[ended],
+        time=(result.ticks if cut_off else int(counts[END_TICK])) * tick,
+        visited=int(counts[VISITED]),
+        collisions=int(counts[COLLISIONS]),
+        first_collision=first * tick if first >= 0 else math.nan,
+        avoiding=_share_avoiding(member.scenario.controller.modes, arrays.decisions[layers]),
+        trajectory=arrays.trajectory[:rows, columns],
     )
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 from evoros.base.checks import checked, instance_of
@@ -12,10 +12,31 @@ from evoros.design.design import Design
 from evoros.design.genes import replace_values
 from evoros.design.space import SensorDesign
 from evoros.failure.protocol import Failure
+from evoros.filter.protocol import Filter
+from evoros.mission.outcome import AGENT_COLUMNS, ESTIMATE
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import name_channels
-from evoros.simulator.protocol import A_SIMULATOR, SelectiveSimulator, Simulator
+from evoros.sensor.protocol import Sensor, name_channels
+from evoros.simulator.protocol import (
+    A_SIMULATOR,
+    SelectiveSimulator,
+    Simulator,
+    TeamSimulator,
+    measured_by,
+)
 from evoros.world.model import World
+
+
+def require_world(name: str, world: object) -> None:
+    """Refuse what the configuration has among the worlds and is none.
+
+    Raises:
+        InputError: it is no world.
+    """
+    if not isinstance(world, World):
+        raise InputError(
+            f"world.{name}: must be a world, and some of its keys are missing; choose it with "
+            f"world=[...], or remove world.{name}"
+        )
 
 
 @dataclass(frozen=True, eq=False)  # so it can be the key of what is computed from it once
@@ -24,7 +45,8 @@ class Scenario:
     """Everything that a mission needs besides its design, the name of its world and its draws.
 
     The fields are named like the groups of the configuration, so that the key of an evolved value,
-    for example ``controller.avoidance.range_m``, is also its path in a scenario.
+    for example ``controller.avoidance.range_m``, is also its path in a scenario. ``agents`` are the
+    scenarios of the other robots in the world, which have this simulator and none of their own.
 
     Raises:
         InputError: a part of the wrong kind, a world that the simulator cannot simulate, a period
@@ -38,22 +60,27 @@ class Scenario:
     failure: Annotated[Failure, instance_of(Failure, "a failure model (draw)")]
     controller: Annotated[Controller | LiveController, A_CONTROLLER]
     simulator: Annotated[Simulator, A_SIMULATOR]
+    agents: Mapping[str, "Scenario"] = field(default_factory=dict)
+    awaited: bool = True  # whether a mission goes on until this robot has ended
 
     def __post_init__(self) -> None:
         if not self.world:
             raise InputError("world: must have at least one world, not none; add world=case_study")
         for name, world in self.world.items():
-            if not isinstance(world, World):
-                raise InputError(
-                    f"world.{name}: must be a world, and some of its keys are missing; choose it "
-                    f"with world=[...], or remove world.{name}"
-                )
+            require_world(name, world)
             self._check_world(name, world)
         self.count_steps("controller.period_s", self.controller.period_s)
         for name, sensor in self.design.sensors.items():
             self.count_steps(f"design.sensors.{name}.period_s", sensor.period_s)
+            self._check_measured(name, sensor)
         for name, world in self.world.items():
             self._check_limit(name, world.course.time_limit_s)
+        if self.agents and not isinstance(self.simulator, TeamSimulator):
+            raise InputError(
+                f"agents: must be empty with a simulator of one robot, "
+                f"{type(self.simulator).__name__}; use simulator=planar or simulator=physics, or "
+                f"give it the method open_team"
+            )
 
     def _check_world(self, name: str, world: World) -> None:
         if isinstance(self.simulator, SelectiveSimulator):
@@ -61,6 +88,15 @@ class Scenario:
                 self.simulator.check_world(world)
             except InputError as error:
                 raise InputError(f"world.{name}: {error}") from None
+
+    def _check_measured(self, name: str, sensor: Sensor) -> None:
+        offered = measured_by(self.simulator)
+        if sensor.measures not in offered:
+            raise InputError(
+                f"design.sensors.{name}: measures {sensor.measures}, which "
+                f"{type(self.simulator).__name__} does not offer to sensors (it offers "
+                f"{', '.join(offered)}); remove that sensor, or choose another simulator"
+            )
 
     def _check_limit(self, world: str, limit: float) -> None:
         """Require that a mission can end at its time limit and not after it.
@@ -103,8 +139,45 @@ class Scenario:
             scenario, robot=scenario.robot.with_sensors(design.mounts, scenario.design.sensors)
         )
 
-    def name_readings(self, design: Design) -> list[str]:
-        """Return the columns of a trajectory that the readings of a design's sensors have.
+    @property
+    def is_live(self) -> bool:
+        """Whether a program outside of this process controls any of the robots."""
+        return any(
+            isinstance(each.controller, LiveController) for each in (self, *self.agents.values())
+        )
+
+    def equip(self, design: Design) -> dict[str, "Scenario"]:
+        """Return the scenarios of all robots with their designs, by name; the first one's is "".
+
+        Raises:
+            InputError: see ``with_design``; the message names the robot.
+        """
+        team = {"": self.with_design(design)}
+        for name, agent in self.agents.items():
+            try:
+                team[name] = agent.with_design(design.of(name))
+            except InputError as error:
+                raise InputError(f"agents.{name}: {error}") from None
+        return team
+
+    def count_sensors(self, design: Design) -> list[int]:
+        """Return the number of sensors of each robot."""
+        return [len(each.mounts) for each in (design, *map(design.of, self.agents))]
+
+    def name_columns(self, design: Design) -> list[str]:
+        """Return the columns of a trajectory that follow those of ``TRAJECTORY``.
+
+        These are the readings of the first robot, with its estimated pose if it has one, and then
+        all of each other robot.
+        """
+        columns = self._name_readings(design)
+        for name, agent in self.agents.items():
+            own = (*AGENT_COLUMNS, *agent._name_readings(design.of(name)))
+            columns += [f"{name}.{column}" for column in own]
+        return columns
+
+    def _name_readings(self, design: Design) -> list[str]:
+        """Return the columns of the readings of a design's sensors, and of the estimated pose.
 
         A design that a part refuses has those of the sensors before its values are set.
         """
@@ -112,4 +185,14 @@ class Scenario:
             sensors = self.with_design(design).design.sensors
         except InputError:
             sensors = self.design.sensors
-        return list(name_channels(sensors[mount.sensor] for mount in design.mounts))
+        readings = name_channels(sensors[mount.sensor] for mount in design.mounts)
+        return [*readings, *self.pose_columns]
+
+    @property
+    def pose_columns(self) -> tuple[str, ...]:
+        """The columns of a trajectory for the pose that the robot takes for its own.
+
+        There are none if filters change the true pose.
+        """
+        parts = self.controller.localization.values()
+        return ESTIMATE if any(not isinstance(part, Filter) for part in parts) else ()

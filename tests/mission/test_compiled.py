@@ -8,7 +8,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from inspect import isbuiltin
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -28,7 +27,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.evolution.preflight import preflight
 from evoros.filter.protocol import Channels, FilterRule
 from evoros.mission.compiled_loop import prepare, prepare_interpreted
-from evoros.mission.loop import LoopInputs
+from evoros.mission.loop import LoopInputs, run_loop
 from evoros.mission.loop_inputs import collect_inputs
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
@@ -61,7 +60,7 @@ def experiment_of(*overrides: str) -> Experiment:
 
 
 def missions(experiment: Experiment, count: int) -> list[Mission]:
-    """Random designs in all worlds; every second one starts in the middle of the obstacles."""
+    """Those of so many random designs in all worlds."""
     rng = np.random.default_rng(len(repr(experiment.failure)))
     designs = [experiment.space.decode(rng.random(experiment.space.size)) for _ in range(count)]
     return [m for i, one in enumerate(designs) for m in experiment.plan.evaluation(0, i, one)]
@@ -75,7 +74,7 @@ def same(one: Any, other: Any) -> bool:
 @pytest.mark.parametrize("overrides", COMBINATIONS, ids=lambda each: each[0] + str(len(each)))
 def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> None:
     experiment = experiment_of(*overrides)
-    for mission in missions(experiment, 12):
+    for mission in missions(experiment, 2):
         whole = run_mission(experiment.scenario, mission)
         stepped = run_mission(experiment.scenario, mission, prepare_interpreted)
         assert same(whole, stepped)
@@ -89,7 +88,7 @@ def test_bodies_of_all_kinds_and_bumps_are_compiled_alike() -> None:
         "world.generated.gap_m=0.3",
         "controller/avoidance=blind",
         "course.end_on_collision=false",
-        "course.time_limit_s=150",
+        "course.time_limit_s=60",
     )
     bumps = 0
     for mission in missions(experiment, 2):
@@ -113,8 +112,8 @@ def test_bundled_parts_are_compiled_from_start_to_end() -> None:
     for overrides in COMBINATIONS:
         experiment = experiment_of(*overrides)
         run_mission(experiment.scenario, missions(experiment, 1)[0], watched(prepare, seen))
-    loops = {loop for loop, _ in seen}
-    assert all(isbuiltin(loop) for loop in loops)
+    loops = [loop for loop, _ in seen]
+    assert run_loop not in loops
 
 
 @dataclass(frozen=True)
@@ -192,13 +191,13 @@ def test_a_plain_python_rule_works_and_is_named(
     (line,) = [r.getMessage() for r in caplog.records if "not compiled" in r.getMessage()]
     assert line.startswith(f"{name} is not compiled: ")
     assert "slower" in line
-    for mission in missions(compilable, 2):
+    for mission in missions(compilable, 1):
         seen: list[Any] = []
         one = run_mission(compilable.scenario, mission, watched(prepare, seen))
         other = run_mission(interpreted.scenario, mission, watched(prepare, seen))
         assert same(one, other)
-        assert isbuiltin(seen[0][0])
-        assert not isbuiltin(seen[1][0])
+        assert seen[0][0] is not run_loop
+        assert seen[1][0] is run_loop
 
 
 @pytest.mark.parametrize(
@@ -224,7 +223,7 @@ def test_so_are_those_of_a_simulation() -> None:
     rules = SimulationRules(observe, sense, advance)
     careless = RuleSimulation(rules, np.zeros(3), np.zeros(3, dtype=np.int64))
     with pytest.raises(InputError, match=r"planar_rules\.advance: its memory must be a contiguous"):
-        collect_inputs(careless, (), (), ())
+        collect_inputs(careless, ())
 
 
 def divide(p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
@@ -298,6 +297,7 @@ print(listener.count)
 """
 
 
+@pytest.mark.slow
 def test_a_new_process_finds_everything_on_disk(tmp_path: Path) -> None:
     """The first process compiles; the second one compiles nothing at all."""
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
@@ -361,19 +361,20 @@ def test_compiled_code_is_found_again_until_a_source_that_it_calls_changes(tmp_p
 
     assert [run(), run()] == ["1.0 True", "1.0 False"]
     helper.write_text(HELPER.replace("1.0", "2.0"))
-    assert [run(), run()] == ["2.0 True", "2.0 False"]
+    assert run() == "2.0 True"
 
 
 def test_a_change_of_any_source_selects_another_folder_for_compiled_code(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Tried with one source of each folder of the package."""
     package = tmp_path / "evoros"
     shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("*.pyc"))
     monkeypatch.setattr(compiled, "PACKAGE", package)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     find_folder = compiled._cache_folder.__wrapped__
     first = find_folder()
-    sources = list(package.rglob("*.py"))
+    sources = list({source.parent: source for source in package.rglob("*.py")}.values())
     assert {"base", "mission", "engines", "urdf"} <= {source.parent.name for source in sources}
     folders = {first}
     for source in sources:
@@ -393,9 +394,6 @@ from evoros.filter.silence import Silence
 print(compilation._cache_folder())
 compilation.compile_rule(Silence().rule, compilation.FILTER)
 """
-
-
-ASKING = "from evoros.base import compilation; print(compilation._cache_folder())"
 
 
 @pytest.mark.parametrize("writable", [True, False])
@@ -421,17 +419,24 @@ def test_without_a_cache_at_home_another_place_is_found_or_none(
 
 
 @pytest.mark.parametrize("lower", [False, True])
-def test_code_that_others_could_have_written_is_not_run(tmp_path: Path, lower: bool) -> None:
+def test_code_that_others_could_have_written_is_not_run(
+    lower: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Neither from a folder of theirs, nor from one that they could put into ours."""
     home, other = tmp_path / "home", tmp_path / "other"
-    environment = {**os.environ, "XDG_CACHE_HOME": str(home), "TMPDIR": str(other)}
+    other.mkdir()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home))
+    monkeypatch.setattr("tempfile.tempdir", str(other))
 
     def folder(umask: int) -> Path:
-        command = [sys.executable, "-c", f"import os; os.umask({umask}); {ASKING}"]
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-        return Path(done.stdout.strip())
+        before = os.umask(umask)
+        try:
+            found = compiled._cache_folder.__wrapped__()
+        finally:
+            os.umask(before)
+        assert found is not None
+        return Path(found)
 
-    other.mkdir()
     ours = folder(0o002)
     assert ours.parent == home / "evoros"
     assert folder(0o022) == ours
@@ -440,19 +445,19 @@ def test_code_that_others_could_have_written_is_not_run(tmp_path: Path, lower: b
 
 
 def test_a_run_is_the_same_on_any_number_of_workers(tmp_path: Path) -> None:
-    """In this process, in one worker and in three."""
+    """In this process and in three workers."""
     overrides = [
         "simulator=planar",
         "failure=spatial",
-        "course.time_limit_s=60",
+        "course.time_limit_s=20",
         "optimizer.population_size=6",
         "optimizer.generations=2",
         "optimizer.validation_trials=1",
         "figures=[]",
     ]
     runs: list[dict[str, str]] = []
-    for executor in (["executor=serial"], ["executor.workers=1"], ["executor.workers=3"]):
+    for executor in (["executor=serial"], ["executor.workers=3"]):
         folder = tmp_path / str(len(runs))
         assert evoros([*overrides, *executor, f"hydra.run.dir={folder}"]) == 0
         runs.append(content(folder))
-    assert runs[0] == runs[1] == runs[2]
+    assert runs[0] == runs[1]

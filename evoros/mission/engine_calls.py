@@ -1,0 +1,93 @@
+"""Lets the compiled mission loop call an engine, which is a live object of Python."""
+
+from collections.abc import Callable
+from ctypes import CFUNCTYPE, c_void_p
+from typing import Any
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.base.compilation import SIMULATION_RULES, call_address, compile_rule
+from evoros.base.signals import hold_signals
+from evoros.mission.loop import Agents, Arrays, LoopInputs, LoopResult, Timing
+from evoros.simulator.protocol import SimulationRules
+
+OBSERVE, SENSE, ADVANCE = range(3)
+"""Where the addresses of the three calls are among the parameters of the simulation."""
+
+CALLBACK = CFUNCTYPE(None)
+
+
+def observe(parameters: Array, memory: Array, state: Array) -> None:
+    """Let Python observe the engine."""
+    call_address(int(parameters[OBSERVE]))
+
+
+def sense(parameters: Array, memory: Array, signals: Array) -> None:
+    """Let Python sense in the engine."""
+    call_address(int(parameters[SENSE]))
+
+
+def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
+    """Let Python advance the engine."""
+    call_address(int(parameters[ADVANCE]))
+
+
+ENGINE_RULES = SimulationRules(observe, sense, advance)
+"""The rules of motion of every engine: each calls a function of Python that knows its arrays."""
+
+
+def run_with_engine(
+    loop: Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult],
+    inputs: LoopInputs,
+    agents: Agents,
+    timing: Timing,
+    arrays: Arrays,
+) -> LoopResult:
+    """Run a compiled loop with rules of motion that only Python can call.
+
+    Raises:
+        Exception: what one of these rules raises, which ends the mission.
+    """
+    own = inputs.parameters, inputs.memory
+    turns = (
+        (inputs.observe, *own, arrays.states),
+        (inputs.sense, *own, arrays.signals),
+        (inputs.advance, *own, arrays.commands, timing.tick),
+    )
+    errors: list[BaseException] = []
+    with hold_signals() as deliver:
+        callbacks = [_expose(turn, deliver, errors, arrays.states) for turn in turns]
+        addresses = [c_void_p.from_buffer_copy(each).value for each in callbacks]
+        rules = SimulationRules(*map(compile_rule, ENGINE_RULES, SIMULATION_RULES))
+        calling = inputs._replace(**rules._asdict(), parameters=np.array(addresses, dtype=float))
+        result = loop(calling, agents, timing, arrays)
+    if errors:
+        raise errors[0]
+    return result
+
+
+def _expose(
+    call: tuple[Any, ...],
+    deliver: Callable[[], None],
+    errors: list[BaseException],
+    states: Array,
+) -> Any:
+    """Make a C function of a rule and its arguments.
+
+    An exception cannot pass through compiled code. It is kept, and the states become NaN, which
+    ends the mission.
+    """
+    rule, *arguments = call
+
+    def turn() -> None:
+        if not errors:
+            try:
+                deliver()
+                rule(*arguments)
+                return
+            except BaseException as error:
+                errors.append(error)
+        states[:] = np.nan
+
+    return CALLBACK(turn)

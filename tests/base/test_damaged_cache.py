@@ -1,0 +1,40 @@
+"""Compiled code on disk that cannot be loaded is made anew, and does not block anybody."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from evoros.base import compilation
+from evoros.base.compilation import FILTER, CompiledRule
+from evoros.filter.silence import Silence
+
+DAMAGES: dict[str, Callable[[bytes], bytes]] = {
+    "empty": lambda content: b"",
+    "half": lambda content: content[: len(content) // 2],
+    "zeros": lambda content: bytes(len(content)),
+    "half zeros": lambda content: content[: len(content) // 2] + bytes(len(content) // 2),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+def test_damaged_code_is_compiled_anew_and_kept(
+    suffix: str, damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compilation, "_cache_folder", lambda: tmp_path)
+    compile_anew()
+    (file,) = tmp_path.rglob(f"*{suffix}")
+    damaged = DAMAGES[damage](file.read_bytes())
+    file.write_bytes(damaged)
+    compile_anew()
+    assert file.read_bytes() != damaged
+    before = file.stat().st_mtime_ns
+    compile_anew()
+    assert file.stat().st_mtime_ns == before  # it was loaded
+
+
+def compile_anew() -> None:
+    """Compile or load a rule as a new process does."""
+    rule = compilation._compile.__wrapped__(Silence.rule, FILTER)
+    assert isinstance(rule, CompiledRule)

@@ -1,0 +1,187 @@
+"""Missions of an engine: compiled but for its calls; no error and no interruption is lost."""
+
+import gc
+import signal
+import sys
+import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evoros.base.arrays import SPEED, Array
+from evoros.base.errors import SimulationError
+from evoros.config.compose import compose
+from evoros.evolution.experiment import Experiment
+from evoros.mission.compiled_loop import prepare, prepare_interpreted
+from evoros.mission.loop import run_loop
+from evoros.mission.mission import Mission
+from evoros.mission.outcome import SIMULATION_FAILURE
+from evoros.mission.rollout import run_mission
+from evoros.mission.scenario import Scenario
+from evoros.robot.model import Robot
+from evoros.sensor.protocol import RANGE
+from evoros.world.model import World
+
+
+@dataclass
+class Wreck:
+    """A simulation whose robot stands still, and that raises an error at its nth call of a kind."""
+
+    fails: str = ""
+    count: int = 0
+    error: BaseException = field(default_factory=lambda: SimulationError("the axle is broken"))
+    calls: list[str] = field(default_factory=list)
+
+    def _call(self, name: str) -> None:
+        self.calls.append(name)
+        if self.calls.count(name) == self.count and name == self.fails:
+            raise self.error
+
+    def observe(self, state: Array) -> None:
+        self._call("observe")
+        state[:] = 0.0
+        state[SPEED] = len(self.calls)
+
+    def sense(self, signals: Array) -> None:
+        self._call("sense")
+        signals[:] = 1.0
+
+    def advance(self, command: Array, duration: float) -> None:
+        self._call("advance")
+
+
+@dataclass(frozen=True)
+class Engine:
+    """A simulator that opens what it is given."""
+
+    wreck: Any
+    time_step = 0.1
+    packages = ()
+    measures = (RANGE,)
+
+    @contextmanager
+    def open(self, robot: Robot, world: World) -> Iterator[Any]:
+        yield self.wreck
+
+
+@cache
+def experiment_of(*overrides: str) -> Experiment:
+    return compose(["failure=random", "course.time_limit_s=12", *overrides]).build()
+
+
+def first_mission(experiment: Experiment) -> Mission:
+    design = experiment.space.decode(np.random.default_rng(3).random(experiment.space.size))
+    return experiment.plan.evaluation(0, 0, design)[0]
+
+
+def with_engine(wreck: Any) -> tuple[Scenario, Mission]:
+    experiment = experiment_of("simulator=planar")
+    return replace(experiment.scenario, simulator=Engine(wreck)), first_mission(experiment)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_a_mission_has_the_bits_of_the_interpreted_one(engine: str) -> None:
+    pytest.importorskip(engine)
+    experiment = experiment_of(f"simulator={engine}")
+    mission = first_mission(experiment)
+    loops: list[Any] = []
+
+    def watch(inputs: Any) -> Any:
+        loops.append(prepare(inputs))
+        return loops[-1]
+
+    outcome, whole = run_mission(experiment.scenario, mission, watch)
+    stepped, track = run_mission(experiment.scenario, mission, prepare_interpreted)
+    assert loops[0][0] is not run_loop
+    assert repr(outcome) == repr(stepped)
+    assert whole.tobytes() == track.tobytes()
+
+
+@pytest.mark.parametrize("count", [1, 7])
+@pytest.mark.parametrize("call", ["observe", "sense", "advance"])
+def test_an_error_of_the_engine_ends_the_mission_as_in_the_interpreted_loop(
+    call: str, count: int
+) -> None:
+    said = []
+    for loop in (prepare, prepare_interpreted):
+        wreck = Wreck(call, count)
+        scenario, mission = with_engine(wreck)
+        outcome, rows = run_mission(scenario, mission, loop)
+        said.append((outcome, len(rows), wreck.calls))
+        assert outcome.ended == SIMULATION_FAILURE
+        assert wreck.calls.count(call) == count
+    assert repr(said[0]) == repr(said[1])
+
+
+@pytest.mark.parametrize("call", ["observe", "sense", "advance"])
+def test_other_errors_reach_the_caller(call: str) -> None:
+    scenario, mission = with_engine(Wreck(call, 3, ZeroDivisionError("of a part")))
+    with pytest.raises(ZeroDivisionError, match="of a part"):
+        run_mission(scenario, mission)
+
+
+def fly_until_interrupted(scenario: Scenario, mission: Mission) -> None:
+    while True:
+        run_mission(scenario, mission)
+
+
+@pytest.mark.parametrize("simulator", ["engine", "planar"])
+def test_an_interruption_does_no_harm_wherever_it_comes(
+    simulator: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """numba would end the process if it came while arguments or results are converted."""
+    lost: list[Any] = []
+    monkeypatch.setattr(sys, "unraisablehook", lost.append)
+    arrived: list[int] = []
+
+    def interrupt(number: int, frame: Any) -> None:
+        arrived.append(number)
+        raise KeyboardInterrupt
+
+    scenario, mission = with_engine(Wreck())
+    if simulator == "planar":
+        scenario = experiment_of("simulator=planar").scenario
+    run_mission(scenario, mission)
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        for number in range(80):
+            signal.setitimer(signal.ITIMER_REAL, 0.0005 + 0.0002 * number)
+            with pytest.raises(KeyboardInterrupt):
+                fly_until_interrupted(scenario, mission)
+            assert len(arrived) == number + 1
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert not lost
+
+
+def test_a_signal_that_raises_nothing_changes_nothing() -> None:
+    """As SIGINT in a worker, which the whole group of processes gets."""
+    arrived: list[int] = []
+    before = signal.signal(signal.SIGALRM, lambda number, frame: arrived.append(number))
+    plain = run_mission(*with_engine(Wreck()))
+    try:
+        while not arrived:
+            signal.setitimer(signal.ITIMER_REAL, 0.001)
+            assert repr(run_mission(*with_engine(Wreck()))) == repr(plain)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_a_mission_keeps_nothing_of_its_engine() -> None:
+    """Its arrays are large, so they must not wait for the garbage collector."""
+    wreck = Wreck()
+    gone = weakref.ref(wreck)
+    gc.disable()
+    try:
+        run_mission(*with_engine(wreck))
+        del wreck
+        assert gone() is None
+    finally:
+        gc.enable()
