@@ -68,8 +68,22 @@ from evoros.formats.urdf.tree import Urdf
 from evoros.mission.outcome import Outcome
 from evoros.optimizer.protocol import Candidate, Individual, Optimizer, Search, Space
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import RANGE, Channel, Mount, RangeSensor, Sensor, sees
-from evoros.simulator.protocol import Simulation, Simulator
+from evoros.sensor.protocol import (
+    CONTACT as CONTACT_SIGNAL,
+)
+from evoros.sensor.protocol import (
+    MOTION,
+    RANGE,
+    WHEELS,
+    Channel,
+    ContactSensor,
+    Mount,
+    RangeSensor,
+    Sensor,
+    SignalSensor,
+    sees,
+)
+from evoros.simulator.protocol import PlacedRobot, Simulation, Simulator, TeamSimulator
 from evoros.world.course import Course
 from evoros.world.model import World
 
@@ -84,13 +98,14 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "CONTACT", "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "compilable",
     # Protocols, and the values that parts exchange.
     "Generator", "Robot", "World", "Course", "Drive", "DriveDescription", "Urdf",
-    "Sensor", "RangeSensor", "Channel", "RANGE", "sees", "Mount",
+    "Sensor", "RangeSensor", "SignalSensor", "ContactSensor", "Channel", "RANGE",
+    "MOTION", "WHEELS", "CONTACT_SIGNAL", "sees", "Mount",
     "RegionDescription", "BoundRegion", "Area", "SensorPose",
     "Filter", "Channels", "Silence", "Failure", "Fault", "Controller", "Layer", "StartedLayer",
     "LiveController", "LimitedController", "VersionedController", "Briefing", "Pilot",
     "start_process", "OutsideProcess",
-    "Simulator", "Simulation", "Optimizer", "Search", "Space", "Individual", "Candidate",
-    "Executor", "Pool", "Fitness", "Outcome",
+    "Simulator", "TeamSimulator", "PlacedRobot", "Simulation", "Optimizer", "Search", "Space",
+    "Individual", "Candidate", "Executor", "Pool", "Fitness", "Outcome",
     # Errors that a part may raise.
     "InputError", "SimulationError", "WorkerLost", "PilotLost", "LaunchError",
 ]

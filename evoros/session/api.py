@@ -31,6 +31,7 @@ from evoros.config.compose import compose
 from evoros.config.configuration import Configuration
 from evoros.design.design import Design
 from evoros.design.space import DesignSpace
+from evoros.design.team import TeamSpace
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Pool
@@ -40,7 +41,7 @@ from evoros.mission.outcome import Outcome
 from evoros.session.run import check_experiment, create_run, open_run
 from evoros.session.status import Display, NoDisplay
 from evoros.storage.reading import Run, load_run
-from evoros.storage.tables import MISSIONS_HEADER, mission_row
+from evoros.storage.tables import MISSIONS_HEADER, mission_row, name_agent_columns
 
 ConfigurationLike: TypeAlias = Configuration | Sequence[str]
 """A composed configuration, or the overrides that one would type behind ``evoros``."""
@@ -109,7 +110,7 @@ class Evaluator:
         self._pool: Pool | None = None
 
     @property
-    def space(self) -> DesignSpace:
+    def space(self) -> DesignSpace | TeamSpace:
         """Decodes vectors of the unit cube, (space.size,), into designs."""
         return self.experiment.space
 
@@ -134,14 +135,14 @@ class Evaluator:
             RunStopped: a mission was lost.
         """
         missions, outcomes = self._run(designs, generation)
-        fitness = self.experiment.fitness
+        fitness = self.experiment.scoring
         return [compute_fitness(fitness, of_design, outcomes) for of_design in missions]
 
     def evaluate(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
         """Score designs: the table that the function ``evaluate`` returns."""
         missions, outcomes = self._run(designs, generation)
         rows = [
-            {"design": i} | summarize_scores(self.experiment.fitness, of_design, outcomes)
+            {"design": i} | summarize_scores(self.experiment.scoring, of_design, outcomes)
             for i, of_design in enumerate(missions)
         ]
         return pd.DataFrame(rows)
@@ -150,7 +151,8 @@ class Evaluator:
         """Run the missions of designs: a table with the columns of a run's ``missions.csv``."""
         missions, outcomes = self._run(designs, generation)
         rows = [mission_row(m, outcomes[m.key]) for of_design in missions for m in of_design]
-        return pd.DataFrame(rows, columns=list(MISSIONS_HEADER))
+        columns = [*MISSIONS_HEADER, *name_agent_columns(self.experiment.agents)]
+        return pd.DataFrame(rows, columns=columns)
 
     def _run(
         self, designs: Sequence[Design], generation: int
@@ -162,7 +164,7 @@ class Evaluator:
             )
         experiment = self.experiment
         for design in designs:  # an error in a design made by hand is raised, and not scored
-            experiment.scenario.with_design(design)
+            experiment.scenario.equip(design)
         missions = [
             experiment.plan.evaluation(generation, i, design) for i, design in enumerate(designs)
         ]

@@ -14,7 +14,7 @@ from evoros.design.region import Region
 from evoros.formats.strict_csv import read_rows
 from evoros.mission.scenario import Scenario
 from evoros.sensor.protocol import Mount
-from evoros.storage.tables import DESIGN_COLUMNS, mount_cells, to_csv
+from evoros.storage.tables import AGENT, DESIGN_COLUMNS, list_designs, mount_cells, table_by_robot
 
 DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
 """The designs of an evaluation in its folder, complete and independent of their sources."""
@@ -41,6 +41,13 @@ class DesignDraft:
     at: str  # file and line of its first row
     mounts: dict[int, Mount] = field(default_factory=dict)  # by number; empty: no sensors
     values: dict[str, float] = field(default_factory=dict)  # other evolved values, by key
+    agents: dict[str, "DesignDraft"] = field(
+        default_factory=dict
+    )  # of robots with one of their own
+
+    def of(self, agent: str, at: str) -> "DesignDraft":
+        """Return the draft of a robot, which may be new; the first one's name is empty."""
+        return self.agents.setdefault(agent, DesignDraft(at)) if agent else self
 
 
 Drafts = dict[DesignName, DesignDraft]
@@ -63,16 +70,21 @@ def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
     Every value is written out in full. Sensors are numbered in the robot's order, to which
     ``failed_sensors`` refers.
     """
-    sensors: list[Sequence[object]] = [DESIGN_FILE_COLUMNS]
-    genes: list[Sequence[object]] = [GENE_FILE_COLUMNS]
+    sensors: list[Sequence[object]] = []
+    genes: list[Sequence[object]] = []
     for named in designs:
         name = (named.source, named.name)
-        for number, mount in enumerate(named.design.mounts):
-            sensors.append([*name, number, *mount_cells(mount)])
-        if not named.design.mounts:
-            sensors.append([*name, *(None for _ in DESIGN_COLUMNS[1:])])
-        genes += [[*name, key, value] for key, value in named.design.values.items()]
-    return {DESIGN_FILE: to_csv(sensors), GENE_FILE: to_csv(genes)}
+        for robot, design in list_designs(named.design):
+            for number, mount in enumerate(design.mounts):
+                sensors.append([*name, number, *mount_cells(mount), robot])
+            if not design.mounts:
+                sensors.append([*name, *(None for _ in DESIGN_COLUMNS[1:]), robot])
+            genes += [[*name, key, value, robot] for key, value in design.values.items()]
+    found = [named.design for named in designs]
+    return {
+        DESIGN_FILE: table_by_robot(DESIGN_FILE_COLUMNS, sensors, found),
+        GENE_FILE: table_by_robot(GENE_FILE_COLUMNS, genes, found),
+    }
 
 
 def fit_designs(drafts: Mapping[DesignName, DesignDraft], scenario: Scenario) -> list[NamedDesign]:
@@ -85,12 +97,20 @@ def fit_designs(drafts: Mapping[DesignName, DesignDraft], scenario: Scenario) ->
 
 
 def _fit(name: DesignName, draft: DesignDraft, scenario: Scenario) -> NamedDesign:
-    mounts = [mount for _, mount in sorted(draft.mounts.items())]
     try:
-        robot = scenario.with_design(Design(tuple(mounts), draft.values)).robot
+        team = scenario.equip(_design_of(draft))
     except InputError as error:
         raise InputError(f"{draft.at}: design {name[1]!r}: {error}") from None
-    return NamedDesign(*name, Design(robot.mounts, draft.values))
+    agents = {
+        agent: Design(team[agent].robot.mounts, own.values) for agent, own in draft.agents.items()
+    }
+    return NamedDesign(*name, Design(team[""].robot.mounts, draft.values, agents))
+
+
+def _design_of(draft: DesignDraft) -> Design:
+    mounts = tuple(mount for _, mount in sorted(draft.mounts.items()))
+    agents = {agent: _design_of(own) for agent, own in draft.agents.items()}
+    return Design(mounts, draft.values, agents)
 
 
 def read_drafts(path: Path, source: str | None, scenario: Scenario, minimum: int = 1) -> Drafts:
@@ -102,7 +122,7 @@ def read_drafts(path: Path, source: str | None, scenario: Scenario, minimum: int
         InputError: the table is damaged, or has fewer than ``minimum`` designs.
     """
     needed = NEEDED if source is not None else ("source", *NEEDED)
-    optional = tuple(name for name in DESIGN_COLUMNS if name not in needed)
+    optional = (*(name for name in DESIGN_COLUMNS if name not in needed), AGENT)
     drafts: Drafts = {}
     for line, cells in read_rows(path, needed, optional):
         _add_row(drafts, f"{path}: line {line}", source, cells, scenario)
@@ -118,11 +138,14 @@ def _add_row(
     if not cells["design"]:
         raise InputError(f"{at}: design must be a name, not empty; give each row its design")
     name = (cells.get("source", source) or "", cells["design"])
-    bare = not any(value for key, value in cells.items() if key not in ("source", "design"))
-    draft = drafts.get(name)
-    if draft is None:
-        draft = drafts[name] = DesignDraft(at)
-    elif bare or not draft.mounts:
+    agent = cells.get(AGENT) or ""
+    if agent:
+        scenario = _find_agent(at, agent, scenario)
+    naming = ("source", "design", AGENT)
+    bare = not any(value for key, value in cells.items() if key not in naming)
+    known = name in drafts and (not agent or agent in drafts[name].agents)
+    draft = drafts.setdefault(name, DesignDraft(at)).of(agent, at)
+    if known and (bare or not draft.mounts):
         raise InputError(
             f"{at}: design {name[1]!r} must have either rows with sensors or one row without; "
             f"remove this row"
@@ -136,6 +159,17 @@ def _add_row(
             f"its sensors 0, 1, 2 ..."
         )
     draft.mounts[number] = mount
+
+
+def _find_agent(at: str, agent: str, scenario: Scenario) -> Scenario:
+    """Return the scenario of another robot than the first."""
+    if agent not in scenario.agents:
+        known = ", ".join(scenario.agents) or "none"
+        raise InputError(
+            f"{at}: agent must be one of the experiment's agents ({known}), not {agent!r}; add it "
+            f"with agents=..., or remove the row"
+        )
+    return scenario.agents[agent]
 
 
 def _read_mount(at: str, cells: Mapping[str, str], scenario: Scenario) -> tuple[int, Mount]:
@@ -183,9 +217,11 @@ def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:
         InputError: the table is damaged.
     """
     needed = ("design", "key", "value") if source is not None else GENE_FILE_COLUMNS
-    for line, cells in read_rows(path, needed, ("gene",)):
+    for line, cells in read_rows(path, needed, ("gene", AGENT)):
         at = f"{path}: line {line}"
         draft = drafts.get((cells.get("source", source) or "", cells["design"]))
+        if draft is not None:
+            draft = draft.of(cells.get(AGENT) or "", at)
         if draft is None or cells["key"] in draft.values:
             raise InputError(
                 f"{at}: must be another value of one of the designs, not {cells['key']!r} of "

@@ -23,7 +23,7 @@ from evoros.session.design_tables import (
     read_recorded_designs,
     write_designs,
 )
-from evoros.session.evaluation_record import HEADER, EvaluationRecord
+from evoros.session.evaluation_record import EvaluationRecord, evaluation_header
 from evoros.session.given_designs import read_given
 from evoros.session.resume import rebuild
 from evoros.session.run import check_experiment
@@ -98,7 +98,7 @@ def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
         MANIFEST: json.dumps(content, indent=2) + "\n",
         SETTING: describe_experiment(experiment).text,
         **files,
-        MISSIONS: to_csv([HEADER]),
+        MISSIONS: to_csv([evaluation_header(experiment)]),
     }
     create_folder(folder, {CONFIG: config.text, **others})
     return Evaluation(experiment, designs, folder, messages)

@@ -16,13 +16,24 @@ from evoros.mission.outcome import Outcome
 from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import NamedDesign
 from evoros.storage.mission_log import MISSIONS, MissionLog
-from evoros.storage.tables import OUTCOME_COLUMNS, outcome_cells, read_outcome, to_csv
+from evoros.storage.tables import (
+    OUTCOME_COLUMNS,
+    name_agent_columns,
+    outcome_cells,
+    read_outcome,
+    to_csv,
+)
 from evoros.storage.trajectory_files import TrajectoryFiles
 
 SCORES = "designs.csv"
-HEADER = ("source", "design", "world", "trial", "draws", *OUTCOME_COLUMNS)
+KEY_COLUMNS = ("source", "design", "world", "trial", "draws")
 GENERATION = 0
 """All designs meet the draws of this generation of evaluations; another seed gives others."""
+
+
+def evaluation_header(experiment: Experiment) -> list[str]:
+    """Return the columns of the table of missions."""
+    return [*KEY_COLUMNS, *OUTCOME_COLUMNS, *name_agent_columns(experiment.agents)]
 
 
 @dataclass
@@ -43,7 +54,7 @@ class EvaluationRecord(MissionLog):
     """
 
     def __init__(self, path: Path, experiment: Experiment, designs: Sequence[NamedDesign]) -> None:
-        super().__init__(path, HEADER)
+        super().__init__(path, evaluation_header(experiment))
         self._experiment, self._designs = experiment, designs
         self._unfinished: dict[int, _UnfinishedDesign] = {}
         self._scores: dict[int, dict[str, float]] = {}  # of finished designs
@@ -119,7 +130,8 @@ class EvaluationRecord(MissionLog):
 
         def parse(row: Mapping[str, str]) -> tuple[int, str, int, str, Outcome]:
             number = names[row["source"], row["design"]]
-            return number, row["world"], int(row["trial"]), row["draws"], read_outcome(row)
+            outcome = read_outcome(row, list(self._experiment.agents))
+            return number, row["world"], int(row["trial"]), row["draws"], outcome
 
         for number, world, trial, draws, outcome in self.read(parse):
             if number in self._scores:
@@ -149,7 +161,7 @@ class EvaluationRecord(MissionLog):
         if len(design.outcomes) == len(design.missions):
             missions = list(design.missions.values())
             self._scores[number] = summarize_scores(
-                self._experiment.fitness, missions, design.outcomes
+                self._experiment.scoring, missions, design.outcomes
             )
             del self._unfinished[number]
 

@@ -125,7 +125,7 @@ def _build(overrides: Sequence[str], folder: Path | None) -> tuple[Experiment, l
 
 def _sample_places(experiment: Experiment) -> dict[str, Array]:
     """Return poses (n, 5) of sensors of random designs, by their region."""
-    space, rng = experiment.space, generator("inspection", "designs")
+    space, rng = experiment.own_space, generator("inspection", "designs")
     places: dict[str, list[Array]] = {}
     for _ in range(SAMPLES):
         genome = rng.random(space.size)

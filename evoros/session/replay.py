@@ -48,7 +48,7 @@ def replay(
     mission = Mission(generation, design, decoded, world, trial, purpose, draws)
     scenario = experiment.scenario_for(purpose)
     outcome, trajectory = run_mission(scenario, mission)
-    columns = [*TRAJECTORY, *scenario.name_readings(decoded)]
+    columns = [*TRAJECTORY, *scenario.name_columns(decoded)]
     return outcome, pd.DataFrame(trajectory, columns=columns)
 
 

@@ -19,7 +19,7 @@ from evoros.design.protocol import Area, Point
 from evoros.failure.protocol import Failure
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import RangeSensor, sees, sensor_bearings
+from evoros.sensor.protocol import Mount, RangeSensor, Sensor, sees, sensor_bearings
 from evoros.world.course import Course
 
 if TYPE_CHECKING:
@@ -49,6 +49,18 @@ class Beam:
     period_s: float  # between two readings
     bearings_deg: tuple[float, ...] = ()
     """Of each range in the sensor's frame, left positive; empty if it has one range only."""
+    radiation: str = "ultrasound"  # as nodes of ROS are told
+
+
+@dataclass(frozen=True)
+class Signal:
+    """What a type of sensor reads that casts no rays."""
+
+    measures: str  # motion, wheels or contact
+    channels: tuple[tuple[str, str], ...]  # name and unit of each value
+    period_s: float  # between two readings
+    width_m: float = 0.0  # of the zone in which a bumper feels; 0: it is no bumper
+    depth_m: float = 0.0  # how far behind its mount the zone begins
 
 
 @dataclass(frozen=True)
@@ -74,6 +86,11 @@ class FigureContext:
     modes: tuple[str, ...]  # by the number in a trajectory's column ``mode``, from 1
     courses: Mapping[str, Course]  # by the world's name
     drive: Mapping[str, float] = field(default_factory=dict)  # as programs are told of it
+    signals: Mapping[str, Signal] = field(default_factory=dict)  # of types that cast no rays
+    types: tuple[str, ...] = ()  # of sensors, in the order in which they are mounted
+    fixed: tuple[Mount, ...] = ()  # sensors that every design has
+    agents: Mapping[str, "FigureContext"] = field(default_factory=dict)
+    """The other robots by name, each as if it were alone."""
 
     @property
     def text(self) -> str:
@@ -89,7 +106,7 @@ class FigureContext:
         """
         path = folder / SETTING
         try:
-            return cls(**_fields(json.loads(path.read_text())))
+            return cls._convert(json.loads(path.read_text()))
         except FileNotFoundError as error:
             raise InputError(
                 f"{path}: must exist, because figures need it; restore it, or start a new run "
@@ -100,6 +117,11 @@ class FigureContext:
             raise InputError(
                 f"{path}: must be as evoros wrote it ({reason}); restore it"
             ) from error
+
+    @classmethod
+    def _convert(cls, raw: Mapping[str, Any]) -> Self:
+        agents = {name: cls._convert(agent) for name, agent in raw.get("agents", {}).items()}
+        return cls(**{**_fields(raw), "agents": agents})
 
 
 def _fields(raw: Mapping[str, Any]) -> dict[str, Any]:
@@ -114,6 +136,9 @@ def _fields(raw: Mapping[str, Any]) -> dict[str, Any]:
         "regions": {name: _area(area) for name, area in raw["regions"].items()},
         "rings": tuple(Ring(**ring) for ring in raw["rings"]),
         "modes": tuple(raw["modes"]),
+        "signals": {name: _read_signal(each) for name, each in raw.get("signals", {}).items()},
+        "types": tuple(raw.get("types", raw["beams"])),
+        "fixed": tuple(Mount(**mount) for mount in raw.get("fixed", ())),
         "courses": {name: Course(**course) for name, course in raw["courses"].items()},
     }
     return {**raw, **fields}
@@ -121,6 +146,10 @@ def _fields(raw: Mapping[str, Any]) -> dict[str, Any]:
 
 def _read_beam(raw: Mapping[str, Any]) -> Beam:
     return Beam(**{**raw, "bearings_deg": tuple(map(float, raw.get("bearings_deg", ())))})
+
+
+def _read_signal(raw: Mapping[str, Any]) -> Signal:
+    return Signal(**{**raw, "channels": tuple((str(n), str(u)) for n, u in raw["channels"])})
 
 
 def _area(raw: Mapping[str, Any]) -> Area:
@@ -142,18 +171,23 @@ def _numbers(raw: Any, count: int) -> tuple[Any, ...]:
 
 def describe_experiment(experiment: "Experiment") -> FigureContext:
     """Describe an experiment for figures."""
-    robot, regions = experiment.robot, experiment.space.regions
+    robot, space = experiment.robot, experiment.own_space
+    sensors = experiment.design.sensors
     return FigureContext(
         robot=robot.name,
         parts=tuple(_parts(robot)),
         places=dict(robot.sensor_links),
-        beams={name: _beam(each) for name, each in experiment.design.sensors.items() if sees(each)},
-        regions={name: region.area() for name, region in regions.items()},
+        beams={name: _beam(each) for name, each in sensors.items() if sees(each)},
+        regions={name: region.area() for name, region in space.regions.items()},
         mirrored=experiment.design.mirrored,
         rings=tuple(_rings(experiment.failure)),
         modes=tuple(experiment.confirming.controller.modes),  # those of the champion's missions
         courses={name: world.course for name, world in experiment.world.items()},
         drive=describe_drive(robot.drive),
+        signals={name: _signal(each) for name, each in sensors.items() if not sees(each)},
+        types=tuple(sensors),
+        fixed=tuple(space.fixed),
+        agents={name: describe_experiment(experiment.members[name]) for name in experiment.agents},
     )
 
 
@@ -171,7 +205,14 @@ def _beam(sensor: RangeSensor) -> Beam:
     limits = float(sensor.range_min_m), float(sensor.range_max_m)
     bearings = [round(math.degrees(bearing), 9) for bearing in sensor_bearings(sensor)]
     several = tuple(bearings) if len(bearings) > 1 else ()
-    return Beam(round(opening, 9), *limits, float(sensor.period_s), several)
+    radiation = str(getattr(sensor, "radiation", Beam.radiation))
+    return Beam(round(opening, 9), *limits, float(sensor.period_s), several, radiation)
+
+
+def _signal(sensor: Sensor) -> Signal:
+    channels = tuple((channel.name, channel.unit) for channel in sensor.channels)
+    zone = [float(getattr(sensor, name, 0.0)) for name in ("width_m", "depth_m")]
+    return Signal(sensor.measures, channels, float(sensor.period_s), *zone)
 
 
 def _rings(failure: Failure) -> Iterator[Ring]:

@@ -46,6 +46,7 @@ def manifest(
         "working_directory": str(Path.cwd()),
         "seed": experiment.seed,
         "record": experiment.record,
+        "agents": list(experiment.agents),
         "choices": dict(sorted(choices.items())),
         "simulators": _simulators(experiment),
         "commit": _commit(),
@@ -69,6 +70,11 @@ def hashes(
         "simulators": _sha256(json.dumps(_simulators(experiment))),
         "configuration (what its ${...} refer to)": _sha256(json.dumps(values, default=str)),
         "robot": _sha256(experiment.robot.urdf),
+        **{
+            f"agents.{name}.robot": _sha256(agent.robot.urdf)
+            for name, agent in experiment.agents.items()
+            if agent.robot is not None
+        },
         **worlds,
         **modules,
         **{f"file {path}": _sha256_of_file(path) for path in _controller_files(experiment)},
@@ -78,8 +84,12 @@ def hashes(
 
 def _live_controllers(experiment: Experiment) -> list[LiveController]:
     """List the live controllers of an experiment."""
-    controllers = (experiment.controller, experiment.confirming.controller)
-    return [each for each in controllers if isinstance(each, LiveController)]
+    return [
+        controller
+        for member in experiment.members.values()
+        for controller in (member.controller, member.confirming.controller)
+        if isinstance(controller, LiveController)
+    ]
 
 
 def _controller_files(experiment: Experiment) -> list[str]:

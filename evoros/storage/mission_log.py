@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, Self, TypeVar
 
+from evoros.base.disk import make_folder, sync, write_atomically
 from evoros.base.errors import InputError
 from evoros.mission.mission import Mission
 from evoros.storage.tables import to_csv
@@ -158,13 +159,13 @@ class MissionLog:
                 f"made by another version or has been edited; start a new run"
             )
         if not path.exists():
-            path.parent.mkdir(exist_ok=True)
+            make_folder(path.parent)
             write_atomically(path, content)
 
     def keep_log(self, mission: Mission, log: str) -> None:
         """Write what the controller of a lost mission printed, for its user to read."""
         folder = self.path / LOST
-        folder.mkdir(exist_ok=True)
+        make_folder(folder)
         name = f"{mission.generation:05d}_{mission.design_id}_{mission.world}_{mission.trial}.log"
         write_atomically(folder / name, log)
 
@@ -216,12 +217,13 @@ def _create_folder(path: Path, files: Mapping[str, str]) -> None:
     if path.exists():
         _fill(path, files)
         return
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     draft = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
     try:
         draft.chmod(0o755)
         _fill(draft, files)
         draft.replace(path)
+        sync(path.parent)
     except BaseException:
         shutil.rmtree(draft, ignore_errors=True)
         raise
@@ -234,23 +236,11 @@ def _fill(path: Path, files: Mapping[str, str]) -> None:
         try:
             file.write(content)
             file.flush()
+            os.fsync(file.fileno())
+            sync(path)
             for name, text in others:
                 write_atomically(path / name, text)
         except BaseException:
             for name in reversed(list(files)):
                 (path / name).unlink(missing_ok=True)
             raise
-
-
-def write_atomically(path: Path, content: str | bytes) -> None:
-    """Replace a file's content; a kill leaves either the old content or the new one."""
-    draft = path.with_name(f".{path.name}.part")
-    try:
-        with draft.open("wb") as file:
-            file.write(content if isinstance(content, bytes) else content.encode())
-            file.flush()
-            os.fsync(file.fileno())  # before the rename: a loss of power leaves no empty file
-        draft.replace(path)
-    except BaseException:  # a full disk, Ctrl-C
-        draft.unlink(missing_ok=True)
-        raise

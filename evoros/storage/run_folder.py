@@ -2,10 +2,12 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from evoros.base.arrays import Array
+from evoros.base.disk import make_folder, sync, write_atomically
 from evoros.base.errors import InputError
 from evoros.evolution.dispatch import MissionResult
 from evoros.evolution.experiment import ALL
@@ -23,7 +25,6 @@ from evoros.storage.mission_log import (
     create_folder,
     read_json,
     require_unused,
-    write_atomically,
 )
 from evoros.storage.tables import (
     MISSIONS_HEADER,
@@ -31,6 +32,7 @@ from evoros.storage.tables import (
     gene_table,
     generation_table,
     mission_row,
+    name_agent_columns,
     outcome_cells,
     read_mission,
     to_csv,
@@ -39,6 +41,7 @@ from evoros.storage.tables import (
 from evoros.storage.trajectory_files import TrajectoryFiles
 
 GENERATIONS, CHAMPION = "generations", "champion"
+AGENTS = "agents"  # in the manifest, their names; of a champion, the folder of their robots
 ROBOT = "robot.urdf"  # of the champion, as it was described
 
 
@@ -50,12 +53,14 @@ class RunFolder(MissionLog):
     """
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path, MISSIONS_HEADER)
-        self.keeps_all = read_json(path / MANIFEST).get("record") == ALL
+        manifest = read_json(path / MANIFEST)
+        agents = manifest.get(AGENTS, [])
+        super().__init__(path, _header(agents))
+        self.keeps_all = manifest.get("record") == ALL
         self.trajectories = TrajectoryFiles(path)
         self.outcomes: dict[MissionKey, tuple[str, Outcome]] = {}
         try:
-            for key, draws, outcome in self.read(read_mission):
+            for key, draws, outcome in self.read(partial(read_mission, agents=agents)):
                 self.outcomes[key] = (draws, outcome)
         except BaseException:
             self._missions.close()
@@ -73,7 +78,7 @@ class RunFolder(MissionLog):
         require_unused(path)
         manifest_text = json.dumps(manifest, indent=2) + "\n"
         files = {CONFIG: config, MANIFEST: manifest_text, SETTING: setting.text}
-        create_folder(path, {**files, MISSIONS: to_csv([MISSIONS_HEADER])})
+        create_folder(path, {**files, MISSIONS: to_csv([_header(manifest.get(AGENTS, []))])})
         return cls(path)
 
     def record(self, results: Sequence[MissionResult]) -> None:
@@ -161,14 +166,20 @@ class RunFolder(MissionLog):
         """
         folder = self.path / CHAMPION
         tracks = {
-            _trajectory_file(name): trajectory_table(trajectory, champion.readings)
+            _trajectory_file(name): trajectory_table(trajectory, champion.columns)
             for name, trajectory in trajectories.items()
         }
         files: dict[str, str | bytes] = {**tracks, **_champion_files(champion)}
-        folder.mkdir(exist_ok=True)
+        make_folder(folder)
         (folder / list(files)[-1]).unlink(missing_ok=True)
+        sync(folder)
         for name, content in files.items():
+            make_folder((folder / name).parent)
             write_atomically(folder / name, content)
+
+
+def _header(agents: Sequence[str]) -> list[str]:
+    return [*MISSIONS_HEADER, *name_agent_columns(agents)]
 
 
 def _trajectory_file(world: str) -> str:
@@ -179,10 +190,11 @@ def _champion_files(champion: Champion) -> dict[str, bytes]:
     """The champion's files without its trajectories: content by name, ``design.csv`` last."""
     genes = gene_table(champion.id, champion.design, champion.gene_names)
     files = {"genes.csv": genes.encode()}
-    if champion.robot is not None:
-        files[ROBOT] = champion.robot.urdf.encode()
-        if champion.robot.engine_urdf is not None:
-            files[ROBOT_AS_LOADED] = champion.robot.loaded_urdf.encode()
+    for robot_name, robot in champion.robots.items():
+        folder = f"{AGENTS}/{robot_name}/" if robot_name else ""
+        files[folder + ROBOT] = robot.urdf.encode()
+        if robot.engine_urdf is not None:
+            files[folder + ROBOT_AS_LOADED] = robot.loaded_urdf.encode()
     for name, world in champion.worlds.items():
         files |= world.files(f"world_{name}")
     return {**files, "design.csv": design_table({champion.id: champion.design}).encode()}

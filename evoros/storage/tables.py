@@ -27,11 +27,18 @@ VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
 MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two with a confirmation only
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 DESIGN_COLUMNS = ("design", "sensor", "type", "link", *POSE_COLUMNS)
+AGENT = "agent"  # the column with the name of another robot than the first
+WHOLE_COLUMNS = ("mode", "visited", "contact")  # of a trajectory
 GENE_COLUMNS = ("design", "gene", "key", "value")
 
 _TYPES = get_type_hints(Outcome)
-OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome))
+OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome) if field.name != "others")
 MISSIONS_HEADER = (*MISSION_COLUMNS, *OUTCOME_COLUMNS)
+
+
+def name_agent_columns(agents: Iterable[str]) -> list[str]:
+    """Return the columns of the outcomes of other robots, which follow ``OUTCOME_COLUMNS``."""
+    return [f"{agent}.{column}" for agent in agents for column in OUTCOME_COLUMNS]
 
 
 def to_csv(rows: Iterable[Sequence[object]]) -> str:
@@ -58,27 +65,34 @@ def mission_row(mission: Mission, outcome: Outcome) -> list[object]:
 
 
 def outcome_cells(outcome: Outcome) -> list[object]:
-    """Return the cells of ``OUTCOME_COLUMNS``."""
-    return [getattr(outcome, name) for name in OUTCOME_COLUMNS]
+    """Return the cells of ``OUTCOME_COLUMNS``, of the first robot and of the others."""
+    robots = (outcome, *outcome.others)
+    return [getattr(robot, name) for robot in robots for name in OUTCOME_COLUMNS]
 
 
-def read_mission(row: Mapping[str, str]) -> tuple[MissionKey, str, Outcome]:
+def read_mission(
+    row: Mapping[str, str], agents: Sequence[str] = ()
+) -> tuple[MissionKey, str, Outcome]:
     """Read the key of a mission, the key of its draws and its outcome from a row.
 
     Raises:
         ValueError, KeyError: the row is damaged.
     """
     key = (int(row["generation"]), int(row["design"]), row["world"], int(row["trial"]))
-    return key, row["draws"], read_outcome(row)
+    return key, row["draws"], read_outcome(row, agents)
 
 
-def read_outcome(row: Mapping[str, str]) -> Outcome:
+def read_outcome(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcome:
     """Read an outcome from a row with the cells of ``outcome_cells``.
 
     Raises:
         ValueError, KeyError: the row is damaged.
     """
-    return Outcome(**{name: _parse(row[name], _TYPES[name]) for name in OUTCOME_COLUMNS})
+    first, *others = (
+        {name: _parse(row[prefix + name], _TYPES[name]) for name in OUTCOME_COLUMNS}
+        for prefix in ("", *(f"{agent}." for agent in agents))
+    )
+    return Outcome(**first, others=tuple(Outcome(**other) for other in others))
 
 
 def _parse(content: str, kind: Any) -> Any:
@@ -111,12 +125,34 @@ def generation_table(generation: "Generation") -> str:
 
 
 def design_table(designs: Mapping[int, Design]) -> str:
-    """Return the text of ``design.csv``, a row for each sensor of each design."""
-    rows: list[Sequence[object]] = [DESIGN_COLUMNS]
-    for name, design in designs.items():
-        for number, mount in enumerate(design.mounts):
-            rows.append([name, number, *mount_cells(mount)])
-    return to_csv(rows)
+    """Return the text of ``design.csv``, a row for each sensor of each design.
+
+    If other robots have designs of their own, the last column has the name of the robot.
+    """
+    rows = [
+        [name, number, *mount_cells(mount), robot]
+        for name, design in designs.items()
+        for robot, own in list_designs(design)
+        for number, mount in enumerate(own.mounts)
+    ]
+    return table_by_robot(DESIGN_COLUMNS, rows, designs.values())
+
+
+def list_designs(design: Design) -> list[tuple[str, Design]]:
+    """List the designs of a team by the name of the robot; the first one's is empty."""
+    return [("", design), *design.agents.items()]
+
+
+def table_by_robot(
+    columns: Sequence[str], rows: Sequence[Sequence[object]], designs: Iterable[Design]
+) -> str:
+    """Return the text of a table of designs; the last cell of each row is the name of the robot.
+
+    The table has it only if there are several robots with a design of their own.
+    """
+    if any(design.agents for design in designs):
+        return to_csv([(*columns, AGENT), *rows])
+    return to_csv([columns, *(row[:-1] for row in rows)])
 
 
 def mount_cells(mount: Mount) -> list[object]:
@@ -124,20 +160,26 @@ def mount_cells(mount: Mount) -> list[object]:
     return [mount.sensor, mount.link, *(getattr(mount, name) for name in POSE_COLUMNS)]
 
 
-def gene_table(design_id: int, design: Design, names: Mapping[str, str]) -> str:
+def gene_table(design_id: int, design: Design, names: Mapping[str, Mapping[str, str]]) -> str:
     """Return the text of ``genes.csv``, a row for each evolved value that is no mount.
 
-    ``names`` maps the keys of the values to the names of their genes.
+    ``names`` maps the keys of each robot's values to the names of their genes. The robots are named
+    as in ``design_table``.
     """
-    rows = [[design_id, names[key], key, value] for key, value in design.values.items()]
-    return to_csv([GENE_COLUMNS, *rows])
+    rows = [
+        [design_id, names[robot][key], key, value, robot]
+        for robot, own in list_designs(design)
+        for key, value in own.values.items()
+    ]
+    return table_by_robot(GENE_COLUMNS, rows, [design])
 
 
-def trajectory_table(trajectory: Array, readings: Sequence[str]) -> str:
-    """Return the text of a trajectory (rows, columns + channels), with the names of readings."""
-    whole = {TRAJECTORY.index(name) for name in ("mode", "visited", "contact")}
+def trajectory_table(trajectory: Array, columns: Sequence[str]) -> str:
+    """Return the text of a trajectory, with the names of the columns after ``TRAJECTORY``."""
+    header = [*TRAJECTORY, *columns]
+    whole = {i for i, name in enumerate(header) if name.rpartition(".")[2] in WHOLE_COLUMNS}
     rows = (
         [int(value) if i in whole else value for i, value in enumerate(row)]
         for row in trajectory.tolist()
     )
-    return to_csv([[*TRAJECTORY, *readings], *rows])
+    return to_csv([header, *rows])

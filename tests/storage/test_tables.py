@@ -1,7 +1,7 @@
 import csv
 import io
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from evoros.design.design import Design
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
-from evoros.storage.tables import MISSIONS_HEADER, cell, mission_row, read_mission, to_csv
+from evoros.storage.tables import (
+    MISSIONS_HEADER,
+    cell,
+    mission_row,
+    name_agent_columns,
+    read_mission,
+    to_csv,
+)
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 # Reasons are one line; lists of effects hold names.
@@ -24,18 +31,24 @@ KINDS: dict[object, st.SearchStrategy[object]] = {
     tuple[int, ...]: st.lists(st.integers(0, 99), max_size=4).map(tuple),
     tuple[str, ...]: st.lists(NAME, max_size=4).map(tuple),
 }
-OUTCOMES = st.builds(Outcome, **{field.name: KINDS[field.type] for field in fields(Outcome)})
+OUTCOMES = st.builds(
+    Outcome,
+    **{field.name: KINDS[field.type] for field in fields(Outcome) if field.name != "others"},
+)
 
 
-@given(OUTCOMES, LINE.filter(bool), st.integers(0, 99))
+@given(OUTCOMES, st.lists(OUTCOMES, max_size=2), LINE.filter(bool), st.integers(0, 99))
 def test_a_mission_read_back_is_the_one_that_was_written(
-    outcome: Outcome, world: str, number: int
+    first: Outcome, others: list[Outcome], world: str, number: int
 ) -> None:
+    outcome = replace(first, others=tuple(others))
+    agents = ("leader", "follower")[: len(others)]
     mission = Mission(number, 7, Design(()), world, 2, "selection", f"0/{world}")
-    written = to_csv([MISSIONS_HEADER, mission_row(mission, outcome)])
+    header = [*MISSIONS_HEADER, *name_agent_columns(agents)]
+    written = to_csv([header, mission_row(mission, outcome)])
     assert written.count("\n") == 2
     (row,) = csv.DictReader(io.StringIO(written, newline=""))
-    place, draws, back = read_mission(row)
+    place, draws, back = read_mission(row, agents)
     assert (place, draws) == (mission.key, mission.draws)
     # repr: it tells NaN from a number, -0.0 from 0.0, and a tuple from its items
     assert repr(back) == repr(outcome)
