@@ -11,8 +11,8 @@ from ..product import Product
 from ..tables.records import Record
 from ..tables.study import Study
 from .layout import make_layout
-from .messages import list_messages, list_topics
 from .missions import RecordedMission, list_rows, read_champion_mission, read_mission
+from .team import list_team_messages, list_team_topics
 
 HELP = "recorded missions as rosbags, with a layout for Foxglove"
 FORMATS = ("mcap", "ros1")
@@ -46,8 +46,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         raise InputError("--distro: is for mcap, not for ros1; leave it out")
     study.check_worlds(options.world or [])
     record, missions = study.choose(options.run, partial(_read, options=options))
-    topics = list_topics(missions[0], GOALS[options.format])
-    files = {LAYOUT: make_layout(topics, missions[0].root).encode()}
+    topics = list_team_topics(missions[0], GOALS[options.format])
+    layout = make_layout(topics, missions[0].root, list(missions[0].others))
+    files = {LAYOUT: layout.encode()}
     for mission in missions:
         files |= _write(mission, options.format, options.distro or DISTRO)
     return Product(messages=[f"{record.name}: {len(missions)} missions"], files=files)
@@ -57,7 +58,7 @@ def _write(mission: RecordedMission, kind: str, distro: str) -> dict[str, bytes]
     from .writing import write_mcap, write_ros1
 
     name, goal = mission.name, GOALS[kind]
-    topics, messages = list_topics(mission, goal), list_messages(mission, goal)
+    topics, messages = list_team_topics(mission, goal), list_team_messages(mission, goal)
     if kind == "ros1":
         return write_ros1(name, topics, messages)
     return write_mcap(name, topics, messages, distro)

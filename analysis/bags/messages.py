@@ -5,46 +5,26 @@ or empty.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from evoros.base.arrays import Array
 from evoros.geometry.shapes import Pose
-from evoros.storage.figure_context import Beam
 
-from ..tables.readings import group_ranges
+from ..tables.readings import RecordedSensor
 from ..tables.tracks import NONE
 from .markers import list_markers
 from .missions import RecordedMission
+from .protocol import Content, Message, Topic
+from .sensors import WITHOUT_HEADER, choose_type, fill_message
 
 START_NS = 1_000_000_000
 """The stamp at the start of a mission: to ROS, time 0 is no time."""
 WORLD_FRAME = "odom"
-ULTRASOUND = 0  # of sensor_msgs/Range
 _SAME_TIME = 1e-6  # share of a period within which two times are the same
-
-Content = Mapping[str, Any]
-
-
-class Topic(NamedTuple):
-    """A topic of a bag."""
-
-    name: str
-    type: str
-    latched: bool = False  # its last message is also for those that listen later
-
-
-class Message(NamedTuple):
-    """A message of a bag; ``topic`` is a name."""
-
-    stamp_ns: int
-    topic: str
-    content: Content
-
 
 TOPICS = (
     Topic("/robot_description", "std_msgs/msg/String", True),
@@ -65,11 +45,8 @@ def list_topics(mission: RecordedMission, goal: str) -> list[Topic]:
 
     ``goal`` is the topic of the next waypoint.
     """
-    ranges = [
-        Topic(f"/{link}", f"sensor_msgs/msg/{'LaserScan' if beam.bearings_deg else 'Range'}")
-        for link, beam in mission.sensors
-    ]
-    return [*TOPICS, Topic(goal, "geometry_msgs/msg/PoseStamped", True), *ranges]
+    sensors = [Topic(f"/{sensor.link}", choose_type(sensor.kind)) for sensor in mission.sensors]
+    return [*TOPICS, Topic(goal, "geometry_msgs/msg/PoseStamped", True), *sensors]
 
 
 def list_messages(mission: RecordedMission, goal: str) -> list[Message]:
@@ -77,8 +54,8 @@ def list_messages(mission: RecordedMission, goal: str) -> list[Message]:
     goals = _aim(mission, goal)
     messages = [*_describe(mission), *goals, *_move(mission), *_decide(mission)]
     times = mission.trajectory["time_s"].to_numpy(float)
-    for (link, beam), ranges in zip(mission.sensors, group_ranges(mission.trajectory), strict=True):
-        messages += _measure(link, beam, times, ranges)
+    for sensor in mission.sensors:
+        messages += _measure(sensor, times)
     return sorted(messages, key=lambda message: message.stamp_ns)
 
 
@@ -142,41 +119,23 @@ def _decide(mission: RecordedMission) -> Iterator[Message]:
         yield Message(stamp, "/mode", {"data": names[int(row["mode"])]})
 
 
-def _measure(link: str, beam: Beam, times: Array, ranges: Array) -> Iterator[Message]:
+def _measure(sensor: RecordedSensor, times: Array) -> Iterator[Message]:
     """Yield the readings that a sensor took, each once, stamped with the time of its sampling.
 
     A record has the last reading of each sensor, which may be older than the record. At the end of
     a mission no sensor is sampled.
     """
-    samples = np.floor(times / beam.period_s + _SAME_TIME)
-    samples[-1] = math.ceil(times[-1] / beam.period_s - _SAME_TIME) - 1
+    period = sensor.kind.period_s
+    samples = np.floor(times / period + _SAME_TIME)
+    samples[-1] = math.ceil(times[-1] / period - _SAME_TIME) - 1
     before = np.concatenate([[-1.0], samples[:-1]])
-    for row in np.flatnonzero((samples > before) & np.isfinite(ranges).any(axis=1)).tolist():
-        stamp = to_stamp(float(samples[row]) * beam.period_s)
-        content = {"header": _header(stamp, link), **_describe_ranges(beam, ranges[row].tolist())}
-        yield Message(stamp, f"/{link}", content)
-
-
-def _describe_ranges(beam: Beam, ranges: list[float]) -> Content:
-    """Return a scan, from the right to the left as ROS has it, or a single range."""
-    if not beam.bearings_deg:
-        return {
-            "radiation_type": ULTRASOUND,
-            "field_of_view": math.radians(beam.fov_deg),
-            "min_range": beam.range_min_m,
-            "max_range": beam.range_max_m,
-            "range": ranges[0],
-        }
-    first, last = (math.radians(beam.bearings_deg[end]) for end in (0, -1))
-    return {
-        "angle_min": first,
-        "angle_max": last,
-        "angle_increment": (last - first) / (len(ranges) - 1),
-        "scan_time": beam.period_s,
-        "range_min": beam.range_min_m,
-        "range_max": beam.range_max_m,
-        "ranges": ranges,
-    }
+    for row in np.flatnonzero(samples > before).tolist():
+        stamp = to_stamp(float(samples[row]) * period)
+        content = fill_message(sensor.kind, sensor.readings[row].tolist())
+        if content is not None:
+            if choose_type(sensor.kind) not in WITHOUT_HEADER:
+                content = {"header": _header(stamp, sensor.link), **content}
+            yield Message(stamp, f"/{sensor.link}", content)
 
 
 def _yaw_rates(rows: pd.DataFrame) -> list[float]:

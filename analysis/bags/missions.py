@@ -1,8 +1,9 @@
 """Recorded missions, with all that their bags need."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -14,7 +15,7 @@ from evoros.formats.urdf.parts import Joint, read_joint
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Pose
 from evoros.mission.plan import count_round
-from evoros.storage.figure_context import Beam, FigureContext
+from evoros.storage.figure_context import FigureContext
 from evoros.storage.mission_log import ROBOT_AS_LOADED
 from evoros.storage.trajectory_files import (
     loaded_robot_file,
@@ -25,8 +26,10 @@ from evoros.storage.trajectory_files import (
 from evoros.world.loading import load_world
 from evoros.world.model import World
 
-from ..tables.designs import read_champion_beams
-from ..tables.readings import group_ranges
+from ..tables.agents import select_agent
+from ..tables.candidates import read_evolved
+from ..tables.designs import adapt_context, adapt_types
+from ..tables.readings import RecordedSensor, read_sensors
 from ..tables.records import Record
 from ..tables.tracks import find_champion_mission, load_champion_world
 
@@ -41,10 +44,12 @@ class RecordedMission:
     joints: Sequence[Joint]  # of ``urdf``
     root: str  # its root link
     root_pose: Pose  # of the root link in the frame that the trajectory is of
-    sensors: Sequence[tuple[str, Beam]]  # link and type of each, in the order of the readings
+    sensors: Sequence[RecordedSensor]
     world: World
     route: Array  # (legs, 2) waypoints in order [m]
     modes: Sequence[str]  # by their number in the trajectory, from 1
+    others: Mapping[str, "RecordedMission"] = field(default_factory=dict)
+    """The same mission as each other robot in its world has it, by the robot's name."""
 
 
 def read_champion_mission(record: Record, world: str) -> RecordedMission:
@@ -53,16 +58,24 @@ def read_champion_mission(record: Record, world: str) -> RecordedMission:
     Raises:
         InputError: a file is missing or damaged, or the mission could not be run.
     """
-    folder = record.path / "champion"
-    return _assemble(
+    folder = record.robot_folder
+    mission = _assemble(
         f"bag_{world}",
         find_champion_mission(record.run, world),
         record.run.trajectory(world),
-        folder / f"trajectory_{world}.csv",
+        record.path / "champion" / f"trajectory_{world}.csv",
         (folder / "robot.urdf", folder / ROBOT_AS_LOADED),
         load_champion_world(record.run, record.context, world),
-        replace(record.context, beams=read_champion_beams(record)),
+        adapt_context(record),
+        record.agent,
     )
+    return replace(mission, others=_read_others(record, read_champion_mission, world))
+
+
+def _read_others(
+    record: Record, read: Callable[[Record, Any], RecordedMission], mission: Any
+) -> dict[str, RecordedMission]:
+    return {name: read(select_agent(record, name), mission) for name in record.context.agents}
 
 
 def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
@@ -73,16 +86,18 @@ def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
     """
     generation, design, trial = (int(row[name]) for name in ("generation", "design", "trial"))
     key = (generation, design, str(row["world"]), trial)
-    file = trajectory_file(key)
-    return _assemble(
+    file, agent = trajectory_file(key), record.agent
+    mission = _assemble(
         f"bag_{generation:05d}_{file.stem}",
         row,
         record.run.mission_trajectory(*key),
         record.path / file,
-        (record.path / robot_file(design), record.path / loaded_robot_file(design)),
+        (record.path / robot_file(design, agent), record.path / loaded_robot_file(design, agent)),
         _load_world(record, key[2], str(row["draws"])),
-        record.context,
+        adapt_types(record.context, read_evolved(record, design)),
+        agent,
     )
+    return replace(mission, others=_read_others(record, read_mission, row))
 
 
 def _load_world(record: Record, world: str, draws: str) -> World:
@@ -102,6 +117,7 @@ def _assemble(
     robot: tuple[Path, Path],
     world: World,
     context: FigureContext,
+    agent: str,
 ) -> RecordedMission:
     """Put a mission together; ``robot`` is as described and, if it differs, as engines load it."""
     _check(trajectory, source, context)
@@ -112,7 +128,7 @@ def _assemble(
     links = [str(link.get("name")) for link in elements.findall("link")]
     joints = [read_joint(joint, links) for joint in elements.findall("joint")]
     root = next(iter({*links} - {joint.child for joint in joints}))
-    rng = generator(str(row["draws"]), "course")
+    rng = generator(str(row["draws"]), f"agents.{agent}.course" if agent else "course")
     number = count_round(str(row["purpose"]), int(row["generation"]), int(row["trial"]))
     return RecordedMission(
         name=name,
@@ -121,7 +137,7 @@ def _assemble(
         joints=joints,
         root=root,
         root_pose=_find_root(root, loaded),
-        sensors=_find_sensors(links, context, len(group_ranges(trajectory)), described),
+        sensors=read_sensors(trajectory, links, context, str(described)),
         world=world,
         route=world.course.route(world.course.goes_forward(number, rng)),
         modes=context.modes,
@@ -164,23 +180,6 @@ def _find_root(root: str, loaded: Path) -> Pose:
         return Pose()
     whole = read_tree(parse(_read_text(loaded).encode(), loaded.name), str(loaded))
     return whole.poses.get(root, Pose())
-
-
-def _find_sensors(
-    links: Sequence[str], context: FigureContext, count: int, source: Path
-) -> list[tuple[str, Beam]]:
-    found = [
-        (f"{kind}_{number}", beam)
-        for number in range(count)
-        for kind, beam in context.beams.items()
-        if f"{kind}_{number}" in links
-    ]
-    if len(found) != count:
-        raise InputError(
-            f"{source}: must have a link for each of the {count} sensors of the trajectory, but "
-            f"has {len(found)}; restore the file"
-        )
-    return found
 
 
 def list_rows(

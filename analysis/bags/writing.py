@@ -10,7 +10,7 @@ import numpy as np
 
 from evoros.base.errors import InputError
 
-from .messages import Message, Topic
+from .protocol import Message, Topic
 
 try:
     from rosbags import rosbag1, rosbag2

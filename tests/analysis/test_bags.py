@@ -18,8 +18,9 @@ import pytest
 import yaml
 from bag_readers import ReadMessage, channels, has_rosbag, read_mcap, read_rosbag
 from evoros.analysis.bags.bag import GOALS
-from evoros.analysis.bags.messages import START_NS, TOPICS, Message, list_messages, list_topics
+from evoros.analysis.bags.messages import START_NS, TOPICS, list_messages, list_topics
 from evoros.analysis.bags.missions import RecordedMission, read_champion_mission
+from evoros.analysis.bags.protocol import Message
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.tables.records import Record, read_record
 from helpers import copied, everything, tiny
@@ -275,12 +276,13 @@ def test_a_sensor_of_any_period_has_each_recorded_reading_once_at_its_time(
             if sampled not in silent:
                 expected[sampled] = None
     columns = {name: 0.0 for name in mission.trajectory if not str(name).startswith("range_")}
-    table = pd.DataFrame({**columns, "time_s": np.array(ticks) * tick, "range_0_m": readings})
-    ((link, beam), *_) = mission.sensors
-    flown = replace(
-        mission, trajectory=table, sensors=[(link, replace(beam, period_s=sense * tick))]
-    )
-    messages: list[Message] = [m for m in list_messages(flown, "/goal") if m.topic == f"/{link}"]
+    table = pd.DataFrame({**columns, "time_s": np.array(ticks) * tick})
+    sensor, *_ = mission.sensors
+    own = replace(sensor.kind, period_s=sense * tick)
+    one = replace(sensor, kind=own, readings=np.array(readings)[:, None])
+    flown = replace(mission, trajectory=table, sensors=[one])
+    topic = f"/{sensor.link}"
+    messages: list[Message] = [m for m in list_messages(flown, "/goal") if m.topic == topic]
     assert [m.stamp_ns for m in messages] == [10**9 + round(t * tick * 1e9) for t in expected]
     assert [m.content["range"] for m in messages] == [t * tick for t in expected]
 

@@ -284,6 +284,7 @@ def test_the_node_of_the_page_drives(tmp_path: Path) -> None:
     assert len({steering for *_, steering in steps}) > 3
 
 
+@pytest.mark.slow
 def test_a_run_with_one_worker_and_with_two_gives_the_same_bytes(tmp_path: Path) -> None:
     settings = (
         "controller=ros2",

@@ -9,10 +9,11 @@ import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from geometry_msgs.msg import Pose, PoseStamped, TransformStamped
+from geometry_msgs.msg import Pose, PoseStamped, TransformStamped, TwistStamped
 from nav_msgs.msg import Odometry, Path
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import LaserScan, Range
+from sensor_msgs.msg import Imu, LaserScan, Range
+from std_msgs.msg import Bool, Float64MultiArray
 
 try:  # often, but not always installed
     from tf2_msgs.msg import TFMessage
@@ -85,7 +86,14 @@ class Messages:
         for number in self._schedule.due(tick.time):
             reading = tick.readings[number]
             message = self._ranges[number]
-            if isinstance(reading, list):
+            fill = _FILLS.get(type(message))
+            if fill is not None:
+                told = reading if isinstance(reading, list) else [reading]
+                values = [value for value in told if value is not None]
+                if len(values) < len(told):
+                    continue
+                fill(message, values)
+            elif isinstance(reading, list):
                 if all(value is None for value in reading):
                     continue
                 message.ranges = [math.nan if value is None else value for value in reading]
@@ -93,7 +101,8 @@ class Messages:
                 continue
             else:
                 message.range = float(reading)
-            message.header.stamp = stamp
+            if hasattr(message, "header"):
+                message.header.stamp = stamp
             yield self._range_topics[number], message
 
     def _goal(self, leg: list[float], stamp: Any) -> Any:
@@ -108,17 +117,65 @@ class Messages:
 
 
 def _range(sensor: dict[str, Any]) -> Any:
-    """Return the message of a sensor: a scan if it has several ranges, from the right on."""
+    """Return the message of a sensor: a scan if it has several ranges, from the right on.
+
+    One that measures no range has that of its signal.
+    """
+    if "measures" in sensor:
+        return _signal(sensor)
     if "bearings_rad" in sensor:
         return _scan(sensor)
+    infrared = sensor.get("radiation") == "infrared"
     message = Range(
-        radiation_type=Range.ULTRASOUND,
+        radiation_type=Range.INFRARED if infrared else Range.ULTRASOUND,
         field_of_view=sensor["field_of_view_rad"],
         min_range=sensor["range_min_m"],
         max_range=sensor["range_max_m"],
     )
     message.header.frame_id = sensor["name"]
     return message
+
+
+def _signal(sensor: dict[str, Any]) -> Any:
+    """Return the message of an IMU, of odometry, of a bumper, or of any other sensor."""
+    kinds = {6: Imu, 2: TwistStamped, 1: Bool}
+    expected = {"motion": 6, "wheels": 2, "contact": 1}
+    count = len(sensor["channels"])
+    known = expected.get(sensor["measures"]) == count
+    message = kinds[count]() if known else Float64MultiArray()
+    if isinstance(message, Imu):
+        covariance = [0.0] * 9
+        covariance[0] = -1.0  # which says that there is no orientation
+        message.orientation_covariance = covariance
+    if hasattr(message, "header"):
+        message.header.frame_id = sensor["name"]
+    return message
+
+
+def _fill_imu(message: Any, values: list[float]) -> None:
+    turning, felt = message.angular_velocity, message.linear_acceleration
+    turning.x, turning.y, turning.z = map(float, values[:3])
+    felt.x, felt.y, felt.z = map(float, values[3:])
+
+
+def _fill_twist(message: Any, values: list[float]) -> None:
+    message.twist.linear.x, message.twist.angular.z = map(float, values)
+
+
+def _fill_switch(message: Any, values: list[float]) -> None:
+    message.data = bool(values[0])
+
+
+def _fill_numbers(message: Any, values: list[float]) -> None:
+    message.data = list(map(float, values))
+
+
+_FILLS: dict[type, Callable[[Any, list[float]], None]] = {
+    Imu: _fill_imu,
+    TwistStamped: _fill_twist,
+    Bool: _fill_switch,
+    Float64MultiArray: _fill_numbers,
+}
 
 
 def _scan(sensor: dict[str, Any]) -> Any:

@@ -11,7 +11,6 @@ import socket
 from typing import Any, NamedTuple
 
 PARAMETERS, PLACEHOLDER = "parameters.yaml", "{parameters}"
-SENSOR = ("type", "pose", "range_min_m", "range_max_m", "field_of_view_rad", "period_s")
 ELSEWHERE = ("ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "ROS_STATIC_PEERS", "ROS_LOCALHOST_ONLY")
 """Variables that lead to nodes on other machines, or that another one replaces."""
 BEFORE_RANGES = ("foxy", "galactic", "humble")  # have no ROS_AUTOMATIC_DISCOVERY_RANGE
@@ -120,7 +119,7 @@ def _told(briefing: dict[str, Any]) -> dict[str, Any]:
     return {
         "seed": briefing["seed"],
         "sensors": [sensor["name"] for sensor in sensors],
-        **{sensor["name"]: {key: _real(sensor[key]) for key in SENSOR} for sensor in sensors},
+        **{sensor["name"]: _tell_sensor(sensor) for sensor in sensors},
         "drive": {name: _real(value) for name, value in briefing["drive"].items()},
         "home": _real(briefing["home"]),
         "route": [float(value) for point in briefing["route"] for value in point],
@@ -128,10 +127,14 @@ def _told(briefing: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def _tell_sensor(sensor: dict[str, Any]) -> dict[str, Any]:
+    return {key: _real(value) for key, value in sensor.items() if key != "name"}
+
+
 def _real(value: Any) -> Any:
     """Return numbers as floating-point ones, because ROS 2 tells them from whole ones."""
     if isinstance(value, list):
-        return [float(item) for item in value]
+        return [_real(item) for item in value]
     return value if isinstance(value, str) else float(value)
 
 
