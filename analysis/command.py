@@ -13,6 +13,7 @@ from evoros.base.log import LOGGER, log_to_terminal
 from .drawing.style import save
 from .own_folder import write_folder
 from .product import Product, to_csv
+from .robot_choice import make_product
 from .subcommands import NAME, import_subcommand, parse
 from .tables.study import Study, load_study
 
@@ -49,7 +50,7 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
     if options.output is None:
         options.output = folders[0] / getattr(subcommand, "OUTPUT", "figures")
     study = study or load_study(folders)
-    product = subcommand.make_product(study, options)
+    product = make_product(subcommand, study, options)
     try:
         paths = _write_product(product, options)
     except OSError as error:

@@ -48,6 +48,7 @@ class Subcommand(Protocol):
     """The module of a subcommand.
 
     It may also have ``FORMATS``, instead of those of figures, ``OUTPUT``, instead of ``figures``,
+    ``ONE_ROBOT`` if it shows one of several robots, ``FIRST_ROBOT`` if that is always the first,
     and ``add_arguments(parser)``.
     """
 
@@ -80,6 +81,9 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         subparser = subparsers.add_parser(name, help=module.HELP, description=module.HELP)
         _add_common_arguments(subparser, getattr(module, "OUTPUT", "figures"))
         _add_formats(subparser, getattr(module, "FORMATS", KINDS), KINDS)
+        if getattr(module, "ONE_ROBOT", False):
+            about = "of several robots, this one instead of the first"
+            subparser.add_argument("--agent", metavar="NAME", help=about)
         getattr(module, "add_arguments", lambda parser: None)(subparser)
     return parser.parse_args(list(arguments))
 

@@ -14,6 +14,7 @@ from evoros.controller.range_finders import (
     name_parameter,
     to_body,
 )
+from evoros.storage.figure_context import Beam
 
 from .champion import Champion, MountedSensor, Triple
 
@@ -73,14 +74,19 @@ def list_range_finders(sensors: Sequence[MountedSensor], origin_m: Triple) -> li
 
     ``origin_m`` is ArduPilot's origin in the robot's frame.
     """
-    single = [sensor for sensor in sensors if not sensor.beam.bearings_deg]
     return [
-        _convert(instance, sensor, origin_m)
-        for instance, sensor in zip(INSTANCES, single, strict=False)
+        _convert(instance, sensor, beam, origin_m)
+        for instance, (sensor, beam) in zip(INSTANCES, list_single(sensors), strict=False)
     ]
 
 
-def _convert(instance: str, sensor: MountedSensor, origin_m: Triple) -> RangeFinder:
+def list_single(sensors: Sequence[MountedSensor]) -> list[tuple[MountedSensor, Beam]]:
+    """List the sensors that measure a single range."""
+    pairs = ((sensor, sensor.kind) for sensor in sensors)
+    return [(s, kind) for s, kind in pairs if isinstance(kind, Beam) and not kind.bearings_deg]
+
+
+def _convert(instance: str, sensor: MountedSensor, beam: Beam, origin_m: Triple) -> RangeFinder:
     x, y, z = (place - zero for place, zero in zip(sensor.position_m, origin_m, strict=True))
     eighths = count_octants(math.radians(sensor.yaw_deg))
     forward, right, down = to_body((x, y, z))
@@ -91,8 +97,8 @@ def _convert(instance: str, sensor: MountedSensor, origin_m: Triple) -> RangeFin
         orientation=eighths % OCTANTS,
         yaw_error_deg=sensor.yaw_deg + _EIGHTH_DEG * eighths,
         pitch_deg=sensor.pitch_deg,
-        minimum_m=sensor.beam.range_min_m,
-        maximum_m=sensor.beam.range_max_m,
+        minimum_m=beam.range_min_m,
+        maximum_m=beam.range_max_m,
     )
 
 

@@ -13,11 +13,12 @@ from evoros.formats.strict_xml import find_child, parse
 from evoros.formats.urdf.parts import read_origin, read_value
 from evoros.formats.urdf.tree import Urdf, read_frames, read_tree
 from evoros.geometry.shapes import Pose, Shape
-from evoros.storage.figure_context import Beam
+from evoros.storage.figure_context import Beam, Signal
 from evoros.storage.mission_log import ROBOT_AS_LOADED
 
-from ..tables.designs import read_champion_beams, read_champion_sensors
+from ..tables.designs import adapt_context, read_champion_sensors, read_champion_signals
 from ..tables.records import Record
+from ..tables.robots import select_robot
 
 ROBOT = "robot.urdf"
 Triple = tuple[float, float, float]
@@ -32,7 +33,7 @@ class MountedSensor:
     position_m: Triple
     yaw_deg: float  # left positive
     pitch_deg: float  # nose up positive
-    beam: Beam
+    kind: Beam | Signal
     size_m: Triple  # of its body, along the axes of its frame
 
 
@@ -58,12 +59,13 @@ class Champion:
         run = self.record.run
         known = [*run.champion.design.dropna(), *run.genes.design.dropna()]
         design = f"design {int(known[0])}" if known else "the best design, without sensors,"
-        return f"{design} of the run {self.record.name}"
+        robot = f", as {self.record.agent} has it" if self.record.agent else ""
+        return f"{design} of the run {self.record.name}{robot}"
 
     @property
     def genes(self) -> list[tuple[str, str, Any]]:
         """Name, key and value of everything that evolved beside the mounts."""
-        rows = self.record.run.genes.to_dict("records")
+        rows = select_robot(self.record.run.genes).to_dict("records")
         return [(str(row["gene"]), row["key"], self.values[row["key"]]) for row in rows]
 
 
@@ -73,7 +75,7 @@ def read_champion(record: Record) -> Champion:
     Raises:
         InputError: a file is missing or damaged.
     """
-    folder = record.path / "champion"
+    folder = record.robot_folder
     robot = _parse_file(folder / ROBOT)
     loaded = folder / ROBOT_AS_LOADED
     shown = folder / ROBOT if not loaded.exists() else loaded
@@ -100,7 +102,7 @@ def _parse_file(path: Any) -> Element:
 
 def _effective_values(record: Record) -> Iterator[tuple[str, Any]]:
     """Yield the values of the configuration; those that evolved are the champion's."""
-    genes = record.run.genes
+    genes = select_robot(record.run.genes)
     evolved = dict(zip(genes.key.astype(str), genes.value.tolist(), strict=True))
     for key, value in {**record.values, **evolved}.items():
         counts = isinstance(record.values.get(key), int) and float(value).is_integer()
@@ -108,8 +110,11 @@ def _effective_values(record: Record) -> Iterator[tuple[str, Any]]:
 
 
 def _read_sensors(record: Record, urdf: Urdf) -> Iterator[MountedSensor]:
-    beams = read_champion_beams(record)
-    for row in read_champion_sensors(record).to_dict("records"):
+    context = adapt_context(record)
+    kinds: Mapping[str, Beam | Signal] = {**context.beams, **context.signals}
+    tables = read_champion_sensors(record), read_champion_signals(record)
+    rows = [row for table in tables for row in table.to_dict("records")]
+    for row in sorted(rows, key=lambda row: int(row["sensor"])):
         kind = str(row["type"])
         link = f"{kind}_{row['sensor']}"
         if link not in urdf.poses:
@@ -121,7 +126,7 @@ def _read_sensors(record: Record, urdf: Urdf) -> Iterator[MountedSensor]:
             position_m=(row["x_m"], row["y_m"], row["z_m"]),
             yaw_deg=row["yaw_deg"],
             pitch_deg=row["pitch_deg"],
-            beam=beams[kind],
+            kind=kinds[kind],
             size_m=_body_size(body[0]) if body else (0.0, 0.0, 0.0),
         )
 

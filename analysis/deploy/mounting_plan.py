@@ -7,6 +7,7 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.drive.rolling import shape_points
 from evoros.geometry.shapes import Pose, Shape
+from evoros.storage.figure_context import Beam, Signal
 
 from ..drawing.mounting_plan import MountingPlan, PlacedSensor, Solid
 from .champion import Champion, MountedSensor
@@ -42,10 +43,16 @@ def _place(sensor: MountedSensor) -> PlacedSensor:
         place_mm=np.array([x, y, z]),
         yaw_deg=sensor.yaw_deg,
         pitch_deg=sensor.pitch_deg,
-        fov_deg=sensor.beam.fov_deg,
-        reach=f"{sensor.beam.range_min_m:g} to {sensor.beam.range_max_m:g} m",
+        fov_deg=sensor.kind.fov_deg if isinstance(sensor.kind, Beam) else None,
+        reach=_describe_reach(sensor.kind),
         corners_mm=corners,
     )
+
+
+def _describe_reach(kind: Beam | Signal) -> str:
+    if isinstance(kind, Beam):
+        return f"{kind.range_min_m:g} to {kind.range_max_m:g} m"
+    return f"zone {kind.width_m:g} m wide" if kind.width_m > 0.0 else "none"
 
 
 def _list_solids(champion: Champion, sensors: set[str], wheels: set[str]) -> Iterator[Solid]:

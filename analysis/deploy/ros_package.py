@@ -17,6 +17,7 @@ from .ardupilot import (
     describe_orientation,
     list_flown,
     list_range_finders,
+    list_single,
     write_parameters,
 )
 from .champion import Champion, Triple
@@ -175,8 +176,11 @@ def _describe_origin(champion: Champion, options: PackageOptions) -> str:
 
 
 def _list_left_out(champion: Champion) -> Sequence[str]:
-    beyond = champion.sensors[len(INSTANCES) :]
-    if not beyond:
-        return ()
-    names = ", ".join(sensor.link for sensor in beyond)
-    return (f"ArduPilot has {len(INSTANCES)} range finders; without parameters are {names}",)
+    single = [sensor for sensor, _ in list_single(champion.sensors)]
+    beyond = ", ".join(sensor.link for sensor in single[len(INSTANCES) :])
+    others = ", ".join(sensor.link for sensor in champion.sensors if sensor not in single)
+    reasons = {
+        f"ArduPilot has {len(INSTANCES)} range finders; without parameters are {beyond}": beyond,
+        f"ArduPilot is told of range finders only; without parameters are {others}": others,
+    }
+    return [line for line, names in reasons.items() if names]

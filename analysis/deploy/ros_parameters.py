@@ -1,12 +1,12 @@
 """Parameter files of ROS 2: the controller's values, and the sensors and drive of a champion."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import yaml
 
-from evoros.storage.figure_context import Beam
+from evoros.storage.figure_context import Beam, Signal
 
 from .ardupilot import is_ardupilot
 from .champion import Champion
@@ -61,11 +61,8 @@ def robot_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
         for name, value in (
             ("type", sensor.type),
             ("pose", [*sensor.position_m, *angles]),
-            ("range_min_m", sensor.beam.range_min_m),
-            ("range_max_m", sensor.beam.range_max_m),
-            ("field_of_view_rad", math.radians(sensor.beam.fov_deg)),
-            ("period_s", sensor.beam.period_s),
-            *_list_bearings(sensor.beam),
+            ("period_s", sensor.kind.period_s),
+            *_describe_kind(sensor.kind),
             *([] if topic is None else [("topic", topic.replace("{sensor}", sensor.link))]),
         ):
             named[f"evoros.{sensor.link}.{name}"] = value
@@ -78,10 +75,19 @@ def robot_parameters(champion: Champion) -> tuple[dict[str, Any], list[str]]:
     return _nest(named)
 
 
-def _list_bearings(beam: Beam) -> list[tuple[str, Any]]:
-    if not beam.bearings_deg:
-        return []
-    return [("bearings_rad", [math.radians(bearing) for bearing in beam.bearings_deg])]
+def _describe_kind(kind: Beam | Signal) -> Iterator[tuple[str, Any]]:
+    """Yield what nodes are told of a type of sensor, under the names of the missions."""
+    if not isinstance(kind, Beam):
+        yield "measures", kind.measures
+        yield "channels", [f"{name}_{unit}".strip("_") for name, unit in kind.channels]
+        return
+    yield "range_min_m", kind.range_min_m
+    yield "range_max_m", kind.range_max_m
+    yield "field_of_view_rad", math.radians(kind.fov_deg)
+    if kind.radiation != Beam.radiation:
+        yield "radiation", kind.radiation
+    if kind.bearings_deg:
+        yield "bearings_rad", [math.radians(bearing) for bearing in kind.bearings_deg]
 
 
 def write_parameter_file(

@@ -15,6 +15,7 @@ from .champion import Champion, read_champion
 from .mounting_plan import plan_mounting
 from .ros_package import PackageOptions, name_package, write_package
 
+ONE_ROBOT = True
 HELP = "the champion as a ROS 2 package, with a drawing of where to mount its sensors"
 FORMATS = ()
 OUTPUT = "deploy"
@@ -44,8 +45,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         InputError: no run has a champion that can be read, or an option does not fit.
     """
     _, champion = study.choose(options.run, read_champion)
+    robot = f"{champion.name} {options.agent or ''}"
     chosen = PackageOptions(
-        name=name_package(champion.name) if options.name is None else options.name,
+        name=name_package(robot) if options.name is None else options.name,
         maintainer=options.maintainer,
         license=options.license,
         imu_m=_read_imu(options),

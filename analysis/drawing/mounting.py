@@ -104,7 +104,7 @@ def _draw_beam(axes: Axes, sensor: PlacedSensor, view: View) -> None:
     """Draw the direction of a sensor, and its field of view as seen from above."""
     start = view.place(sensor.place_mm[None])[0]
     step = sensor.direction[[view.right, view.up]] * ARROW
-    if view.up == Y and sensor.fov_deg < 360.0:
+    if view.up == Y and sensor.fov_deg is not None and sensor.fov_deg < 360.0:
         half = sensor.fov_deg / 2
         bounds = sensor.yaw_deg - half, sensor.yaw_deg + half
         axes.add_patch(Wedge(start, _FAN, *bounds, fc=BLUE, ec="none", alpha=0.18, zorder=2.5))

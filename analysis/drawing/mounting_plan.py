@@ -27,8 +27,8 @@ class PlacedSensor:
     place_mm: Array  # (3,)
     yaw_deg: float  # left positive
     pitch_deg: float  # nose up positive
-    fov_deg: float
-    reach: str  # its range in words
+    fov_deg: float | None  # None: it casts no rays
+    reach: str  # its range, or the zone of a bumper, in words
     corners_mm: Array  # (n, 3) of its body; none: it has no size
 
     @property

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Wedge
 
-from .mounting_plan import MountingPlan, X, Y, Z
+from .mounting_plan import MountingPlan, PlacedSensor, X, Y, Z
 from .paper import (
     DARK,
     GREY,
@@ -136,6 +136,10 @@ def write_angle(degrees: float, positive: str, negative: str) -> str:
     return size if not round(degrees, 1) else f"{size} {positive if degrees > 0 else negative}"
 
 
+def _write_field(sensor: PlacedSensor) -> str:
+    return "none" if sensor.fov_deg is None else f"{sensor.fov_deg:g}\N{DEGREE SIGN}"
+
+
 def list_notes(plan: MountingPlan) -> Iterator[tuple[str, str]]:
     """Yield the colour of the mark of each point of reference, and what it is."""
     yield DARK, f"datum of all dimensions: {plan.datum}"
@@ -161,10 +165,8 @@ def write_table(
             f"{value:.1f}".replace("-", "\N{MINUS SIGN}")
             for value in sensor.place_mm.round(1) + 0.0
         ]
-        rows.append(
-            (str(number), sensor.name, *where, yaw, pitch, f"{sensor.fov_deg:g}\N{DEGREE SIGN}",
-             sensor.reach)
-        )  # fmt: skip
+        seen = _write_field(sensor)
+        rows.append((str(number), sensor.name, *where, yaw, pitch, seen, sensor.reach))
     for line, row in enumerate(rows):
         y = top - LINE * (line + 0.5)
         weight = "bold" if line == 0 else "normal"

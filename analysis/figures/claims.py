@@ -32,8 +32,9 @@ from ..measures.heading_swing import read_champion_swings
 from ..measures.pairs import paper_rings
 from ..measures.spread import read_diversity
 from ..product import Product
+from ..tables.candidates import read_initial_sensors
 from ..tables.champion_missions import classify_failure, list_missions
-from ..tables.designs import read_champion, read_initial_sensors
+from ..tables.designs import read_champion
 from ..tables.matching import identify_champion
 from ..tables.records import Record
 from ..tables.study import Study
@@ -41,6 +42,7 @@ from ..tables.treatments import report_repeated
 from .thresholds import add_arguments, check_thresholds
 
 __all__ = ["HELP", "add_arguments", "draw_claims", "make_product"]
+FIRST_ROBOT = True
 HELP = "the paper's claims: measured values, their intervals, and which claims they support"
 READS: tuple[Callable[[Record], object], ...] = (
     identify_champion,

@@ -25,6 +25,7 @@ from ..tables.designs import read_champion_sensors
 from ..tables.records import Record
 from ..tables.study import Study
 
+ONE_ROBOT = True
 HELP = "what spatial failure breaks around each sensor of one champion (Fig. 10)"
 PANEL_IN = 1.4  # minimum width of a panel
 MIN_RATIO = 0.65  # minimum height of a panel over its width

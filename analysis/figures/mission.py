@@ -2,60 +2,41 @@
 
 import argparse
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import matplotlib as mpl
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 
-from evoros.base.arrays import Array
 from evoros.base.errors import InputError, single_line
 from evoros.base.log import LOGGER
+from evoros.storage.figure_context import FigureContext
 from evoros.world.model import World
 
-from ..drawing.style import (
-    BLUE,
-    GREEN,
-    PAGE_IN,
-    PURPLE,
-    STYLE,
-    VERMILLION,
-    YELLOW,
-    figure_width,
-)
-from ..drawing.worlds import draw_course, draw_obstacles
+from ..drawing.companions import draw_companions, make_companion_handles
+from ..drawing.drift import draw_errors, has_estimate
+from ..drawing.mission_map import draw_mission, make_handles
+from ..drawing.readings import draw_readings, measure_height
+from ..drawing.style import PAGE_IN, STYLE, figure_width
 from ..product import Product
 from ..tables.records import Record
+from ..tables.robots import name_robots
 from ..tables.study import Study
-from ..tables.tracks import NONE, load_champion_world, read_track
+from ..tables.traces import Trace, read_traces
+from ..tables.tracks import load_champion_world, read_tracks, select_track
 
 HELP = "the champion's missions from above: path by mode, collisions, where sensors failed"
-OBSTACLE = "0.8"
-PATHS = ((VERMILLION, 1.6), (BLUE, 0.8), (GREEN, 1.2), (PURPLE, 1.6))
-"""Colour and width [pt] of each mode, in the order of the controller's layers."""
-UNDECIDED = ("0.3", 0.8)
 ENDINGS = {
     "completed": "completed in {:.0f} s",
     "collision": "collision at {:.0f} s",
     "time_limit": "time limit, {:.0f} s",
 }
-_LABEL_M = 1.2  # failures within this distance share a label
-_ARROW_M = 1.5  # length of the arrow along the beginning of the path
 _PANEL_IN = 1.7  # minimum width of a panel
-_WORDS_IN = 0.75  # height of a panel's title and labels
-_POINT: dict[str, Any] = {"ls": "none", "zorder": 5}
-HOME = {**_POINT, "marker": "*", "color": "black", "ms": 6, "label": "home (arrow: start)"}
-WAYPOINT = {**_POINT, "marker": "o", "mfc": "none", "mec": "0.5", "ms": 7, "label": "waypoint"}
-COLLISION = {**_POINT, "marker": "X", "ms": 7, "mfc": "black", "mec": "white", "mew": 0.6}
-COLLISION["label"] = "collision"
-FAILURE = {**_POINT, "marker": "v", "ms": 5, "mfc": YELLOW, "mec": "black", "mew": 0.7}
-FAILURE["label"] = "sensor failed (number)"
+_ERRORS_IN = 1.3  # height of a panel of errors
+_WORDS_IN, _LINE_IN = 0.75, 0.15  # height of a panel's title and labels, and of a further line
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,6 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--run", metavar="NAME", help="instead of the best run")
     parser.add_argument(
         "--world", metavar="NAME", action="append", help="only this world; may be repeated"
+    )
+    parser.add_argument(
+        "--readings", action="store_true", help="also what sensors that see nothing read over time"
     )
 
 
@@ -73,7 +57,12 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     table = pd.concat(tracks, ignore_index=True)
     width = figure_width(options.columns, 1 if len(worlds) == 1 else 2)
     messages = [_report(record, len(study.records))] if len(study.records) > 1 else []
-    return Product(table, draw_missions(table, worlds, record.context.modes, width), messages)
+    context = record.context
+    robots = {"": context, **context.agents}
+    shown = worlds if getattr(options, "readings", False) else ()
+    traces = {name: read_traces(record, name) for name in shown}
+    figure = draw_missions(table, worlds, context.modes, width, robots, traces)
+    return Product(table, figure, messages)
 
 
 def draw_missions(
@@ -81,22 +70,41 @@ def draw_missions(
     worlds: Mapping[str, World],
     modes: Sequence[str],
     width: float = PAGE_IN,
+    robots: Mapping[str, FigureContext] | None = None,
+    traces: Mapping[str, Sequence[Trace]] | None = None,
 ) -> Figure:
     """Draw a panel for each world.
 
     ``tracks`` has the columns of ``tracks.COLUMNS``. ``modes`` are the names in its column
-    ``mode``, in the order of the controller's layers. ``width`` is in inches.
+    ``mode``, in the order of the controller's layers. ``width`` is in inches. If the missions have
+    an estimated pose, a panel below each one has its errors. ``robots`` has the contexts of several
+    robots by name, which is that in the column ``agent``; the first one's is empty. ``traces`` are
+    readings of each world, which are drawn below.
     """
+    robots, everyone = robots or {}, tracks
+    tracks = everyone[name_robots(everyone) == ""]
+    paths = {name: select_track(tracks, name) for name in worlds}
     columns = min(len(worlds), max(1, int(width / _PANEL_IN)))
     rows = math.ceil(len(worlds) / columns)
     with mpl.rc_context(STYLE):
         figure = Figure(layout="constrained")
-        grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        below: list[tuple[Callable[[SubFigure], None], float]] = []
+        if has_estimate(tracks):
+            below.append((partial(draw_errors, paths=paths, columns=columns), rows * _ERRORS_IN))
+        if traces and any(traces.values()):
+            draw = partial(draw_readings, traces=traces, columns=columns)
+            below.append((draw, measure_height(traces, columns)))
+        stack = figure.add_gridspec(1 + len(below), 1) if below else None
+        upper = figure if stack is None else figure.add_subfigure(stack[0])
+        grid = upper.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
         panels, free = list(grid.flat)[: len(worlds)], list(grid.flat)[len(worlds) :]
         for axes, (name, world) in zip(panels, worlds.items(), strict=True):
-            path = tracks[tracks["world"] == name].reset_index(drop=True)
-            _draw_mission(axes, world, path, modes)
-            axes.set_title(f"{name}\n{_ending(path)}")
+            path = paths[name]
+            draw_mission(axes, world, path, modes)
+            others = {agent: select_track(everyone, name, agent) for agent in robots if agent}
+            draw_companions(axes, path, others, robots)
+            endings = [_ending(path), *(f"{n}: {_ending(other)}" for n, other in others.items())]
+            axes.set_title("\n".join((name, *endings)))
             axes.set_xlabel("x [m]")
             axes.tick_params(labelbottom=True)
         for row in grid:
@@ -104,21 +112,19 @@ def draw_missions(
         x_span, y_span = (
             abs(end - begin) for begin, end in (panels[0].get_xlim(), panels[0].get_ylim())
         )
-        panel = (width - 0.5) / columns * y_span / x_span + _WORDS_IN
-        figure.set_size_inches(width, rows * panel + (0.0 if free else 0.4))
-        _add_legend(figure, free, _make_handles(tracks, modes))
+        words = _WORDS_IN + _LINE_IN * len([*robots][1:])
+        panel = (width - 0.5) / columns * y_span / x_span + words
+        height = rows * panel + (0.0 if free else 0.4 + _LINE_IN * len([*robots][1:]))
+        if stack is not None:
+            stack.set_height_ratios((height, *(tall for _, tall in below)))
+            for place, (draw_part, tall) in enumerate(below, 1):
+                draw_part(figure.add_subfigure(stack[place]))
+                height += tall
+        figure.set_size_inches(width, height)
+        touched = bool((everyone["contact"] > 0).any())
+        handles = [*make_handles(tracks, modes, touched), *make_companion_handles([*robots][1:])]
+        _add_legend(upper, free, handles)
     return figure
-
-
-def split_by_mode(path: pd.DataFrame) -> Iterator[tuple[str, Array]]:
-    """Split the path of one mission into consecutive stretches (n, 2) [m] of one mode each.
-
-    From a record to the next the robot does what was decided at the first of the two.
-    """
-    places, modes = path[["x_m", "y_m"]].to_numpy(float), path["mode"].to_numpy()[:-1]
-    begins = [i for i in range(len(modes)) if i == 0 or modes[i] != modes[i - 1]]
-    for begin, end in zip(begins, [*begins[1:], len(modes)], strict=True):
-        yield str(modes[begin]), places[begin : end + 1]
 
 
 def _read(
@@ -131,7 +137,7 @@ def _read(
         if wanted and name not in wanted:
             continue
         try:
-            path = read_track(record.run, record.context, name)
+            path = read_tracks(record.run, record.context, name)
             worlds[name] = load_champion_world(record.run, record.context, name)
         except InputError as error:
             LOGGER.warning("%s; %s is left out", error, name)
@@ -163,74 +169,9 @@ def _ending(path: pd.DataFrame) -> str:
     return ENDINGS.get(last["ended"], str(last["ended"]).replace("_", " ")).format(last["time_s"])
 
 
-def _draw_mission(axes: Axes, world: World, path: pd.DataFrame, modes: Sequence[str]) -> None:
-    draw_obstacles(axes, world).set(array=None, facecolor=OBSTACLE, zorder=1)
-    draw_course(axes, world.course)
-    axes.set_aspect("equal")
-    if path.empty:
-        return
-    stretches = list(split_by_mode(path))
-    for name, (colour, width) in _styles(modes).items():
-        own = [stretch for mode, stretch in stretches if mode == name]
-        if own:
-            lines = LineCollection(own, colors=colour, linewidths=width, zorder=2.5, label=name)
-            axes.add_collection(lines)
-    _draw_arrow(axes, path)
-    touched = path["contact"].diff().fillna(path["contact"]) > 0
-    axes.plot(path["x_m"][touched], path["y_m"][touched], **COLLISION)
-    failed = path[path["failed_sensors"] != ""]
-    axes.plot(failed["x_m"], failed["y_m"], **FAILURE)
-    for (x, y), text in _labels(failed):
-        axes.annotate(text, (x, y), xytext=(3, 3), textcoords="offset points", fontsize=7, zorder=6)
-
-
-def _styles(modes: Sequence[str]) -> dict[str, tuple[str, float]]:
-    """Return colour and width of each mode; the last layer is drawn first."""
-    styles = {name: PATHS[i % len(PATHS)] for i, name in enumerate(modes)}
-    return dict(reversed([*styles.items(), (NONE, UNDECIDED)]))
-
-
-def _draw_arrow(axes: Axes, path: pd.DataFrame) -> None:
-    """Draw an arrow from home in the direction of the path."""
-    places = path[["x_m", "y_m"]].to_numpy(float)
-    distances = np.hypot(*(places - places[0]).T)
-    far = distances >= _ARROW_M
-    end = places[int(np.argmax(far))] if far.any() else places[-1]
-    shape = {"arrowstyle": "-|>", "mutation_scale": 6, "lw": 0.8, "color": "black"}
-    axes.annotate("", end, places[0], arrowprops={**shape, "shrinkA": 0, "shrinkB": 0}, zorder=4)
-
-
-def _labels(failed: pd.DataFrame) -> Iterator[tuple[tuple[float, float], str]]:
-    """Yield the numbers of failed sensors, one label for failures near each other."""
-    groups: list[tuple[tuple[float, float], list[str]]] = []
-    places = zip(failed["x_m"].tolist(), failed["y_m"].tolist(), strict=True)
-    for place, text in zip(places, failed["failed_sensors"].tolist(), strict=True):
-        numbers = text.split(";")
-        if groups and math.dist(groups[-1][0], place) < _LABEL_M:
-            groups[-1][1].extend(numbers)
-        else:
-            groups.append((place, numbers))
-    for place, numbers in groups:
-        yield place, ", ".join(numbers)
-
-
-def _make_handles(tracks: pd.DataFrame, modes: Sequence[str]) -> list[Line2D]:
-    """Make the legend entries of what is drawn."""
-    driven = set(tracks["mode"])
-    handles = [
-        Line2D([], [], color=colour, lw=width, label=name)
-        for name, (colour, width) in reversed(_styles(modes).items())
-        if name in driven
-    ]
-    handles += [Line2D([], [], **HOME), Line2D([], [], **WAYPOINT)]
-    if (tracks["contact"] > 0).any():
-        handles.append(Line2D([], [], **COLLISION))
-    if (tracks["failed_sensors"] != "").any():
-        handles.append(Line2D([], [], **FAILURE))
-    return handles
-
-
-def _add_legend(figure: Figure, free: Sequence[Axes], handles: Sequence[Line2D]) -> None:
+def _add_legend(
+    figure: Figure | SubFigure, free: Sequence[Axes], handles: Sequence[Line2D]
+) -> None:
     """Add the legend in a panel that is left over, else below the panels."""
     for axes in free:
         axes.set_axis_off()
@@ -240,7 +181,7 @@ def _add_legend(figure: Figure, free: Sequence[Axes], handles: Sequence[Line2D])
     figure.legend(
         handles=handles,
         loc="outside lower center",
-        ncols=6 if figure.get_figwidth() > 5 else 3,
+        ncols=6 if figure.bbox.width > 5 * figure.dpi else 3,
         frameon=False,
         handlelength=1.6,
         columnspacing=1.0,

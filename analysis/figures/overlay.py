@@ -19,6 +19,8 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from evoros.base.errors import InputError
@@ -26,14 +28,16 @@ from evoros.storage.figure_context import FigureContext
 
 from ..drawing import robot
 from ..drawing.sheet import Sheet
+from ..drawing.signals import draw_signals, make_signal_handles
 from ..drawing.style import COLUMN_IN, STYLE, figure_width
 from ..measures.cones import Window, fit_window, robot_length
 from ..measures.raster import cell_centres, count_coverage, rasterize
 from ..product import Product, to_csv
-from ..tables.designs import read_champion
+from ..tables.designs import SIGNAL_COLUMNS, read_champion
 from ..tables.study import Study
 from ..tables.treatments import SINGLE
 
+ONE_ROBOT = True
 HELP = "sensors and cones of the champions on one robot, darker where they coincide (Fig. 8)"
 Shades = tuple[ListedColormap, BoundaryNorm]
 PER_ROW_IN = 1.7  # minimum width of a panel
@@ -62,8 +66,11 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     }
     cover = count_coverage(sensors, contexts, choose_cuts(sensors, contexts, options.cut))
     width = figure_width(options.columns, 1 if len(contexts) == 1 else 2)
-    figure = draw_overlay(cover, sensors, contexts, width)
-    return Product(cover, figure, files={"overlay_sensors.csv": to_csv(sensors)})
+    figure = draw_overlay(cover, sensors, contexts, width, study.signals)
+    files = {"overlay_sensors.csv": to_csv(sensors)}
+    if len(study.signals):
+        files["overlay_signals.csv"] = to_csv(study.signals)
+    return Product(cover, figure, files=files)
 
 
 def choose_cuts(
@@ -92,12 +99,15 @@ def draw_overlay(
     sensors: pd.DataFrame,
     contexts: Mapping[str, FigureContext],
     width: float = COLUMN_IN,
+    signals: pd.DataFrame | None = None,
 ) -> Figure:
     """Draw a panel for each treatment and cut: the robot, the sensors, and what they cover.
 
     ``cover`` is that of ``count_coverage``. A row of ``sensors`` without a place is a champion
-    without sensors. ``width`` is in inches.
+    without sensors. ``width`` is in inches. ``signals`` has the champions' sensors that cast no
+    rays, as ``Study.signals``.
     """
+    others = pd.DataFrame(columns=SIGNAL_COLUMNS) if signals is None else signals
     placed = sensors.dropna(subset="x_m")
     cuts_m = sorted(cover.cut_m.unique()) or [0.0]
     views = [fit_window(contexts.values(), placed, cut) for cut in cuts_m]
@@ -106,7 +116,8 @@ def draw_overlay(
     shades = _shades(int(max([int(numbers.max()), *cover.iloc[:, -1]])))
     markers = robot.assign_markers(placed)
     with mpl.rc_context(STYLE):
-        page, side_by_side = _lay_out(len(contexts), views, width, len(markers) > 1)
+        handles = [*robot.make_type_handles(markers), *make_signal_handles(others)]
+        page, side_by_side = _lay_out(len(contexts), views, width, bool(handles))
         figure = page.make_figure()
         for (i, treatment), (view, cut) in product(enumerate(contexts), enumerate(cuts_m)):
             row, column = divmod(i, page.columns)
@@ -119,10 +130,13 @@ def draw_overlay(
                 own = placed[placed.treatment == treatment]
                 alpha = 0.35 if several else 0.8  # dots on each other are darker
                 robot.draw_sensors(axes, own, ["black"] * len(own), markers, 2.5, alpha=alpha)
+                if len(others):
+                    mounted = others[others.treatment == treatment]
+                    draw_signals(axes, mounted, contexts[treatment], alpha)
             title = _title(treatment, int(numbers[treatment]), cut, len(views), view)
             axes.set_title(title, loc="left", fontsize=7)
             robot.frame_axes(axes, views[view])
-        _add_legends(figure, page, shades, cover.columns[-1], markers)
+        _add_legends(figure, page, shades, cover.columns[-1], handles)
     return figure
 
 
@@ -183,7 +197,7 @@ def _title(treatment: str, number: int, cut_m: float, views: int, view: int) -> 
 
 
 def _add_legends(
-    figure: Figure, page: Sheet, shades: Shades, unit: str, markers: Mapping[str, str]
+    figure: Figure, page: Sheet, shades: Shades, unit: str, handles: Sequence[Line2D | Patch]
 ) -> None:
     height = min(0.8 * (page.height - page.bottom), 3.0)
     corner = page.width - page.right + 0.15, (page.height - height) / 2
@@ -193,6 +207,6 @@ def _add_legends(
     bar.ax.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     bar.ax.tick_params(labelsize=7, length=2)
     bar.ax.minorticks_off()
-    handles = robot.make_type_handles(markers)
     if handles:
-        figure.legend(handles=handles, loc="lower left", ncols=4, frameon=False)
+        columns = 3 if page.width < 2 * COLUMN_IN else 6
+        figure.legend(handles=handles, loc="lower left", ncols=columns, frameon=False)

@@ -15,12 +15,14 @@ from evoros.storage.figure_context import FigureContext
 
 from ..drawing import robot
 from ..drawing.sheet import Sheet
+from ..drawing.signals import draw_signals, make_signal_handles
 from ..drawing.style import CATEGORIES, COLUMN_IN, PAGE_IN, STYLE, figure_width
 from ..measures.cones import fit_window, robot_length
-from ..product import Product
-from ..tables.designs import read_champion
+from ..product import Product, to_csv
+from ..tables.designs import SIGNAL_COLUMNS, read_champion
 from ..tables.study import Study
 
+ONE_ROBOT = True
 HELP = "a panel for each replicate with its champion's sensors and cones (Figs. 7 and 11)"
 CUT = 0.6  # of the robot's length; longer cones leave too little room for the robot
 PANEL_IN, MIN_PANEL_IN = 1.25, 0.8  # width of a panel, and its minimum if the page is full
@@ -34,11 +36,13 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     sensors = rank_pairs(study.gather(read_champion))
     contexts = {record.treatment: record.context for record in study.records}
     number = sensors.run.nunique()
-    figure = draw_panels(sensors, contexts, figure_width(options.columns, 1 if number <= 4 else 2))
+    width = figure_width(options.columns, 1 if number <= 4 else 2)
+    figure = draw_panels(sensors, contexts, width, study.signals)
     messages = []
     if figure.get_figheight() > PAGE_HEIGHT_IN:
         messages = [f"{number} panels need more than one page: give fewer folders"]
-    return Product(sensors, figure, messages)
+    files = {"panel_signals.csv": to_csv(study.signals)} if len(study.signals) else {}
+    return Product(sensors, figure, messages, files)
 
 
 def rank_pairs(sensors: pd.DataFrame) -> pd.DataFrame:
@@ -54,13 +58,18 @@ def rank_pairs(sensors: pd.DataFrame) -> pd.DataFrame:
 
 
 def draw_panels(
-    sensors: pd.DataFrame, contexts: Mapping[str, FigureContext], width: float = COLUMN_IN
+    sensors: pd.DataFrame,
+    contexts: Mapping[str, FigureContext],
+    width: float = COLUMN_IN,
+    signals: pd.DataFrame | None = None,
 ) -> Figure:
     """Draw a panel for each champion, in rows by treatment.
 
     ``sensors`` is that of ``rank_pairs``; a row without a place is a champion without sensors.
-    ``contexts`` has the context of each treatment. ``width`` is in inches.
+    ``contexts`` has the context of each treatment. ``width`` is in inches. ``signals`` has the
+    champions' sensors that cast no rays, as ``Study.signals``.
     """
+    others = pd.DataFrame(columns=SIGNAL_COLUMNS) if signals is None else signals
     placed = sensors.dropna(subset="x_m")
     treatments = list(dict.fromkeys(sensors.treatment))
     shown = [contexts[treatment] for treatment in treatments]
@@ -68,7 +77,8 @@ def draw_panels(
     view = fit_window(shown, placed, cut)
     markers = robot.assign_markers(placed)
     with mpl.rc_context(STYLE):
-        handles = [*_make_colour_handles(placed), *robot.make_type_handles(markers)]
+        types = [*robot.make_type_handles(markers), *make_signal_handles(others)]
+        handles = [*_make_colour_handles(placed), *types]
         columns = 3 if width < PAGE_IN else 6
         note = _note(placed, cut, width)
         foot = FOOT_IN + LINE_IN * (math.ceil(len(handles) / columns) + 1 + note.count("\n"))
@@ -80,6 +90,8 @@ def draw_panels(
             robot.draw_robot(axes, contexts[first.treatment])
             robot.draw_cones(axes, own, colours, cut)
             robot.draw_sensors(axes, own, colours, markers)
+            if len(others):
+                draw_signals(axes, others[others.run == run], contexts[first.treatment])
             axes.set_title(_title(first), fontsize=6.5, pad=2)
             robot.frame_axes(axes, view)
         figure.legend(handles=handles, title=note, loc="lower center", ncols=columns, frameon=False)
@@ -105,8 +117,9 @@ def _title(row: pd.Series) -> str:
 
 
 def _note(placed: pd.DataFrame, cut: float, width: float) -> str:
-    range_m = placed.range_m.max()
-    cones = [f"cones of {range_m:g} m cut at {cut:g} m"] if range_m > cut else []
+    ranges = sorted(placed.range_m.unique())
+    lengths = " to ".join(f"{range_m:g}" for range_m in dict.fromkeys([*ranges[:1], *ranges[-1:]]))
+    cones = [f"cones of {lengths} m cut at {cut:g} m"] if ranges and ranges[-1] > cut else []
     return ("; " if width >= PAGE_IN else "\n").join([TITLES, *cones])
 
 

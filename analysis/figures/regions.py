@@ -31,6 +31,7 @@ from ..measures.cones import (
 from ..product import Product
 from ..tables.study import Study
 
+ONE_ROBOT = True
 HELP = "where on the robot sensors may be, and where they may face (Fig. 5)"
 FAN = 0.25  # radius of the headings, as a share of the robot's length
 TWINS = "twins are mirrored across the dash-dotted line"
@@ -44,7 +45,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     if not contexts:
         raise InputError("regions: no run places sensors in regions; give one whose design does")
     width = figure_width(options.columns, 1 if len(contexts) == 1 else 2)
-    return Product(list_regions(contexts), draw_regions(contexts, width))
+    named = any(record.agent or record.context.agents for record in study.records)
+    return Product(list_regions(contexts), draw_regions(contexts, width, named))
 
 
 def group_contexts(study: Study) -> dict[str, FigureContext]:
@@ -97,11 +99,13 @@ def _flip(headings: tuple[float, float]) -> tuple[float, float]:
     return 0.0 - headings[1], 0.0 - headings[0]
 
 
-def draw_regions(contexts: Mapping[str, FigureContext], width: float = COLUMN_IN) -> Figure:
+def draw_regions(
+    contexts: Mapping[str, FigureContext], width: float = COLUMN_IN, named: bool = False
+) -> Figure:
     """Draw a panel for each context: the robot, its regions, and fans of headings.
 
     A region has the colour of the one that it mirrors. Mirror images that are no regions have
-    dashed edges. ``width`` is in inches.
+    dashed edges. ``width`` is in inches; ``named`` also gives a single panel its title.
     """
     reach = FAN * max(map(robot_length, contexts.values()))
     view = _fit_window(contexts, reach)
@@ -119,7 +123,7 @@ def draw_regions(contexts: Mapping[str, FigureContext], width: float = COLUMN_IN
             _draw_areas(axes, context, reach)
             frame_axes(axes, view)
             axes.set(xlabel=AXES[0], ylabel=AXES[1])
-            title = [treatment] * (len(contexts) > 1) + [TWINS] * context.mirrored
+            title = [treatment] * (len(contexts) > 1 or named) + [TWINS] * context.mirrored
             axes.set_title("\n".join(title), fontsize=7, loc="left")
     return figure
 

@@ -22,12 +22,14 @@ from ..drawing.style import PAGE_IN, STYLE, assign_colours, figure_width, letter
 from ..measures.coverage import AHEAD_DEG, HEADINGS_DEG
 from ..measures.design_features import ALL, FRONT, SIDE, compare_with_random, describe_designs
 from ..product import Product
-from ..tables.designs import read_champion, read_initial_sensors
+from ..tables.candidates import read_initial_sensors
+from ..tables.designs import read_champion
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
 from .thresholds import add_arguments, check_thresholds
 
 __all__ = ["HELP", "add_arguments", "draw_strategies", "make_product"]
+ONE_ROBOT = True
 HELP = "what evolved: coverage by direction, front arrays or side mounts, redundancy, clusters"
 RANDOM = "0.45"
 """The grey of random designs."""

@@ -14,6 +14,7 @@ Window = tuple[float, float, float, float]
 """Minimum and maximum x, minimum and maximum y [m]."""
 CONE = ["x_m", "y_m", "yaw_deg", "fov_deg", "range_m"]
 _CORNERS = 96  # of a full circle
+_ZONE_MARGIN_M = 0.02  # of the zone of a bumper beyond the robot
 
 
 def outline_part(part: Part) -> Array:
@@ -50,6 +51,27 @@ def trace_sector(
     arc = radius_m * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     sector: Array = np.array([x_m, y_m]) + np.vstack([[0.0, 0.0], arc])
     return sector
+
+
+def trace_zone(
+    place: tuple[float, float],
+    yaw_deg: float,
+    width_m: float,
+    depth_m: float,
+    context: FigureContext,
+) -> Array:
+    """Return the corners (4, 2) [m] of the zone of a bumper, up to the edge of the robot.
+
+    The zone itself has no end ahead of its mount.
+    """
+    yaw, half = math.radians(yaw_deg), width_m / 2
+    ahead = np.array([math.cos(yaw), math.sin(yaw)])
+    left = np.array([-ahead[1], ahead[0]])
+    points = np.vstack([outline_part(part) for part in context.parts]) - np.array(place)
+    reach = max(float((points @ ahead).max()), 0.0) + _ZONE_MARGIN_M
+    corners = [(-depth_m, half), (reach, half), (reach, -half), (-depth_m, -half)]
+    zone: Array = np.array([np.array(place) + x * ahead + y * left for x, y in corners])
+    return zone
 
 
 def find_covered(sensors: pd.DataFrame, x: Array, y: Array, cell_m: float, reach_m: float) -> Array:

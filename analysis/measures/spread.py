@@ -8,7 +8,7 @@ from scipy.spatial.distance import pdist, squareform
 
 from evoros.base.arrays import Array
 
-from ..tables.designs import list_mounts, place_sensors, read_generations
+from ..tables.candidates import place_candidates, read_generations
 from .coverage import compute_profiles, normalize_profiles
 from .statistics import LEVEL, RESAMPLES, SEED, Interval
 
@@ -78,7 +78,7 @@ def read_diversity(record: "Record") -> pd.DataFrame:
 
 
 def _diversity(candidates: pd.DataFrame, record: "Record") -> float:
-    placed = place_sensors(list_mounts(candidates, record), record.context)
+    placed = place_candidates(candidates, record)
     profiles = compute_profiles(placed.assign(run=record.name, treatment="", seed=record.seed))
     profiles.index = profiles.index.get_level_values("design")
     complete = profiles.reindex(candidates.id, fill_value=0.0)  # designs without sensors, too

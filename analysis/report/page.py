@@ -9,7 +9,7 @@ from typing import Any
 from markupsafe import Markup
 
 from ..product import Product
-from ..subcommands import SUBCOMMANDS
+from ..subcommands import EXPORTS, SUBCOMMANDS
 from ..tables.records import Record
 from ..tables.study import Study
 from .outline import common_choices, outline, tabulate_differences
@@ -26,11 +26,11 @@ from .templates import format_table, read_asset, render
 
 HELP = "one HTML page with everything, and the champions' missions to be played"
 FORMATS = ("html",)
-FIGURES = tuple(name for name in SUBCOMMANDS if name not in ("report", "replay"))
+FIGURES = tuple(name for name in SUBCOMMANDS if name not in {"report", "replay", *EXPORTS})
 """The subcommands whose results are in the page."""
 OWN_SECTION = {"compare": "Statistics", "claims": "Claims"}
 """The titles of the subcommands with sections of their own; the others are under Figures."""
-SCRIPTS = ("missions.js", "plan.js", "readings.js", "player.js", "tables.js")
+SCRIPTS = ("missions.js", "plan.js", "readings.js", "signals.js", "player.js", "tables.js")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,6 @@ which keeps the numbers short.
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,18 +17,27 @@ from markupsafe import Markup
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.geometry.footprint import project_shape, top_height
+from evoros.storage.figure_context import FigureContext
 from evoros.world.course import Course
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
-from ..tables.designs import read_champion_beams, read_champion_sensors
+from ..tables.designs import adapt_context, read_champion_sensors, read_champion_signals
 from ..tables.readings import find_nearest, group_ranges, merge_sectors
 from ..tables.records import Record
+from ..tables.robots import select_trajectory
 from ..tables.study import Study
 from ..tables.tracks import NONE, find_champion_mission, list_failures, load_champion_worlds
+from .columns import (
+    encode_changes,
+    encode_differences,
+    encode_lengths,
+    encode_poses,
+    thin_out,
+    to_thousandths,
+)
+from .signals import describe_signals, encode_signals
 
-MAX_RECORDS = 6000
-"""Maximum number of records of a mission; longer ones are thinned out evenly."""
 MAX_SECTORS = 36
 """Maximum number of sectors in which the player shows the ranges of one sensor."""
 MARGIN_M = 0.5  # around everything that is drawn
@@ -69,18 +77,29 @@ def encode_playback(record: Record) -> Markup:
             f"{record.path / 'champion'}: must have a mission that was run, but has none; give "
             f"another run"
         )
-    sensors, beams = read_champion_sensors(record), read_champion_beams(record)
+    sensors, beams = read_champion_sensors(record), adapt_context(record).beams
     bearings = [beams[kind].bearings_deg for kind in sensors["type"]]
+    signals = read_champion_signals(record)
     content = {
         "run": record.name,
-        "parts": [
-            {**_encode_shape(part.vertices, part.radius_m), "wheel": part.wheel}
-            for part in sorted(context.parts, key=lambda part: part.top_m)
+        "parts": _encode_parts(context),
+        "agents": [
+            {"name": name, "parts": _encode_parts(agent)} for name, agent in context.agents.items()
         ],
         "sensors": list(_encode_sensors(sensors)),
+        "signals": list(describe_signals(signals, context)),
         "modes": [NONE, *context.modes],
         "missions": [
-            _encode_mission(worlds[name], table, find_champion_mission(record.run, name), bearings)
+            {
+                **_encode_mission(
+                    worlds[name],
+                    table,
+                    find_champion_mission(record.run, name),
+                    bearings,
+                    [select_trajectory(table, agent) for agent in context.agents],
+                ),
+                "signals": encode_signals(table, signals, context),
+            }
             for name, table in trajectories.items()
             if len(table)
         ],
@@ -88,10 +107,18 @@ def encode_playback(record: Record) -> Markup:
     return htmlsafe_json_dumps(content, separators=(",", ":"))
 
 
+def _encode_parts(context: FigureContext) -> list[Json]:
+    return [
+        {**_encode_shape(part.vertices, part.radius_m), "wheel": part.wheel}
+        for part in sorted(context.parts, key=lambda part: part.top_m)
+    ]
+
+
 def _encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
     for row in table.to_dict("records"):
         yield {
             "type": str(row["type"]),
+            "number": int(row["sensor"]),
             "x": round(row["x_m"], 4),
             "y": round(row["y_m"], 4),
             "yaw": round(math.radians(row["yaw_deg"]), 4),
@@ -107,9 +134,14 @@ def _encode_mission(
     trajectory: pd.DataFrame,
     row: "pd.Series[Any]",
     bearings_deg: Sequence[Sequence[float]],
+    others: Sequence[pd.DataFrame] = (),
 ) -> Json:
-    """Encode a mission; ``bearings_deg`` are those of the ranges of each sensor."""
-    places = trajectory[["x_m", "y_m"]].to_numpy(float)
+    """Encode a mission; ``bearings_deg`` are those of the ranges of each sensor.
+
+    ``others`` are the trajectories of the other robots.
+    """
+    paths = [each[["x_m", "y_m"]].to_numpy(float) for each in (trajectory, *others)]
+    rows = thin_out(len(trajectory))
     obstacles = list(_encode_obstacles(world))
     return {
         "world": row["world"],
@@ -117,66 +149,34 @@ def _encode_mission(
         "goals": len(world.course.route(True)),
         "course": _encode_course(world.course),
         "obstacles": obstacles,
-        "extent": _extent(places, world.course, obstacles),
+        "extent": _extent(np.concatenate(paths), world.course, obstacles),
         "failed": [
             {"sensor": sensor, "at_s": round(time, 3), "by": effect}
             for sensor, time, effect in list_failures(row)
         ],
         "reached": list(_encode_waypoints(trajectory, world.course)),
         "collisions": list(_encode_collisions(trajectory)),
-        **_encode_columns(trajectory.iloc[thin_out(len(trajectory))], bearings_deg),
+        "agents": [encode_poses(other.iloc[rows]) for other in others],
+        **_encode_columns(trajectory.iloc[rows], bearings_deg),
     }
 
 
-def thin_out(records: int) -> list[int]:
-    """Choose at most ``MAX_RECORDS`` rows, evenly, the first and the last included."""
-    places = np.linspace(0, records - 1, min(records, MAX_RECORDS))
-    return [round(place) for place in places.tolist()]
-
-
 def _encode_columns(trajectory: pd.DataFrame, bearings_deg: Sequence[Sequence[float]]) -> Json:
-    sensors = group_ranges(trajectory)
-    time, x, y, yaw = (
-        trajectory[name].to_numpy(float) for name in ("time_s", "x_m", "y_m", "yaw_rad")
-    )
+    sensors = [*group_ranges(trajectory).values()]
+    time = trajectory["time_s"].to_numpy(float)
     return {
-        "time": encode_changes(encode_differences(_to_thousandths(time))),
-        "x": encode_differences(_to_thousandths(x)),
-        "y": encode_differences(_to_thousandths(y)),
-        "yaw": encode_differences(_to_thousandths(np.unwrap(yaw))),
+        "time": encode_changes(encode_differences(to_thousandths(time))),
+        **encode_poses(trajectory),
         "mode": encode_changes(trajectory["mode"].astype(int).tolist()),
         "contact": encode_changes(trajectory["contact"].astype(int).tolist()),
-        "readings": [_encode_lengths(find_nearest(ranges)) for ranges in sensors],
+        "readings": [encode_lengths(find_nearest(ranges)) for ranges in sensors],
         "sectors": [
-            [_encode_lengths(nearest) for nearest in merge_sectors(ranges, bearings, MAX_SECTORS)]
+            [encode_lengths(nearest) for nearest in merge_sectors(ranges, bearings, MAX_SECTORS)]
             if ranges.shape[1] > 1
             else None
             for ranges, bearings in zip(sensors, bearings_deg, strict=True)
         ],
     }
-
-
-def _encode_lengths(metres: Array) -> list[int | None]:
-    return encode_differences(_to_thousandths(metres))
-
-
-def _to_thousandths(values: Array) -> list[int | None]:
-    return [None if math.isnan(value) else round(value * 1000) for value in values.tolist()]
-
-
-def encode_differences(values: Sequence[int | None]) -> list[int | None]:
-    """Subtract from each value the last known one before it; None stays."""
-    last, differences = 0, list[int | None]()
-    for value in values:
-        differences.append(None if value is None else value - last)
-        last = last if value is None else value
-    return differences
-
-
-def encode_changes(values: Sequence[int | None]) -> list[list[int | None]]:
-    """List ``[index, value]`` of the first value and of each that differs from the previous."""
-    changes = [index for index, (a, b) in enumerate(pairwise(values), 1) if a != b]
-    return [[index, values[index]] for index in (0, *changes)] if values else []
 
 
 def _encode_waypoints(trajectory: pd.DataFrame, course: Course) -> Iterator[list[float]]:

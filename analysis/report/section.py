@@ -11,6 +11,7 @@ from markupsafe import Markup
 from evoros.base.errors import InputError, single_line
 from evoros.base.log import LOGGER
 
+from ..robot_choice import make_product
 from ..subcommands import import_subcommand, parse
 from ..tables.study import Study
 from .pictures import embed_figure
@@ -63,7 +64,7 @@ def _make_section(name: str, study: Study, options: argparse.Namespace) -> Secti
     module = import_subcommand(name)
     own = parse([name, *map(str, options.folders)])
     own.output = options.output
-    product = module.make_product(study, own)
+    product = make_product(module, study, own)
     figure, table = product.figure, product.table
     rows = 0 if table is None else len(table)
     return Section(

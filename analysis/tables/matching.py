@@ -10,10 +10,21 @@ import pandas as pd
 
 from evoros.base.errors import InputError, single_line
 
+from .robots import name_robots
+
 if TYPE_CHECKING:
     from .records import EvaluationRecord, Record
 
-MISSION = ("robot", "world", "design.sensors", "failure", "controller", "simulator", "fitness")
+MISSION = (
+    "robot",
+    "world",
+    "agents",
+    "design.sensors",
+    "failure",
+    "controller",
+    "simulator",
+    "fitness",
+)
 """Keys, or first parts of keys, on which the score of a given design depends.
 
 The worlds contain the ``course``; the rest of ``design`` only limits which designs can evolve.
@@ -100,11 +111,13 @@ def read_scores(evaluation: "EvaluationRecord") -> pd.DataFrame:
 
 def _content(mounts: pd.DataFrame, genes: Mapping[str, float]) -> Content:
     """Combine sensors, in the order to which failures refer, and genes, sorted by key."""
-    placed = mounts[mounts["sensor"].notna()].sort_values("sensor")
+    placed = mounts[mounts["sensor"].notna()].assign(robot=name_robots)
+    placed = placed.sort_values(["robot", "sensor"])
     poses = placed[list(POSE)].astype(float).itertuples(index=False, name=None)
-    kinds, links = placed["type"].astype(str), placed["link"].astype(str)
-    return tuple(zip(kinds, links, poses, strict=True)), tuple(sorted(genes.items()))
+    names = (placed[name].astype(str) for name in ("robot", "type", "link"))
+    return tuple(zip(*names, poses, strict=True)), tuple(sorted(genes.items()))
 
 
 def _genes(table: pd.DataFrame) -> dict[str, float]:
-    return {str(k): float(v) for k, v in zip(table["key"], table["value"], strict=True)}
+    rows = zip(name_robots(table), table["key"], table["value"], strict=True)
+    return {f"agents.{robot}.{k}" if robot else str(k): float(v) for robot, k, v in rows}

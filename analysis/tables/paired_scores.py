@@ -9,7 +9,7 @@ import pandas as pd
 
 from evoros.base.errors import InputError
 
-from .designs import read_generations
+from .candidates import read_generations
 from .matching import (
     CONFIRMING,
     apply_confirmation,

@@ -1,24 +1,89 @@
-"""The ranges in a trajectory, by sensor."""
+"""The readings in a trajectory, by sensor."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from evoros.base.arrays import Array
+from evoros.base.errors import InputError
+from evoros.sensor.protocol import MOTION, name_readings
+from evoros.storage.figure_context import Beam, FigureContext, Signal
 
+_LEVEL = ("rate_z", "acceleration_x", "acceleration_y")
+"""What is shown of an IMU: pictures of missions are from above."""
+_MOST = 6  # channels of one sensor that are shown
 _RANGE = re.compile(r"range_(\d+)(?:_\d+)?_m")
 
 
-def group_ranges(trajectory: pd.DataFrame) -> list[Array]:
-    """Return the ranges (rows, channels) [m] of each range sensor, in the order of the sensors."""
+def group_ranges(trajectory: pd.DataFrame) -> dict[int, Array]:
+    """Return the ranges (rows, channels) [m] of each range sensor by its number."""
     columns: dict[int, list[str]] = {}
     for name in map(str, trajectory.columns):
         match = _RANGE.fullmatch(name)
         if match:
             columns.setdefault(int(match[1]), []).append(name)
-    return [trajectory[names].to_numpy(float) for _, names in sorted(columns.items())]
+    return {number: trajectory[columns[number]].to_numpy(float) for number in sorted(columns)}
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedSensor:
+    """A mounted sensor with its readings; its number is its place among the sensors."""
+
+    link: str  # of the robot: its type and number
+    type: str
+    kind: Beam | Signal
+    readings: Array  # (rows, channels)
+
+
+def read_sensors(
+    trajectory: pd.DataFrame, links: Collection[str], context: FigureContext, source: str
+) -> list[RecordedSensor]:
+    """Return all sensors of a robot in their order, with their readings.
+
+    ``links`` are those of the robot, which ``source`` describes.
+
+    Raises:
+        InputError: the trajectory has other sensors than the robot.
+    """
+    types = _find_types(links, context.types)
+    ranges = group_ranges(trajectory)
+    seeing = [number for number, name in enumerate(types) if name in context.beams]
+    if [*ranges] != seeing:
+        wanted, found = (", ".join(map(str, numbers)) or "none" for numbers in (ranges, seeing))
+        raise InputError(
+            f"{source}: must have links of the sensors {wanted}, which have ranges in the "
+            f"trajectory, but has those of {found}; give the description of the robot that ran "
+            f"the mission"
+        )
+    return [
+        RecordedSensor(f"{name}_{n}", name, context.beams[name], ranges[n])
+        if name in context.beams
+        else _read_signal(trajectory, n, name, context.signals[name], source)
+        for n, name in enumerate(types)
+    ]
+
+
+def _find_types(links: Collection[str], types: Sequence[str]) -> list[str]:
+    """Find the type of each mounted sensor, whose link has its type and number as a name."""
+    found: list[str] = []
+    while name := next((each for each in types if f"{each}_{len(found)}" in links), None):
+        found.append(name)
+    return found
+
+
+def _read_signal(
+    trajectory: pd.DataFrame, number: int, name: str, signal: Signal, source: str
+) -> RecordedSensor:
+    columns = list(name_readings(number, signal.channels))
+    if not {*columns} <= {*trajectory}:
+        raise InputError(
+            f"{source}: has the sensor {name}_{number}, so that the trajectory must have the "
+            f"columns {', '.join(columns)}; give the description of the robot that ran the mission"
+        )
+    return RecordedSensor(f"{name}_{number}", name, signal, trajectory[columns].to_numpy(float))
 
 
 def find_nearest(ranges: Array) -> Array:
@@ -34,3 +99,10 @@ def merge_sectors(ranges: Array, bearings_deg: Sequence[float], most: int) -> li
     ordered = np.argsort(bearings_deg, kind="stable")
     sectors = np.array_split(ordered, min(most, len(ordered)))
     return [find_nearest(ranges[:, sector]) for sector in sectors]
+
+
+def choose_channels(signal: Signal) -> list[int]:
+    """Choose the channels that are shown over time, by their place."""
+    names = [name for name, _ in signal.channels]
+    level = [names.index(name) for name in _LEVEL if name in names]
+    return level if signal.measures == MOTION and level else [*range(min(len(names), _MOST))]

@@ -28,11 +28,18 @@ class Record:
     context: FigureContext
     values: Mapping[str, Any]  # of the configuration, by dotted key
     treatment: str = ""  # label of what differs between the runs of the study, except the seed
+    agent: str = ""  # the robot that it is about, if it is not the first one
 
     @property
     def path(self) -> Path:
         """The folder."""
         return self.run.path
+
+    @property
+    def robot_folder(self) -> Path:
+        """The folder of the champion's robot."""
+        folder = self.path / "champion"
+        return folder / "agents" / self.agent if self.agent else folder
 
     @property
     def choices(self) -> dict[str, str]:

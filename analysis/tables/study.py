@@ -16,7 +16,8 @@ from evoros.base.errors import InputError, single_line
 from evoros.base.log import LOGGER
 from evoros.storage.figure_context import Ring
 
-from .designs import read_champion_sensors, read_generations, read_initial_sensors, to_number
+from .candidates import read_generations, read_initial_sensors
+from .designs import SIGNAL_COLUMNS, read_champion_sensors, read_champion_signals, to_number
 from .folders import find_folders, shorten_names
 from .records import EvaluationRecord, Record, read_record
 from .treatments import label_treatments
@@ -87,6 +88,20 @@ class Study:
         ``designs.COLUMNS`` are the other columns.
         """
         return self.gather(read_champion_sensors)
+
+    @cached_property
+    def signals(self) -> pd.DataFrame:
+        """A row for each sensor of each champion that casts no rays; none if there is none."""
+        others = [record for record in self.records if record.context.signals]
+        frames = [
+            frame.assign(run=record.name, treatment=record.treatment, seed=record.seed)
+            for record, frame in self.read_each(others, read_champion_signals)
+        ]
+        found = [frame for frame in frames if len(frame)]
+        columns = [*KEYS, *SIGNAL_COLUMNS]
+        if not found:
+            return pd.DataFrame(columns=columns)
+        return pd.concat(found, ignore_index=True)[columns]
 
     @cached_property
     def initial(self) -> pd.DataFrame:

@@ -1,5 +1,6 @@
 """The champion's first mission in each world, as a table: places, modes, failures."""
 
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,6 +13,7 @@ from evoros.world.loading import load_world
 from evoros.world.model import World
 
 from .generations import select_bests
+from .robots import find_context, name_robots, select_trajectory
 
 NONE = "none"
 """The mode in which no layer of the controller decided."""
@@ -27,10 +29,38 @@ COLUMNS = (
     "failed_by",
     "ended",
 )
+TOUCHED = "touched_sensors"
+"""A further column of missions with bumpers."""
+ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
+"""Further columns of missions whose localization computes the pose from the readings."""
 
 
-def read_track(run: Run, context: FigureContext, world: str) -> pd.DataFrame:
+def read_tracks(run: Run, context: FigureContext, world: str) -> pd.DataFrame:
+    """Read the tracks of all robots; of several robots, the last column has the name.
+
+    Raises:
+        InputError: see ``read_track``.
+    """
+    first = read_track(run, context, world)
+    if not context.agents:
+        return first
+    others = [read_track(run, context, world, name).assign(agent=name) for name in context.agents]
+    tracks = [table for table in (first.assign(agent=""), *others) if len(table)]
+    return pd.concat(tracks, ignore_index=True) if tracks else first.assign(agent="")
+
+
+def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFrame:
+    """Select the track of a robot in a world from several ones."""
+    own = (tracks["world"] == world) & (name_robots(tracks) == agent)
+    return tracks[own].reset_index(drop=True)
+
+
+def read_track(run: Run, context: FigureContext, world: str, agent: str = "") -> pd.DataFrame:
     """Read the champion's mission in a world: a row for each record, with ``COLUMNS``.
+
+    The track is that of the first robot, or of the named one, until it has ended. The columns
+    ``ESTIMATE`` and ``TOUCHED`` follow if the trajectory has them. ``TOUCHED`` are the bumpers that
+    closed since the previous record, separated by semicolons.
 
     ``mode`` is the name of the layer that decided. ``failed_sensors`` are the sensors, from 0,
     that failed since the previous record, and ``failed_by`` the effects, both separated by
@@ -41,7 +71,9 @@ def read_track(run: Run, context: FigureContext, world: str) -> pd.DataFrame:
         InputError: a file is missing or damaged, or the mission is not in ``missions.csv``.
     """
     trajectory, mission = run.trajectory(world), find_champion_mission(run, world)
-    names = np.array([NONE, *context.modes])
+    if context.agents:
+        trajectory, mission = _select_robot(trajectory, mission, agent)
+    names = np.array([NONE, *find_context(context, agent).modes])
     modes = trajectory["mode"].to_numpy(int)
     if len(modes) and not 0 <= modes.min() <= modes.max() < len(names):
         raise InputError(
@@ -56,7 +88,38 @@ def read_track(run: Run, context: FigureContext, world: str) -> pd.DataFrame:
         cells = {row: ";".join(pair[place] for pair in pairs) for row, pairs in failed.items()}
         table[column] = [cells.get(row, "") for row in range(len(table))]
     table["ended"] = ["" for _ in table.index[1:]] + [mission["ended"] for _ in table.index[:1]]
-    return table[list(COLUMNS)]
+    estimate = [name for name in ESTIMATE if name in trajectory]
+    table[estimate] = trajectory[estimate].astype(float)
+    bumpers = find_bumpers(trajectory)
+    if bumpers:
+        table[TOUCHED] = _list_touched(trajectory, bumpers)
+    return table[[*COLUMNS, *estimate, *([TOUCHED] if bumpers else [])]]
+
+
+def find_bumpers(trajectory: pd.DataFrame) -> dict[int, str]:
+    """Find the columns of bumpers by the number of the sensor."""
+    found = {name: re.fullmatch(r"touch_(\d+)", str(name)) for name in trajectory}
+    return {int(match[1]): str(name) for name, match in found.items() if match}
+
+
+def _list_touched(trajectory: pd.DataFrame, bumpers: Mapping[int, str]) -> list[str]:
+    closed = trajectory[[*bumpers.values()]].to_numpy(float) > 0.0
+    begins = closed & ~np.vstack([np.zeros((1, len(bumpers)), dtype=bool), closed[:-1]])
+    numbers = list(bumpers)
+    return [";".join(str(numbers[i]) for i in np.flatnonzero(row)) for row in begins]
+
+
+def _select_robot(
+    trajectory: pd.DataFrame, mission: "pd.Series[str]", agent: str
+) -> "tuple[pd.DataFrame, pd.Series[str]]":
+    """Select what is one robot's, until it has ended; missions go on until all have."""
+    if agent:
+        trajectory = select_trajectory(trajectory, agent)
+        prefix = f"{agent}."
+        own = [name for name in mission.index if name.startswith(prefix)]
+        mission = mission[own].rename(lambda name: name.removeprefix(prefix))
+    until = float(mission["time_s"]) + 1e-6
+    return trajectory[trajectory["time_s"] <= until].reset_index(drop=True), mission
 
 
 def find_champion_mission(run: Run, world: str) -> "pd.Series[str]":

@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_whole, one_of
 from evoros.base.errors import InputError
+from evoros.sensor.protocol import CONTACT
 from evoros.storage.figure_context import FigureContext
 from evoros.world.model import World
 
@@ -89,7 +90,9 @@ def make_captions(
     options: RenderOptions,
 ) -> Iterator[Caption]:
     """Yield the caption of each picture, without the states of the sensors."""
-    key = ((CLEAR, "clear"), (NEAR, "near"), (FAILED, "failed or silent"))
+    touches = any(signal.measures == CONTACT for signal in context.signals.values())
+    near = "near, touched" if touches else "near"
+    key = ((CLEAR, "clear"), (NEAR, near), (FAILED, "failed or silent"))
     end, goals = float(trajectory["time_s"].iloc[-1]), len(world.course.route(True))
     contacts = trajectory.get("contact", pd.Series(0, trajectory.index)).to_numpy() > 0
     modes = ("none", *context.modes)

@@ -3,19 +3,19 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageChops
 
 from evoros.base.arrays import Array
-from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.footprint import bottom_height, top_height
 from evoros.geometry.polyhedron import clip_polyhedron, convex_polyhedron, placed_corners
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.simulator.engines.pybullet_viewer import NO_BODY, Scene
 from evoros.simulator.engines.pybullet_viewer import Colour as Shade
-from evoros.storage.figure_context import FigureContext
+from evoros.storage.figure_context import FigureContext, Part
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
@@ -24,6 +24,7 @@ from .captions import CLEAR, FAILED, NEAR, Colour
 from .fans import Fan, blend_fan
 from .ground import GOAL, RING, Ground
 from .motion import Motion
+from .sensors import ShownSensor, to_matrix
 
 Flags = NDArray[np.bool_]
 CUT_M = 0.6
@@ -36,59 +37,50 @@ _TRACK_M, _TRACK_PX = 0.04, 2.0  # minimum width of the path
 _SILENT_M = 0.3  # length of the fan of a silent sensor
 
 
-@dataclass(frozen=True)
-class SensorView:
-    """A sensor that is shown."""
+class Other(NamedTuple):
+    """Another robot of the mission, which is shown without its sensors."""
 
-    link: str  # of the robot
-    frame: Array  # (4, 4) in the robot's frame
-    half_rad: float  # half its opening
-    range_m: float
-    near_m: float  # readings below it are marked
+    motion: Motion
+    parts: Sequence[Part]  # that cast its shadow
 
 
 @dataclass(frozen=True, eq=False)
 class Renderer:
     """Renders a mission at n times; ``render`` must be called in the order of the times."""
 
-    scene: Scene
+    scene: Scene  # with the robot of ``motion`` first, then the others
     motion: Motion
-    sensors: Sequence[SensorView]
-    readings: Sequence[Array]  # by sensor: (n, channels) [m], from the right to the left
+    sensors: Sequence[ShownSensor]
     failed: Flags  # (n, sensors) whether it has failed
     goals: Array  # (n, 2) [m] of the next waypoint; NaN: none
     context: FigureContext
     ground: Ground
+    others: Sequence[Other] = ()
 
     def render(self, number: int, camera: Camera) -> Pixels:
         """Return the picture (h, w, 3) at a time."""
-        motion = self.motion
-        x, y, yaw = (float(v[number]) for v in (motion.x_m, motion.y_m, motion.yaw_rad))
-        pose = Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw)
-        joints = {name: float(angles[number]) for name, angles in motion.joints.items()}
-        self.scene.move(pose.position, pose.quaternion, joints)
+        motions = [self.motion, *(other.motion for other in self.others)]
+        for robot, motion in zip(self.scene.robots, motions, strict=True):
+            frame = _frame(motion, number)
+            joints = {name: float(angles[number]) for name, angles in motion.joints.items()}
+            robot.move(frame.position, frame.quaternion, joints)
         states = self.classify_readings(number)
         for sensor, colour in zip(self.sensors, states, strict=True):
             red, green, blue = (part / 255 for part in colour)
-            self.scene.paint(sensor.link, (red, green, blue))
+            self.scene.robots[0].paint(sensor.link, (red, green, blue))
         self._extend_track(number, camera)
-        floor = self._project_floor(number, (x, y, yaw), camera)
+        floor = self._project_floor(number, camera)
         picture, depth = self._render_solids(floor, camera)
-        for fan in self._make_fans(number, _matrix(pose), states):
+        for fan in self._make_fans(number, to_matrix(_frame(self.motion, number)), states):
             blend_fan(picture, depth, camera, fan)
         return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
     def classify_readings(self, number: int) -> list[Colour]:
         """Return the colour of each sensor's state at a time."""
         failed = self.failed[number]
-        readings = [np.fmin.reduce(ranges[number]) for ranges in self.readings]
         return [
-            FAILED
-            if has_failed or np.isnan(reading)
-            else NEAR
-            if reading < sensor.near_m
-            else CLEAR
-            for sensor, reading, has_failed in zip(self.sensors, readings, failed, strict=True)
+            FAILED if has_failed else sensor.classify(number)
+            for sensor, has_failed in zip(self.sensors, failed, strict=True)
         ]
 
     def _extend_track(self, number: int, camera: Camera) -> None:
@@ -101,19 +93,21 @@ class Renderer:
     def _make_fans(self, number: int, robot: Array, states: Sequence[Colour]) -> list[Fan]:
         """Make the fans in the order of drawing, the most important ones last."""
         fans = []
-        for sensor, ranges, colour in zip(self.sensors, self.readings, states, strict=True):
-            silent = np.isnan(ranges[number])
-            reach = np.where(silent, min(_SILENT_M, sensor.range_m), ranges[number])
-            range_m = _SILENT_M if silent.all() else sensor.range_m
-            fans.append(Fan(robot @ sensor.frame, sensor.half_rad, reach, range_m, colour))
+        for sensor, colour in zip(self.sensors, states, strict=True):
+            if sensor.view is None:
+                continue
+            ranges, view = sensor.readings[number], sensor.view
+            silent = np.isnan(ranges)
+            reach = np.where(silent, min(_SILENT_M, view.range_m), ranges)
+            range_m = _SILENT_M if silent.all() else view.range_m
+            fans.append(Fan(robot @ view.frame, view.half_rad, reach, range_m, colour))
         return sorted(fans, key=lambda fan: (CLEAR, FAILED, NEAR).index(fan.colour))
 
-    def _project_floor(
-        self, number: int, pose: tuple[float, float, float], camera: Camera
-    ) -> Image.Image:
-        """Return the ground with the robot's shadow and the goal, and the sky."""
+    def _project_floor(self, number: int, camera: Camera) -> Image.Image:
+        """Return the ground with the robots' shadows and the goal, and the sky."""
         ground = self.ground.copy()
-        ground.draw_shadow(self.context.parts, *pose)
+        for motion, parts in ((self.motion, self.context.parts), *self.others):
+            ground.draw_shadow(parts, *motion.pose(number))
         goal = self.goals[number]
         if np.isfinite(goal).all():
             ground.draw_ring(goal.tolist(), 0.3, GOAL, 0.08)
@@ -134,48 +128,10 @@ class Renderer:
         return np.asarray(picture, dtype=np.float32).copy(), depth
 
 
-def _matrix(pose: Pose) -> Array:
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.position
-    return matrix
-
-
-def find_sensors(
-    robot: Urdf, context: FigureContext, count: int, near_m: float | None
-) -> list[SensorView]:
-    """Find the sensors of a robot, in the order of the readings.
-
-    ``near_m`` None stands for half the range of each.
-
-    Raises:
-        InputError: the robot does not have ``count`` sensors.
-    """
-    sensors = []
-    for number in range(count):
-        for kind, beam in context.beams.items():
-            link = f"{kind}_{number}"
-            if link in robot.poses:
-                half = math.radians(max(beam.fov_deg, 1.0)) / 2
-                near = beam.range_max_m / 2 if near_m is None else near_m
-                frame = _matrix(_level(robot.poses[link], half))
-                sensors.append(SensorView(link, frame, half, beam.range_max_m, near))
-    if len(sensors) != count:
-        raise robot.error(
-            f"must have a link for each of the {count} sensors of the trajectory, but has "
-            f"{len(sensors)}",
-            "give the description of the robot that ran the mission",
-        )
-    return sensors
-
-
-def _level(pose: Pose, half_rad: float) -> Pose:
-    """Return a level frame for a sensor whose beam, if as high as wide, has level rays.
-
-    These rays meet obstacles on the ground, so that the end of a level fan is at the obstacle.
-    """
-    if abs(math.asin(min(1.0, max(-1.0, float(pose.rotation[2, 0]))))) > half_rad:
-        return pose
-    return Pose.from_rpy(pose.position, 0.0, 0.0, pose.yaw)
+def _frame(motion: Motion, number: int) -> Pose:
+    """Return the frame of a robot's root link at a time."""
+    x, y, yaw = motion.pose(number)
+    return Pose.from_rpy((x, y, 0.0), 0.0, 0.0, yaw)
 
 
 def paint_ground(world: World, track: Array) -> Ground:

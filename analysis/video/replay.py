@@ -4,14 +4,16 @@ import argparse
 import math
 import re
 import sys
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from PIL import Image
 
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.tree import read_tree
@@ -21,8 +23,9 @@ from evoros.storage.mission_log import ROBOT_AS_LOADED
 from evoros.world.model import World
 
 from ..product import Product
-from ..tables.designs import read_champion_beams
-from ..tables.readings import group_ranges
+from ..tables.agents import list_others
+from ..tables.designs import adapt_context
+from ..tables.readings import read_sensors
 from ..tables.records import Record
 from ..tables.study import Study
 from ..tables.tracks import load_champion_world, read_track
@@ -32,14 +35,16 @@ from .encoding import encode_gif, encode_mp4
 from .motion import check_poses, interpolate
 from .render_options import CAMERAS, RenderOptions, make_captions, place_cameras, sample_times
 from .renderer import (
+    Other,
     Renderer,
     cut_obstacles,
     find_goals,
-    find_sensors,
     flag_failures,
     paint_ground,
 )
+from .sensors import make_views
 
+ONE_ROBOT = IN_VIEW = True  # one with its sensors, and the others
 HELP = "a mission of the champion as a video, with the readings of its sensors"
 FORMATS = ("mp4", "gif")
 _OPTION_NAMES = {"start_s": "from", "end_s": "to"}
@@ -103,6 +108,14 @@ def _is_whole(number: float) -> bool:
     return number >= 1 and abs(number - round(number)) < 1e-9
 
 
+class OtherRobot(NamedTuple):
+    """Another robot of a mission, which is shown without its sensors."""
+
+    trajectory: pd.DataFrame
+    urdf: str
+    context: FigureContext
+
+
 @dataclass(frozen=True, eq=False)
 class _Mission:
     """A champion's mission as it is shown."""
@@ -114,6 +127,7 @@ class _Mission:
     context: FigureContext
     failed: Mapping[int, float]  # times [s] by sensor
     near_m: float | None
+    others: Sequence[OtherRobot]
 
 
 def _read_mission(record: Record, world: str | None) -> _Mission:
@@ -122,25 +136,35 @@ def _read_mission(record: Record, world: str | None) -> _Mission:
     name = world or next(iter(context.courses))
     if name not in context.courses:
         raise InputError(f"{record.path}: must have the world {name!r}, but has not; give another")
-    path = record.path / "champion" / ROBOT_AS_LOADED
-    if not path.exists():
-        path = path.with_name("robot.urdf")
-    trajectory = record.run.trajectory(name)
-    check_poses(trajectory, str(path.with_name(f"trajectory_{name}.csv")))
     near_m = record.values.get("controller.avoidance.range_m")
-    try:
-        urdf = path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
     return _Mission(
         name,
-        trajectory,
-        urdf,
+        _read_trajectory(record, name),
+        _read_urdf(record),
         load_champion_world(record.run, context, name),
-        replace(context, beams=read_champion_beams(record)),
+        adapt_context(record),
         _failure_times(read_track(record.run, context, name)),
         float(near_m) if isinstance(near_m, int | float) else None,
+        [
+            OtherRobot(_read_trajectory(each, name), _read_urdf(each), each.context)
+            for each in list_others(record)
+        ],
     )
+
+
+def _read_trajectory(record: Record, world: str) -> pd.DataFrame:
+    trajectory = record.run.trajectory(world)
+    check_poses(trajectory, f"{record.path / 'champion'}/trajectory_{world}.csv")
+    return trajectory
+
+
+def _read_urdf(record: Record) -> str:
+    loaded, built = (record.robot_folder / name for name in (ROBOT_AS_LOADED, "robot.urdf"))
+    path = loaded if loaded.exists() else built
+    try:
+        return path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
 
 
 def _failure_times(track: pd.DataFrame) -> dict[int, float]:
@@ -164,6 +188,7 @@ def _show_progress(mission: _Mission, options: RenderOptions) -> Iterator[Pixels
         options,
         mission.failed,
         mission.near_m,
+        mission.others,
     )
     for number, picture in enumerate(pictures, 1):
         yield picture
@@ -181,12 +206,14 @@ def replay(
     options: RenderOptions | None = None,
     failed: Mapping[int, float] | None = None,
     near_m: float | None = None,
+    others: Sequence[OtherRobot] = (),
 ) -> Iterator[Pixels]:
     """Yield the pictures (h, w, 3) of a mission.
 
     ``trajectory`` is a table as ``champion/trajectory_WORLD.csv`` or ``evoros.replay`` has it,
     ``urdf`` the robot that ran it, with its sensors. ``failed`` has the times [s] at which sensors
     failed. Readings below ``near_m`` are marked; None stands for half the sensor's range.
+    ``others`` are the other robots of the mission.
 
     Raises:
         InputError: PyBullet is not installed, or the trajectory does not fit.
@@ -194,25 +221,31 @@ def replay(
     check_poses(trajectory)
     options = options or RenderOptions()
     robot = read_tree(parse(urdf.encode(), "robot.urdf"), "robot.urdf")
-    ranges = group_ranges(trajectory)
-    sensors = find_sensors(robot, context, len(ranges), near_m)
-    motion = interpolate(trajectory, sample_times(trajectory, options), robot)
+    recorded = read_sensors(trajectory, robot.poses, context, "robot.urdf")
+    times = sample_times(trajectory, options)
+    motion = interpolate(trajectory, times, robot)
     places = trajectory[["x_m", "y_m"]].to_numpy(float)
     goals = find_goals(world, places, trajectory["visited"].to_numpy(int))
     captions = make_captions(trajectory, motion, world, context, options)
     cameras = list(place_cameras(motion, world, places, options))
-    with open_scene(urdf, cut_obstacles(world)) as scene:
+    urdfs = [urdf, *(other.urdf for other in others)]
+    with open_scene(urdfs, cut_obstacles(world)) as scene:
         renderer = Renderer(
             scene,
             motion,
-            sensors,
-            [values[motion.record] for values in ranges],
-            flag_failures(motion.time_s, len(ranges), failed or {}),
+            list(make_views(robot, recorded, motion.record, near_m)),
+            flag_failures(motion.time_s, len(recorded), failed or {}),
             goals[motion.record],
             context,
             paint_ground(world, places),
+            [_move_other(other, times) for other in others],
         )
         for number, (camera, caption) in enumerate(zip(cameras, captions, strict=True)):
             picture = Image.fromarray(renderer.render(number, camera))
             write_caption(picture, caption._replace(states=renderer.classify_readings(number)))
             yield np.asarray(picture)
+
+
+def _move_other(other: OtherRobot, times: Array) -> Other:
+    robot = read_tree(parse(other.urdf.encode(), "robot.urdf"), "robot.urdf")
+    return Other(interpolate(other.trajectory, times, robot), other.context.parts)

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis.figures.mission import draw_missions, make_product, split_by_mode
+from evoros.analysis.drawing.drift import measure_drift
+from evoros.analysis.drawing.paths import split_by_mode
+from evoros.analysis.figures.mission import draw_missions, make_product
 from evoros.analysis.tables.study import load_study
 from evoros.analysis.tables.tracks import find_champion_mission, load_champion_worlds, read_track
 from helpers import tiny
@@ -205,3 +207,26 @@ def test_a_damaged_world_is_left_out_and_a_damaged_run_makes_room_for_the_next(
     (tmp_path / "two" / "generations" / "00002.csv").write_text("generation,id\n")
     with pytest.raises(InputError, match="no run has a champion that can be shown"):
         make_product(load_study([tmp_path]), options)
+
+
+def test_an_estimated_pose_has_its_path_and_its_errors(worlds: dict[str, World]) -> None:
+    """Each record but the last: 1 m aside, and 90 deg to the right of the heading."""
+    table = TABLE.assign(
+        estimated_x_m=TABLE["x_m"],
+        estimated_y_m=TABLE["y_m"] + 1.0,
+        estimated_yaw_rad=-0.5 * np.pi + 4.0 * np.pi,
+    )
+    way, place, heading = measure_drift(table)
+    assert np.allclose(way, np.cumsum([0.0, 1.0, np.sqrt(2.0), 1.0, np.sqrt(2.0)]))
+    assert np.allclose(place, 1.0)
+    assert np.allclose(heading, 90.0)
+    above, below, right = draw_missions(table, {"near": worlds["near"]}, MODES).axes
+    assert [(x, y + 1.0) for x, y in zip(TABLE["x_m"], TABLE["y_m"], strict=True)] in [
+        [(float(x), float(y)) for x, y in np.asarray(line.get_xydata())]
+        for line in above.get_lines()
+    ]
+    for axes, drawn in ((below, place), (right, heading)):
+        (line,) = axes.get_lines()
+        assert np.allclose(np.asarray(line.get_xydata()), np.column_stack((way, drawn)))
+        assert axes.get_ylim()[0] == 0.0
+    assert below.get_ylabel() == "position error [m]"

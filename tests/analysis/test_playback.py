@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from evoros.analysis.report.playback import (
+from evoros.analysis.report.columns import (
     MAX_RECORDS,
     encode_changes,
     encode_differences,
-    encode_playback,
-    select_playbacks,
     thin_out,
 )
+from evoros.analysis.report.playback import encode_playback, select_playbacks
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study, load_study
 from helpers import tiny

@@ -22,7 +22,7 @@ from evoros.analysis.video.encoding import encode_gif, encode_mp4
 from evoros.analysis.video.motion import interpolate
 from evoros.analysis.video.render_options import RenderOptions
 from evoros.analysis.video.renderer import CUT_M, cut_obstacles, find_goals
-from evoros.analysis.video.replay import replay
+from evoros.analysis.video.replay import OtherRobot, replay
 from helpers import ROOT, USER_PARTS, tiny
 from PIL import Image
 
@@ -96,12 +96,13 @@ BOX = """<robot name="box"><link name="base">
 @pytest.fixture(scope="module")
 def looked() -> Iterator[LOOK]:
     """What a camera sees of the box at a pose."""
-    with open_scene(BOX, []) as scene:
+    with open_scene([BOX], []) as scene:
+        (robot,) = scene.robots
 
         def look(camera: Camera, x: float, y: float, yaw: float) -> Picture:
-            scene.move((x, y, 0.0), Pose.from_rpy((0.0, 0.0, 0.0), 0.0, 0.0, yaw).quaternion, {})
+            robot.move((x, y, 0.0), Pose.from_rpy((0.0, 0.0, 0.0), 0.0, 0.0, yaw).quaternion, {})
             picture = scene.render(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
-            assert set(np.unique(picture.bodies)) == {-1, scene.robot}
+            assert set(np.unique(picture.bodies)) == {-1, robot.number}
             return picture
 
         yield look
@@ -258,7 +259,7 @@ def test_a_fan_is_hidden_behind_an_obstacle(
 
 
 def test_a_robot_of_another_mission_is_refused(urdf: str, setting: FigureContext) -> None:
-    with pytest.raises(InputError, match="each of the 7 sensors"):
+    with pytest.raises(InputError, match="sensors 0, 1, 2, 3, 4, 5, 6, which"):
         list(replay(table([1.0] * 7), urdf, OPEN, setting))
 
 
@@ -306,7 +307,7 @@ def test_polyhedra_and_height_fields_are_seen() -> None:
     crate = Body("crate", Pose((0.0, 2.0, 0.2)), (Shape("box", (1.0, 1.0, 0.4)), *wedge.shapes))
     camera = overhead_camera((-4.0, -3.0), (4.0, 3.0), SIZE)
     solids = [(wedge, (0.9, 0.1, 0.1)), (hills, (0.1, 0.9, 0.1)), (crate, (0.1, 0.1, 0.9))]
-    with open_scene(BOX, solids) as scene:
+    with open_scene([BOX], solids) as scene:
         picture = scene.render(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
     for x, y, channel in ((2.2, 0.1, 0), (-2.3, 0.3, 1), (-1.6, -0.4, 1), (0.1, 2.3, 2)):
         colour_ = picture.colours[pixel(camera, x, y, 0.1)][:3]
@@ -340,9 +341,9 @@ def test_links_that_show_meshes_show_what_collides_instead(urdf: str) -> None:
     camera = overhead_camera((-0.5, -0.5), (0.5, 0.5), (100, 100))
     covered = []
     for each in (urdf, urdf.replace(cylinder, mesh)):
-        with open_scene(each, []) as scene:
+        with open_scene([each], []) as scene:
             seen = scene.render(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
-        covered.append(int((seen.bodies == scene.robot).sum()))
+        covered.append(int((seen.bodies == scene.robots[0].number).sum()))
     assert covered[1] == pytest.approx(covered[0], rel=0.1)
     assert 3 * covered[0] > covered[1]
 
@@ -523,3 +524,21 @@ def test_a_run_that_is_not_finished_is_said_in_one_line(
     assert said.count("\n") == 1
     assert "resume" in said
     assert not (tmp_path / "run" / "figures" / "replay.mp4").exists()
+
+
+def test_another_robot_is_seen_where_it_is_and_nowhere_else(
+    urdf: str, setting: FigureContext
+) -> None:
+    """Ahead of the robot of ``table``, and out of view behind it."""
+    alone, _ = shown(urdf, setting, [4.5] * 6)
+    ahead = table([4.5] * 6, [4.5] * 6).assign(x_m=2.5)
+    behind = ahead.assign(x_m=-20.0)
+    pictures = [
+        shown(urdf, setting, [4.5] * 6, others=[OtherRobot(track, urdf, setting)])[0]
+        for track in (ahead, behind)
+    ]
+    changed = np.abs(pictures[0].astype(int) - alone).max(axis=2) > 20
+    rows, columns = np.nonzero(changed)
+    assert len(rows) > 50
+    assert np.ptp(columns) < SIZE[0] / 3
+    assert np.array_equal(pictures[1], alone)

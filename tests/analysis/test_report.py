@@ -171,6 +171,7 @@ def test_the_same_folder_gives_the_same_bytes_wherever_it_is_written(
 
 
 def test_what_does_not_apply_is_a_line_of_why(single: str) -> None:
+    assert "<h3>Bag</h3>" not in single  # an export, which is no figure
     transfer = single.split("<h3>Transfer</h3>")[1].split("<h3>")[0]
     assert transfer.count('<p class="missing">') == 1
     assert "<svg" not in transfer

@@ -21,16 +21,18 @@ function fill(changes, n) {
 /** Decodes a mission to arrays [s, m, rad]; readings are NaN while a sensor is silent. */
 function decode(raw) {
   const n = raw.x.length;
+  const time = sum(fill(raw.time, n), 1e-3);
+  const poses = ({ x, y, yaw }) => ({ x: sum(x, 1e-3), y: sum(y, 1e-3), yaw: sum(yaw, 1e-3) });
   return {
     ...raw,
-    time: sum(fill(raw.time, n), 1e-3),
-    x: sum(raw.x, 1e-3),
-    y: sum(raw.y, 1e-3),
-    yaw: sum(raw.yaw, 1e-3),
+    time,
+    ...poses(raw),
+    agents: raw.agents.map((agent) => ({ time, ...poses(agent) })),
     mode: fill(raw.mode, n),
     contact: fill(raw.contact, n),
     readings: raw.readings.map((readings) => sum(readings, 1e-3)),
     sectors: raw.sectors.map((sectors) => sectors && sectors.map((each) => sum(each, 1e-3))),
+    signals: raw.signals.map((channels) => channels.map((each) => sum(each, 1e-3))),
   };
 }
 
@@ -54,15 +56,20 @@ function poseAt(mission, last, time) {
   return { x: between(mission.x), y: between(mission.y), yaw: between(mission.yaw) };
 }
 
+/** Returns whether the sensor of a number has failed. */
+function hasFailed(now, number) {
+  const failure = now.mission.failed.find((entry) => entry.sensor === number);
+  return failure !== undefined && failure.at_s <= now.time;
+}
+
 /** Returns a sensor's reading at the last record, and whether it has failed. */
 function stateOf(now, sensor) {
   const reading = now.mission.readings[sensor][now.last];
-  const failure = now.mission.failed.find((entry) => entry.sensor === sensor);
   const known = (value) => (Number.isNaN(value) ? null : value);
   const sectors = now.mission.sectors[sensor];
   return {
     reading: known(reading), // the nearest
     sectors: sectors && sectors.map((each) => known(each[now.last])), // from right to left
-    failed: failure !== undefined && failure.at_s <= now.time,
+    failed: hasFailed(now, now.run.sensors[sensor].number),
   };
 }

@@ -141,6 +141,21 @@ function drawRobot(context, view, pose, parts, look, line) {
   }
 }
 
+/** Draws another robot in its colour, with its path so far and its name. */
+function drawAgent(context, view, path, last, time, { name, parts }, colour, look, ratio) {
+  const pose = poseAt(path, last, time), [px, py] = view.at(pose.x, pose.y);
+  context.setLineDash([7 * ratio, 4 * ratio]);
+  drawPath(context, view, path, 0, last, () => colour, 2 * ratio);
+  context.setLineDash([]);
+  drawRobot(context, view, pose, parts, { ...look, body: colour }, ratio);
+  context.font = `${12 * ratio}px system-ui, sans-serif`;
+  context.lineWidth = 3 * ratio;
+  context.strokeStyle = look.paper;
+  context.strokeText(name, px + 10 * ratio, py - 10 * ratio);
+  context.fillStyle = look.ink;
+  context.fillText(name, px + 10 * ratio, py - 10 * ratio);
+}
+
 /** Draws a sensor's cone up to its reading, or to that of each sector, projected to the ground. */
 function drawCone(context, view, pose, sensor, state, look, ratio) {
   const [px, py] = view.at(...toWorld(pose, sensor.x, sensor.y));

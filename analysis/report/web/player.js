@@ -25,7 +25,8 @@ function startPlayer(root) {
 
   function fit() {
     if (!parts.course.clientWidth) return; // hidden
-    parts.readings.style.height = `${Math.max(3, now.run.sensors.length) * 32}px`;
+    const rows = now.run.sensors.length + signalRows(now.run).length;
+    parts.readings.style.height = `${Math.max(3, rows) * 32}px`;
     for (const name of ["course", "close", "readings", "timeline"]) {
       const canvas = parts[name];
       canvas.width = Math.round(canvas.clientWidth * ratio());
@@ -63,11 +64,15 @@ function startPlayer(root) {
     const reached = mission.reached.filter(([at]) => at <= now.time).map(([, corner]) => corner);
     drawCourse(context, view, mission.course, reached, look, ratio());
     drawPath(context, view, mission, 0, now.last, colourOf, (close ? 3 : 2) * ratio());
+    mission.agents.forEach((path, i) => drawAgent(context, view, path, now.last, now.time,
+      now.run.agents[i], look.pairs[(i + 2) % look.pairs.length], look, ratio()));
     const states = now.run.sensors.map((_, i) => stateOf(now, i));
     now.run.sensors.forEach((sensor, i) =>
       drawCone(context, view, pose, sensor, states[i], look, ratio()));
     drawRobot(context, view, pose, now.run.parts, look, ratio());
     if (close) {
+      now.run.signals.forEach((signal, i) => drawSignal(context, view, pose, signal,
+        signalState(now, i), now.run.parts, look, ratio()));
       now.run.sensors.forEach((sensor, i) =>
         drawSensor(context, view, pose, sensor, states[i], look, ratio()));
       now.run.sensors.filter((_, i) => states[i].failed).forEach((sensor) =>
@@ -121,10 +126,14 @@ function startPlayer(root) {
     parts.status.textContent = words.join(" · ");
     Object.assign(root.dataset, {
       run: now.run.run, world: mission.world, playing: now.playing, mode, visited, touching,
+      agents: mission.agents.map((path) => poseAt(path, now.last, now.time))
+        .map((agent) => `${agent.x.toFixed(4)} ${agent.y.toFixed(4)}`).join(";"),
       time: now.time.toFixed(3), x: pose.x.toFixed(4), y: pose.y.toFixed(4),
       yaw: pose.yaw.toFixed(4), failed: failures.map((failure) => failure.sensor).join(" "),
       readings: now.run.sensors.map((_, i) => stateOf(now, i).reading)
         .map((reading) => (reading === null ? "" : reading.toFixed(3))).join(" "),
+      signals: now.run.signals.map((signal, i) => signalState(now, i).values
+        .map((value, k) => writeSignal(signal, k, value)).join(", ")).join("; "),
     });
   }
 

@@ -10,8 +10,8 @@ function formatHeading(sensor) {
 /** Draws a row for each sensor: number, heading, a bar of the reading, a strip of the last ones. */
 function drawReadings(canvas, now, look, ratio) {
   const context = canvas.getContext("2d");
-  const { run, mission, time, last } = now;
-  const row = canvas.height / Math.max(run.sensors.length, 1);
+  const { run, mission } = now, signals = signalRows(run);
+  const row = canvas.height / Math.max(run.sensors.length + signals.length, 1);
   const left = 96 * ratio, bar = 110 * ratio, gap = 62 * ratio;
   const strip = { x: left + bar + gap, wide: canvas.width - left - bar - gap - 2 * ratio };
   context.clearRect(0, 0, canvas.width, canvas.height);
@@ -25,7 +25,7 @@ function drawReadings(canvas, now, look, ratio) {
     context.fillRect(0, middle - 5 * ratio, 10 * ratio, 10 * ratio);
     if (state.failed) drawCross(context, 5 * ratio, middle, 6 * ratio, look.ink, 2 * ratio);
     context.fillStyle = look.ink;
-    context.fillText(`${i}  ${formatHeading(sensor)}`, 18 * ratio, middle);
+    context.fillText(`${sensor.number}  ${formatHeading(sensor)}`, 18 * ratio, middle);
     context.fillStyle = look.soft;
     context.fillRect(left, top, bar, tall);
     context.fillRect(strip.x, top, strip.wide, tall);
@@ -36,13 +36,16 @@ function drawReadings(canvas, now, look, ratio) {
     context.fillStyle = look.ink;
     const text = state.reading === null ? "silent" : `${state.reading.toFixed(2)} m`;
     context.fillText(text, left + bar + 6 * ratio, middle);
-    drawStrip(context, mission, i, last, time, { ...strip, top, tall, range: sensor.range },
-      colour, ratio);
+    drawStrip(context, now, mission.readings[i],
+      { ...strip, top, tall, low: 0, high: sensor.range }, colour, ratio);
   });
+  const box = { left, bar, ...strip, row, top: run.sensors.length * row };
+  drawSignalReadings(context, now, signals, box, look, ratio);
 }
 
-function drawStrip(context, mission, sensor, last, time, box, colour, ratio) {
-  const readings = mission.readings[sensor];
+/** Draws the last readings in a box, between its values `low` and `high`. */
+function drawStrip(context, now, readings, box, colour, ratio) {
+  const { mission, time, last } = now;
   context.beginPath();
   let open = false;
   for (let k = last; k >= 0; k -= 1) {
@@ -52,7 +55,8 @@ function drawStrip(context, mission, sensor, last, time, box, colour, ratio) {
       open = false;
       continue;
     }
-    const y = box.top + box.tall * (1 - Math.min(1, readings[k] / box.range));
+    const share = (readings[k] - box.low) / (box.high - box.low);
+    const y = box.top + box.tall * (1 - Math.min(1, share));
     if (open) context.lineTo(x, y);
     else context.moveTo(x, y);
     open = true;

@@ -1,0 +1,54 @@
+"""Columns of trajectories as short lists of whole numbers, which the page of a report plays."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+
+from evoros.base.arrays import Array
+
+MAX_RECORDS = 6000
+"""Maximum number of records of a mission; longer ones are thinned out evenly."""
+
+
+def thin_out(records: int) -> list[int]:
+    """Choose at most ``MAX_RECORDS`` rows, evenly, the first and the last included."""
+    places = np.linspace(0, records - 1, min(records, MAX_RECORDS))
+    return [round(place) for place in places.tolist()]
+
+
+def encode_poses(trajectory: pd.DataFrame) -> dict[str, list[int | None]]:
+    """Encode the columns ``x``, ``y`` and ``yaw`` of a robot."""
+    x, y, yaw = (trajectory[name].to_numpy(float) for name in ("x_m", "y_m", "yaw_rad"))
+    return {
+        "x": encode_differences(to_thousandths(x)),
+        "y": encode_differences(to_thousandths(y)),
+        "yaw": encode_differences(to_thousandths(np.unwrap(yaw))),
+    }
+
+
+def encode_lengths(metres: Array) -> list[int | None]:
+    """Encode a column of lengths [m]."""
+    return encode_differences(to_thousandths(metres))
+
+
+def to_thousandths(values: Array) -> list[int | None]:
+    """Round values to whole thousandths; NaN becomes None."""
+    return [None if math.isnan(value) else round(value * 1000) for value in values.tolist()]
+
+
+def encode_differences(values: Sequence[int | None]) -> list[int | None]:
+    """Subtract from each value the last known one before it; None stays."""
+    last, differences = 0, list[int | None]()
+    for value in values:
+        differences.append(None if value is None else value - last)
+        last = last if value is None else value
+    return differences
+
+
+def encode_changes(values: Sequence[int | None]) -> list[list[int | None]]:
+    """List ``[index, value]`` of the first value and of each that differs from the previous."""
+    changes = [index for index, (a, b) in enumerate(pairwise(values), 1) if a != b]
+    return [[index, values[index]] for index in (0, *changes)] if values else []

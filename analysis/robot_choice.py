@@ -1,0 +1,31 @@
+"""The choice of one of several robots, for subcommands that show one."""
+
+import argparse
+from dataclasses import replace
+
+from .product import Product
+from .subcommands import Subcommand
+from .tables.agents import choose_robot
+from .tables.study import Study
+
+
+def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespace) -> Product:
+    """Make the product of a subcommand; that of one robot says which one it shows.
+
+    Raises:
+        InputError: the study or an option does not fit.
+    """
+    chosen = getattr(subcommand, "ONE_ROBOT", False)
+    if not chosen and not getattr(subcommand, "FIRST_ROBOT", False):
+        return subcommand.make_product(study, options)
+    choice = choose_robot(study, options.agent if chosen else None)
+    product = subcommand.make_product(choice.study, options)
+    if not choice.others:
+        return product
+    others = ", ".join(choice.others)
+    in_view = getattr(subcommand, "IN_VIEW", False)
+    rest = f", with {others} in view" if in_view else f" alone, without {others}"
+    about = choice.robot + rest
+    if chosen and options.agent is None:
+        about = f"{about}; --agent NAME shows another"
+    return replace(product, messages=[*product.messages, about])

@@ -1,0 +1,173 @@
+"""A run as one of its robots has it, for figures and exports of a single robot."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from evoros.base.errors import InputError
+from evoros.storage.figure_context import FigureContext
+from evoros.storage.reading import Run
+from evoros.storage.tables import (
+    AGENT,
+    CANDIDATE_COLUMNS,
+    MEASURED_COLUMNS,
+    MISSION_COLUMNS,
+)
+
+from .records import Record
+from .robots import find_designed, select_robot, select_trajectory
+from .study import AnyRecord, Study
+from .treatments import SINGLE
+
+FIRST = "first robot"
+GROUPS = ("robot", "design", "controller")
+"""The parts that an agent may have of its own."""
+
+
+@dataclass(frozen=True)
+class AgentRun(Run):
+    """A run whose tables are those of an agent, under the names of a robot that is alone."""
+
+    whole: Run
+    context: FigureContext  # of the first robot, with those of all others
+    agent: str
+    designed: str  # the robot whose design it has; the first one's name is empty
+
+    @cached_property
+    def missions(self) -> pd.DataFrame:
+        """The missions, with the outcomes of the agent."""
+        return self._select_columns(self.whole.missions, MISSION_COLUMNS, self.agent)
+
+    @cached_property
+    def generations(self) -> pd.DataFrame:
+        """The candidates, with the genes of the agent."""
+        common = (*CANDIDATE_COLUMNS, *MEASURED_COLUMNS)
+        table = self.whole.generations
+        return self._select_columns(table, common, self.designed) if self.designed else table
+
+    @cached_property
+    def champion(self) -> pd.DataFrame:
+        """The sensors of the agent."""
+        return select_robot(self.whole.champion, self.designed).drop(columns=AGENT, errors="ignore")
+
+    @cached_property
+    def genes(self) -> pd.DataFrame:
+        """The other evolved values of the agent."""
+        return select_robot(self.whole.genes, self.designed).drop(columns=AGENT, errors="ignore")
+
+    def trajectory(self, world: str) -> pd.DataFrame:
+        """Read the agent's part of the champion's first mission in a world; see ``Run``."""
+        return select_trajectory(self.whole.trajectory(world), self.agent)
+
+    def mission_trajectory(
+        self, generation: int, design: int, world: str, trial: int
+    ) -> pd.DataFrame:
+        """Read the agent's part of the trajectory of a mission; see ``Run``."""
+        whole = self.whole.mission_trajectory(generation, design, world, trial)
+        return select_trajectory(whole, self.agent)
+
+    @staticmethod
+    def _select_columns(table: pd.DataFrame, common: Collection[str], robot: str) -> pd.DataFrame:
+        prefix = f"{robot}."
+        names = [name for name in map(str, table) if name in common or name.startswith(prefix)]
+        return table[names].rename(columns=lambda name: str(name).removeprefix(prefix))
+
+
+def select_agent(record: AnyRecord, name: str) -> AnyRecord:
+    """Return the record of a run as one of its agents has it.
+
+    Raises:
+        InputError: the run has no such agent.
+    """
+    if name not in record.context.agents:
+        raise InputError(
+            f"{record.path}: must have the agent {name!r}, but has "
+            f"{', '.join(record.context.agents) or 'none'}; correct --agent"
+        )
+    whole = record.run
+    return replace(
+        record,
+        run=AgentRun(whole.path, whole, record.context, name, find_designed(record, name)),
+        context=record.context.agents[name],
+        values=_select_values(record.values, name),
+        agent=name,
+    )
+
+
+def list_others(record: Record) -> list[Record]:
+    """Return the records of the other robots of a run, of which this is one's."""
+    first = record
+    if isinstance(record.run, AgentRun):
+        first = replace(record, run=record.run.whole, context=record.run.context, agent="")
+    robots = [first, *(select_agent(first, name) for name in first.context.agents)]
+    return [robot for robot in robots if robot.agent != record.agent]
+
+
+def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
+    """Return the configuration of a robot alone: its own parts in place of the first one's."""
+    start = f"agents.{agent}."
+    own = {key.removeprefix(start): v for key, v in values.items() if key.startswith(start)}
+    groups = [group for group in GROUPS if any(key.startswith(f"{group}.") for key in own)]
+    others = {key: v for key, v in values.items() if key.partition(".")[0] not in groups}
+    return others | {key: v for key, v in own.items() if key.partition(".")[0] in groups}
+
+
+class Choice(NamedTuple):
+    """The study of one robot of each run, its name, and the others, of which one alone has none."""
+
+    study: Study
+    robot: str = ""
+    others: Sequence[str] = ()
+
+
+def choose_robot(study: Study, agent: str | None) -> Choice:
+    """Return the study of one robot of each run.
+
+    This is the first robot, or the named agent. Runs without that agent are left out. If there are
+    several robots, the treatments name the one that is shown.
+
+    Raises:
+        InputError: no run has such an agent.
+    """
+    several = (*study.records, *study.evaluations)
+    known = list(dict.fromkeys(name for record in several for name in record.context.agents))
+    if agent is None:
+        if not known:
+            return Choice(study)
+        return Choice(_replace_records(study, _label_first), f"the {FIRST}", known)
+    if agent not in known:
+        raise InputError(
+            f"--agent: must be a robot of the runs ({', '.join(known) or 'each has one alone'}), "
+            f"not {agent!r}; correct the name, or leave it out"
+        )
+    shown = _replace_records(study, partial(_show_agent, study, agent))
+    return Choice(shown, agent, [f"the {FIRST}", *(name for name in known if name != agent)])
+
+
+def _replace_records(study: Study, change: Callable[[Any], Any]) -> Study:
+    """Replace each run and evaluation, and leave out those for which there is none."""
+    records, evaluations = (
+        tuple(new for record in kind if (new := change(record)) is not None)
+        for kind in (study.records, study.evaluations)
+    )
+    return replace(study, records=records, evaluations=evaluations)
+
+
+def _label_first(record: AnyRecord) -> AnyRecord:
+    return _label(record, FIRST) if record.context.agents else record
+
+
+def _show_agent(study: Study, agent: str, record: AnyRecord) -> AnyRecord | None:
+    if agent in record.context.agents:
+        return _label(select_agent(record, agent), agent)
+    study.report(f"{record.path}: has no robot {agent}")
+    return None
+
+
+def _label(record: AnyRecord, robot: str) -> AnyRecord:
+    """Return the record with a treatment that names the robot."""
+    treatment = robot if record.treatment == SINGLE else f"{record.treatment}, {robot}"
+    return replace(record, treatment=treatment)

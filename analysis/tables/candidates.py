@@ -1,0 +1,123 @@
+"""The sensors of candidates, such as the random designs of generation 0, as tables."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from evoros.base.errors import InputError
+
+from .designs import COLUMNS, TYPES, place_sensors
+
+if TYPE_CHECKING:
+    from .records import Record
+
+
+def read_generations(record: "Record") -> pd.DataFrame:
+    """Read a row for each candidate of each generation.
+
+    Raises:
+        InputError: no generation is finished.
+    """
+    table = record.run.generations
+    if table.empty:
+        raise InputError(
+            f"{record.path}: must have a finished generation, but has none; resume the run"
+        )
+    return table
+
+
+def read_initial_sensors(record: "Record") -> pd.DataFrame:
+    """Read the sensors of the random designs of generation 0."""
+    table = read_generations(record)
+    first = table[(table.generation == 0) & (table.operator == "initial")].drop_duplicates("id")
+    return place_candidates(first, record)
+
+
+def place_candidates(candidates: pd.DataFrame, record: "Record") -> pd.DataFrame:
+    """Place the sensors of candidates, each with the field of view and range that it evolved.
+
+    ``candidates`` has rows of a generation's table; see ``place_sensors`` for what is returned.
+    """
+    placed = place_sensors(list_mounts(candidates, record), record.context)
+    own = candidates.set_index("id")
+    for gene, kind, column in _list_beam_genes(record):
+        rows = placed.type == kind
+        placed.loc[rows, column] = placed.design[rows].map(own[gene]).astype(float)
+    return placed
+
+
+def _list_beam_genes(record: "Record") -> Iterator[tuple[str, str, str]]:
+    """Yield each gene of a field of view or range, its type of sensor, and the column of both."""
+    columns = {"fov_deg": "fov_deg", "range_max_m": "range_m"}
+    for gene, key in _list_genes(record):
+        value = re.fullmatch(rf"{re.escape(TYPES)}(.+)\.(fov_deg|range_max_m)", key)
+        if value and value[1] in record.context.beams:
+            yield gene, value[1], columns[value[2]]
+
+
+def _list_genes(record: "Record") -> Iterator[tuple[str, str]]:
+    """Yield the name and the key of each value that evolves beside the mounts."""
+    for name, key in record.values.items():
+        gene = re.fullmatch(r"design\.genes\.(.+)\.key", name)
+        if gene:
+            yield gene[1], str(key)
+
+
+def read_evolved(record: "Record", design: int) -> dict[str, float]:
+    """Read the values that evolved beside the mounts of an individual, by key."""
+    table = read_generations(record)
+    row = table[table.id == design].iloc[:1]
+    return {key: float(row[gene].iloc[0]) for gene, key in _list_genes(record) if len(row)}
+
+
+def list_mounts(candidates: pd.DataFrame, record: "Record") -> pd.DataFrame:
+    """List the mounts of candidates, twins included, with the columns of ``design.csv``.
+
+    ``candidates`` has rows of a generation's table. Fixed sensors are those of all.
+    """
+    placed = [_fix(candidates, slot, record) for slot in range(-len(record.context.fixed), 0)]
+    slots = [_slot(candidates, slot, record) for slot in range(len(_slots(candidates)))]
+    if record.context.mirrored:
+        slots += [mount.assign(twin=1, y_m=-mount.y_m, yaw_deg=-mount.yaw_deg) for mount in slots]
+    placed += slots
+    if not placed:
+        return pd.DataFrame(columns=[*COLUMNS, "link"])
+    mounts = pd.concat(placed, ignore_index=True)
+    order = {kind: number for number, kind in enumerate(record.context.types)}
+    mounts = mounts.assign(order=mounts.type.map(order))
+    mounts = mounts.sort_values(["design", "order", "slot", "twin"], ignore_index=True)
+    return mounts.assign(sensor=mounts.groupby("design").cumcount())
+
+
+def _slots(candidates: pd.DataFrame) -> list[str]:
+    return [str(name) for name in candidates if re.fullmatch(r"sensor\d+_yaw_deg", str(name))]
+
+
+def _fix(candidates: pd.DataFrame, slot: int, record: "Record") -> pd.DataFrame:
+    """List one fixed sensor; their slots are less than 0."""
+    mount = record.context.fixed[slot]
+    values = {**asdict(mount), "type": mount.sensor, "slot": slot, "twin": 0}
+    del values["sensor"]
+    return pd.DataFrame({"design": candidates.id.to_numpy(), **values})
+
+
+def _slot(candidates: pd.DataFrame, slot: int, record: "Record") -> pd.DataFrame:
+    """List the sensors of one slot; values without a column are those of their region."""
+    prefix = f"sensor{slot}_"
+    mounts = candidates[[name for name in candidates if str(name).startswith((prefix, "id"))]]
+    mounts = mounts.rename(
+        columns=lambda name: "design" if name == "id" else name.removeprefix(prefix)
+    )
+    mounts = mounts[mounts.x_m.notna()].assign(slot=slot, twin=0)
+    areas = [record.context.regions[region] for region in mounts.region]
+    mounts = mounts.assign(link=[area.link for area in areas])
+    for name in ("z_m", "pitch_deg"):
+        if name not in mounts:  # constant in each region
+            mounts[name] = [getattr(area, name)[0] for area in areas]
+    if "type" in mounts:
+        return mounts
+    fixed = {mount.sensor for mount in record.context.fixed}
+    return mounts.assign(type=next(kind for kind in record.context.types if kind not in fixed))

@@ -1,0 +1,86 @@
+"""The sensors of a robot in pictures: their fans, and the colours of what they read."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evoros.base.arrays import Array
+from evoros.formats.urdf.tree import Urdf
+from evoros.geometry.shapes import Pose
+from evoros.sensor.protocol import CONTACT
+from evoros.storage.figure_context import Beam
+
+from ..tables.readings import RecordedSensor
+from .captions import CLEAR, FAILED, NEAR, Colour
+
+
+@dataclass(frozen=True)
+class FieldOfView:
+    """What a sensor that casts rays sees."""
+
+    frame: Array  # (4, 4) in the robot's frame
+    half_rad: float  # half its opening
+    range_m: float
+    near_m: float  # readings below it are marked
+
+
+@dataclass(frozen=True, eq=False)
+class ShownSensor:
+    """A sensor that is shown, with its readings at each picture."""
+
+    link: str  # of the robot
+    readings: Array  # (n, channels); ranges [m] from the right to the left
+    view: FieldOfView | None  # None: it casts no rays
+    touches: bool  # whether it reads 1 when something touches the robot
+
+    def classify(self, number: int) -> Colour:
+        """Return the colour of what it reads in a picture."""
+        readings = self.readings[number]
+        nearest = float(np.fmin.reduce(readings))
+        if np.isnan(nearest):
+            return FAILED
+        if self.view is not None:
+            return NEAR if nearest < self.view.near_m else CLEAR
+        return NEAR if self.touches and nearest > 0.0 else CLEAR
+
+
+def make_views(
+    robot: Urdf,
+    sensors: Sequence[RecordedSensor],
+    records: NDArray[np.int64],
+    near_m: float | None,
+) -> Iterator[ShownSensor]:
+    """Yield the sensors with their readings at ``records``, the row of each picture.
+
+    ``near_m`` None stands for half the range of each.
+    """
+    for sensor in sensors:
+        kind, readings = sensor.kind, sensor.readings[records]
+        if isinstance(kind, Beam):
+            half = math.radians(max(kind.fov_deg, 1.0)) / 2
+            near = kind.range_max_m / 2 if near_m is None else near_m
+            frame = to_matrix(_level(robot.poses[sensor.link], half))
+            view = FieldOfView(frame, half, kind.range_max_m, near)
+            yield ShownSensor(sensor.link, readings, view, False)
+        else:
+            yield ShownSensor(sensor.link, readings, None, kind.measures == CONTACT)
+
+
+def to_matrix(pose: Pose) -> Array:
+    """Return a pose as a matrix (4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.position
+    return matrix
+
+
+def _level(pose: Pose, half_rad: float) -> Pose:
+    """Return a level frame for a sensor whose beam, if as high as wide, has level rays.
+
+    These rays meet obstacles on the ground, so that the end of a level fan is at the obstacle.
+    """
+    if abs(math.asin(min(1.0, max(-1.0, float(pose.rotation[2, 0]))))) > half_rad:
+        return pose
+    return Pose.from_rpy(pose.position, 0.0, 0.0, pose.yaw)

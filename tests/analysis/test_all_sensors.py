@@ -1,0 +1,291 @@
+"""Figures, players and bags of a design that has all types of sensors."""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from bag_readers import ReadMessage, has_rosbag, read_mcap, read_rosbag
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.deploy.ardupilot import list_range_finders
+from evoros.analysis.deploy.champion import read_champion as deploy_champion
+from evoros.analysis.deploy.mounting_plan import plan_mounting
+from evoros.analysis.deploy.ros_parameters import robot_parameters
+from evoros.analysis.figures.mission import draw_missions
+from evoros.analysis.figures.overlay import draw_overlay
+from evoros.analysis.figures.panel import draw_panels, rank_pairs
+from evoros.analysis.measures.raster import count_coverage
+from evoros.analysis.report.playback import encode_playback
+from evoros.analysis.tables.candidates import read_initial_sensors
+from evoros.analysis.tables.designs import (
+    read_champion,
+    read_champion_sensors,
+    read_champion_signals,
+)
+from evoros.analysis.tables.readings import read_sensors
+from evoros.analysis.tables.records import Record, read_record
+from evoros.analysis.tables.study import Study
+from evoros.analysis.tables.traces import read_traces
+from evoros.analysis.tables.tracks import TOUCHED, load_champion_world, read_tracks
+from evoros.analysis.video.captions import FAILED, NEAR
+from evoros.analysis.video.sensors import make_views
+from helpers import tiny
+from matplotlib.collections import PolyCollection
+
+from evoros.base.arrays import Array
+from evoros.base.compilation import NotCompilable
+from evoros.base.console import DONE
+from evoros.formats.strict_xml import parse
+from evoros.formats.urdf.tree import read_tree
+
+ALL = (
+    "seed=1",
+    "design=senses",
+    "simulator=mujoco",
+    "world.near.course.end_on_collision=false",
+    "world.near.course.time_limit_s=25.0",
+    "world.near.course.waypoints=[[-1.0,-7.8]]",  # behind a box
+    "controller/avoidance=blind",
+    "optimizer.generations=1",
+    "optimizer.population_size=3",
+    "failure.earliest_s=0.5",
+    "failure.latest_s=6.0",
+)
+BUMPERS, IMU, INFRARED, LIDAR, ODOMETRY = (0, 1), 2, (3, 4), 5, 6
+AXES = ("x", "y", "z")
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
+    """A run whose missions are interpreted, because to compile its rules takes longer."""
+    folder = tmp_path_factory.mktemp("all") / "run"
+    with pytest.MonkeyPatch.context() as patch:
+        refused = NotCompilable("it takes longer than the missions")
+        patch.setattr("evoros.mission.compiled_loop.try_compile", lambda *_: refused)
+        assert tiny(folder, *ALL) == DONE
+    return read_record(folder, "run")
+
+
+@pytest.fixture(scope="module")
+def trajectory(record: Record) -> pd.DataFrame:
+    table: pd.DataFrame = record.run.trajectory("near")
+    return table
+
+
+@pytest.fixture(scope="module")
+def bags(record: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    output = tmp_path_factory.mktemp("bags")
+    for kind in ("mcap", "ros1"):
+        given = ["bag", str(record.path), "--world", "near", "--format", kind]
+        assert evoros_analyze([*given, "--output", str(output)]) == DONE
+    return output
+
+
+# Tables ---------------------------------------------------------------------------------------
+
+
+def test_sensors_keep_their_numbers_and_pairs(record: Record) -> None:
+    seeing, others = read_champion_sensors(record), read_champion_signals(record)
+    assert seeing["sensor"].tolist() == [*INFRARED, LIDAR]
+    assert others["sensor"].tolist() == [*BUMPERS, IMU, ODOMETRY]
+    pairs = seeing["pair"].tolist()
+    assert pairs[0] == pairs[1] != pairs[2]  # only placed sensors have twins
+    evolved = record.run.genes.set_index("gene")["value"]
+    assert seeing["range_m"].tolist() == [evolved["reach"]] * 2 + [8.0]
+    assert others["width_m"].tolist() == [evolved["width"]] * 2 + [0.0, 0.0]
+
+
+def test_random_designs_have_the_ranges_that_they_drew_and_the_fixed_sensors(
+    record: Record,
+) -> None:
+    table = record.run.generations
+    drawn = table[table.generation == 0].set_index("id")["reach"]
+    sensors = read_initial_sensors(record)
+    infrared = sensors[sensors["type"] == "infrared"]
+    assert drawn.nunique() > 1
+    np.testing.assert_array_equal(infrared["range_m"], drawn[infrared["design"]])
+    assert (sensors[sensors["type"] == "lidar"].groupby("design")["sensor"].sum() == LIDAR).all()
+
+
+# Bags -----------------------------------------------------------------------------------------
+
+
+def on(topic: str, messages: list[ReadMessage]) -> list[dict[str, Any]]:
+    return [message.content for message in messages if message.topic == topic]
+
+
+def columns(table: pd.DataFrame, *names: str) -> Array:
+    """What the sensors read at the decisions, without what was silent."""
+    values = table[list(names)].to_numpy(float)[:-1]
+    heard: Array = values[np.isfinite(values).all(axis=1)]
+    return heard
+
+
+def vector(values: Mapping[str, float]) -> list[float]:
+    return [values[axis] for axis in AXES]
+
+
+def test_a_bag_has_the_readings_of_all_sensors(bags: Path, trajectory: pd.DataFrame) -> None:
+    messages = read_mcap(bags / "bag_near" / "bag_near.mcap")
+    for number in BUMPERS:
+        told = [message["data"] for message in on(f"/bumper_{number}", messages)]
+        assert told == (columns(trajectory, f"touch_{number}")[:, 0] > 0).tolist()
+    imu = on(f"/imu_{IMU}", messages)
+    rates = [f"rate_{axis}_{IMU}_radps" for axis in AXES]
+    felt = [f"acceleration_{axis}_{IMU}_mps2" for axis in AXES]
+    found = [vector(m["angular_velocity"]) + vector(m["linear_acceleration"]) for m in imu]
+    np.testing.assert_array_equal(found, columns(trajectory, *rates, *felt))
+    assert {m["orientation_covariance"][0] for m in imu} == {-1.0}  # no orientation
+    wheels = on(f"/odometry_{ODOMETRY}", messages)
+    found = [[m["twist"]["linear"]["x"], m["twist"]["angular"]["z"]] for m in wheels]
+    expected = columns(trajectory, f"speed_{ODOMETRY}_mps", f"yaw_rate_{ODOMETRY}_radps")
+    np.testing.assert_array_equal(found, expected)
+    for number in INFRARED:
+        ranges = on(f"/infrared_{number}", messages)
+        expected = columns(trajectory, f"range_{number}_m")[:, 0]
+        np.testing.assert_array_equal([m["range"] for m in ranges], expected.astype(np.float32))
+        assert {m["radiation_type"] for m in ranges} == {1}
+    scans = on(f"/lidar_{LIDAR}", messages)
+    expected = columns(trajectory, *(f"range_{LIDAR}_{k}_m" for k in range(24)))
+    np.testing.assert_array_equal([m["ranges"] for m in scans], expected.astype(np.float32))
+    assert scans[0]["angle_max"] - scans[0]["angle_min"] == pytest.approx(math.pi)
+    frames = {(t, m["header"]["frame_id"]) for t, _, m in messages if "header" in m}
+    assert {(f"/{name}", name) for name in (f"imu_{IMU}", f"odometry_{ODOMETRY}")} <= frames
+
+
+@pytest.mark.skipif(not has_rosbag(), reason="needs Debian's python3-rosbag")
+def test_a_bag_of_ros_1_has_the_same_readings(bags: Path) -> None:
+    first, _ = read_rosbag(bags / "bag_near.bag")
+    second = read_mcap(bags / "bag_near" / "bag_near.mcap")
+    for topic in ("/bumper_0", f"/imu_{IMU}", f"/odometry_{ODOMETRY}", f"/lidar_{LIDAR}"):
+        assert on(topic, first) == on(topic, second)
+        assert on(topic, first)
+
+
+# Figures --------------------------------------------------------------------------------------
+
+
+def test_figures_of_designs_draw_the_place_of_each_sensor_and_the_zones_of_bumpers(
+    record: Record,
+) -> None:
+    study = Study((record,))
+    sensors, contexts = study.gather(read_champion), {record.treatment: record.context}
+    cover = count_coverage(sensors, contexts, (0.5,))
+    over = draw_overlay(cover, sensors, contexts, signals=study.signals)
+    single = draw_panels(rank_pairs(sensors), contexts, signals=study.signals)
+    width = float(record.run.genes.set_index("gene")["value"]["width"])
+    for figure in (over, single):
+        hatched = [
+            each
+            for each in figure.axes[0].collections
+            if isinstance(each, PolyCollection) and each.get_hatch()
+        ]
+        (zones,) = hatched
+        front, left = (
+            np.asarray(path.vertices)[:4] for path in zones.get_paths()
+        )  # y across, x up
+        assert np.ptp(front[:, 0]) == pytest.approx(width)  # faces ahead
+        assert np.ptp(left[:, 1]) == pytest.approx(width)  # faces left
+        assert front[:, 1].max() > 0.25 > front[:, 1].min()
+        texts = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+        assert {"bumper, its zone", "imu", "odometry", "infrared", "lidar"} <= {*texts}
+
+
+def test_the_map_of_a_mission_has_the_bumpers_that_closed(
+    record: Record, trajectory: pd.DataFrame
+) -> None:
+    table = read_tracks(record.run, record.context, "near")
+    begins = [
+        (row, number)
+        for number in BUMPERS
+        for row in np.flatnonzero(np.diff(trajectory[f"touch_{number}"], prepend=0.0) > 0).tolist()
+    ]
+    assert begins, "the robot met nothing, which would show little"
+    told = [(row, int(n)) for row, cell in enumerate(table[TOUCHED]) for n in cell.split(";") if n]
+    assert sorted(told) == sorted(begins)
+    worlds = {"near": load_champion_world(record.run, record.context, "near")}
+    (axes,) = draw_missions(table, worlds, record.context.modes).axes
+    (marks,) = (line for line in axes.lines if line.get_marker() == "s")
+    places = table[["x_m", "y_m"]].to_numpy(float)[sorted({row for row, _ in begins})]
+    np.testing.assert_array_equal(np.asarray(marks.get_xydata()), places)
+
+
+def test_what_imus_odometry_and_bumpers_read_is_drawn_over_time(
+    record: Record, trajectory: pd.DataFrame, tmp_path: Path
+) -> None:
+    worlds = {"near": load_champion_world(record.run, record.context, "near")}
+    table = read_tracks(record.run, record.context, "near")
+    traces = {"near": read_traces(record, "near")}
+    map_alone = draw_missions(table, worlds, record.context.modes)
+    figure = draw_missions(table, worlds, record.context.modes, traces=traces)
+    assert len(map_alone.axes) == 1
+    axes = {each.get_ylabel(): each for each in figure.axes[1:]}
+    assert list(axes) == ["closed", "[rad/s]", "[m/s²]", "[m/s]"]
+    rates = [f"rate_z_{IMU}_radps", f"yaw_rate_{ODOMETRY}_radps"]
+    for line, column in zip(axes["[rad/s]"].lines, rates, strict=False):
+        np.testing.assert_array_equal(line.get_ydata(), trajectory[column].to_numpy(float))
+    assert len(axes["closed"].collections) == len(BUMPERS)
+    failed = {trace.label for trace in traces["near"] if math.isfinite(trace.failed_s)}
+    marks = sum(line.get_marker() == "^" for each in axes.values() for line in each.lines)
+    assert marks == len(failed)
+    given = ["mission", str(record.path), "--readings", "--world", "near", "--output"]
+    assert evoros_analyze([*given, str(tmp_path)]) == DONE
+
+
+def test_the_page_plays_what_each_sensor_read_and_when_it_failed(
+    record: Record, trajectory: pd.DataFrame
+) -> None:
+    content = json.loads(encode_playback(record))
+    assert [each["number"] for each in content["sensors"]] == [*INFRARED, LIDAR]
+    shown = content["signals"]
+    assert [each["number"] for each in shown] == [*BUMPERS, IMU, ODOMETRY]
+    assert [each["touches"] for each in shown] == [True, True, False, False]
+    mission = next(each for each in content["missions"] if each["world"] == "near")
+    for sensor, channels in zip(shown, mission["signals"], strict=True):
+        for (name, unit), differences in zip(sensor["channels"], channels, strict=True):
+            column = f"{name}_{sensor['number']}" + (f"_{unit}" if unit else "")
+            assert None not in differences or trajectory[column].isna().any()
+            read = np.cumsum([each or 0 for each in differences]) / 1000
+            known = np.array([each is not None for each in differences])
+            expected = trajectory[column].to_numpy(float)[known]
+            np.testing.assert_allclose(read[known], expected, atol=5.1e-4)
+    (failed,) = mission["failed"]
+    assert failed["sensor"] in range(7)
+
+
+def test_a_deployed_package_tells_of_all_sensors_as_in_a_mission(record: Record) -> None:
+    champion = deploy_champion(record)
+    links = [f"bumper_{n}" for n in BUMPERS] + [f"imu_{IMU}"]
+    links += [f"infrared_{n}" for n in INFRARED] + [f"lidar_{LIDAR}", f"odometry_{ODOMETRY}"]
+    told = robot_parameters(champion)[0]["evoros"]
+    assert told["sensors"] == [sensor.link for sensor in champion.sensors] == links
+    assert told[f"imu_{IMU}"]["measures"] == "motion"
+    assert len(told[f"imu_{IMU}"]["channels"]) == 6
+    assert len(told[f"lidar_{LIDAR}"]["bearings_rad"]) == 24
+    assert told["infrared_3"]["radiation"] == "infrared"
+    assert [finder.link for finder in list_range_finders(champion.sensors, (0, 0, 0))] == [
+        f"infrared_{n}" for n in INFRARED
+    ]
+    assert [sensor.name for sensor in plan_mounting(champion).sensors] == links
+
+
+def test_a_replay_tells_bumpers_that_are_closed_and_all_sensors_that_failed(
+    record: Record, trajectory: pd.DataFrame
+) -> None:
+    robot = read_tree(parse((record.path / "champion" / "robot.urdf").read_bytes(), "r"), "r")
+    recorded = read_sensors(trajectory, robot.poses, record.context, "robot.urdf")
+    rows = np.arange(len(trajectory))
+    for number, shown in enumerate(make_views(robot, recorded, rows, near_m=0.5)):
+        assert (shown.view is not None) == (number in (*INFRARED, LIDAR))
+        colours = [shown.classify(row) for row in rows.tolist()]
+        silent = np.isnan(recorded[number].readings).all(axis=1)
+        assert [colour == FAILED for colour in colours] == silent.tolist()
+        if number in BUMPERS:
+            closed = recorded[number].readings[:, 0] > 0.0
+            assert [colour == NEAR for colour in colours] == closed.tolist()
+        elif number in (IMU, ODOMETRY):
+            assert NEAR not in colours

@@ -1,0 +1,209 @@
+"""Figures of a run with two robots show both, and take the first one's columns for its own."""
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from bag_readers import read_mcap
+from evoros.analysis.figures.mission import draw_missions
+from evoros.analysis.product import Product
+from evoros.analysis.report.playback import encode_playback
+from evoros.analysis.robot_choice import make_product
+from evoros.analysis.subcommands import import_subcommand, parse
+from evoros.analysis.tables.agents import select_agent
+from evoros.analysis.tables.candidates import read_initial_sensors
+from evoros.analysis.tables.designs import read_champion_sensors
+from evoros.analysis.tables.matching import identify_champion
+from evoros.analysis.tables.readings import group_ranges
+from evoros.analysis.tables.records import Record
+from evoros.analysis.tables.study import Study, load_study
+from evoros.analysis.tables.tracks import load_champion_worlds, read_track, read_tracks
+from helpers import tiny
+
+from evoros.base.errors import InputError
+from evoros.storage.tables import AGENT
+
+HOME = (3.0, 3.0, -1.6)
+TWO = (
+    "simulator=planar",
+    "world=plains",
+    "agents=oncoming",
+    f"agents.oncoming.home={list(HOME)}",
+    "agents.oncoming.route=null",
+    "+design@agents.oncoming.design=six_sonars",
+    "optimizer.generations=1",
+    "optimizer.population_size=2",
+)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    """A run in which the second robot has a design of its own."""
+    folder = tmp_path_factory.mktemp("two") / "run"
+    assert tiny(folder, *TWO) == 0
+    return load_study([folder])
+
+
+@pytest.fixture(scope="module")
+def record(study: Study) -> Record:
+    return study.records[0]
+
+
+def test_the_tracks_are_those_that_the_trajectory_has_until_each_robot_ended(
+    record: Record,
+) -> None:
+    for world in record.context.courses:
+        flown = record.run.trajectory(world)
+        for name, prefix in (("", ""), ("oncoming", "oncoming.")):
+            track = read_track(record.run, record.context, world, name)
+            for column in ("x_m", "y_m", "yaw_rad", "contact"):
+                expected = flown[f"{prefix}{column}"].to_numpy(float)[: len(track)]
+                np.testing.assert_array_equal(track[column].to_numpy(float), expected)
+        start = flown[["oncoming.x_m", "oncoming.y_m", "oncoming.yaw_rad"]].iloc[0]
+        np.testing.assert_allclose(start, HOME, atol=1e-9)
+    ends = record.run.missions.set_index("world")["oncoming.ended"]
+    tracks = read_tracks(record.run, record.context, "near")
+    assert list(dict.fromkeys(tracks[AGENT])) == ["", "oncoming"]
+    assert tracks["ended"].iloc[-1] in set(ends["near"])
+
+
+def test_each_robot_has_the_sensors_of_its_rows(record: Record) -> None:
+    rows = record.run.champion
+    own = {name: read_champion_sensors(record, name) for name in ("", "oncoming")}
+    assert sum(map(len, own.values())) == len(rows) == 12
+    for name, sensors in own.items():
+        placed = rows[rows[AGENT].fillna("") == name]
+        np.testing.assert_allclose(sensors["yaw_deg"], placed["yaw_deg"].to_numpy(float))
+    assert len(group_ranges(record.run.trajectory("near"))) == 6
+    assert len({robot for robot, *_ in identify_champion(record)[0]}) == 2
+
+
+def test_the_map_has_the_path_of_each_robot_and_how_it_ended(record: Record) -> None:
+    context, worlds = record.context, dict(load_champion_worlds(record.run, record.context))
+    tracks = read_tracks(record.run, context, "near")
+    robots = {"": context, **context.agents}
+    (axes,) = draw_missions(tracks, {"near": worlds["near"]}, context.modes, robots=robots).axes
+    other = tracks[tracks[AGENT] == "oncoming"]
+    drawn = [np.asarray(line.get_xydata()) for line in axes.get_lines()]
+    assert any(np.array_equal(xy, other[["x_m", "y_m"]].to_numpy()) for xy in drawn)
+    assert axes.get_title().splitlines()[2].startswith("oncoming: ")
+    (time,) = (text.get_text() for text in axes.texts if text.get_text().endswith(" s"))
+    first = tracks[tracks[AGENT] == ""]
+    both = first.merge(other, on="time_s")
+    nearest = np.hypot(both["x_m_x"] - both["x_m_y"], both["y_m_x"] - both["y_m_y"]).argmin()
+    assert time == f"{both['time_s'][nearest]:.0f} s"
+
+
+def test_the_player_gets_the_poses_of_the_other_robot_to_the_millimetre(record: Record) -> None:
+    content = json.loads(encode_playback(record))
+    (agent,) = content["agents"]
+    assert agent["name"] == "oncoming"
+    assert agent["parts"] == content["parts"]  # a second one of the same robot
+    for mission in content["missions"]:
+        flown = record.run.trajectory(mission["world"])
+        (other,) = mission["agents"]
+        for column in ("x", "y"):
+            found = np.cumsum(other[column]) / 1000
+            np.testing.assert_allclose(found, flown[f"oncoming.{column}_m"], atol=0.00051)
+        x0, y0, x1, y1 = mission["extent"]
+        assert flown["oncoming.x_m"].between(x0, x1).all()
+        assert flown["oncoming.y_m"].between(y0, y1).all()
+
+
+def draw(study: Study, *arguments: str) -> Product:
+    return make_product(import_subcommand(arguments[0]), study, parse([*arguments, "run"]))
+
+
+def test_figures_of_one_robot_show_the_first_one_or_the_named_one_and_say_so(
+    study: Study, record: Record
+) -> None:
+    rows = record.run.champion
+    first, other = draw(study, "overlay"), draw(study, "overlay", "--agent", "oncoming")
+    alone = "the first robot alone, without oncoming; --agent NAME shows another"
+    assert first.messages == [alone]
+    assert other.messages == ["oncoming alone, without the first robot"]
+    for product, name in ((first, ""), (other, "oncoming")):
+        own = rows[rows[AGENT].fillna("") == name]
+        table = pd.read_csv(io.BytesIO(product.files["overlay_sensors.csv"]))
+        assert table["yaw_deg"].to_numpy() == pytest.approx(own["yaw_deg"].to_numpy())
+        assert product.figure is not None
+        title = product.figure.axes[0].get_title(loc="left")
+        assert title.startswith(f"{name or 'first robot'} (1 champion)")
+    regions = draw(study, "regions", "--agent", "oncoming").figure
+    assert regions is not None
+    assert regions.axes[0].get_title(loc="left").startswith("oncoming\n")
+    options = ["--format", "gif", "--size", "128x72", "--to", "1"]
+    films = [draw(study, "replay", *options, *of) for of in ((), ("--agent", "oncoming"))]
+    assert [film.messages[1] for film in films] == [
+        "the first robot, with oncoming in view; --agent NAME shows another",
+        "oncoming, with the first robot in view",
+    ]
+    assert films[0].files != films[1].files
+    with pytest.raises(InputError, match=r"--agent: must be .*\(oncoming\), not 'nobody'"):
+        draw(study, "panel", "--agent", "nobody")
+
+
+def test_an_agent_as_a_run_of_its_own_has_its_genes_missions_and_trajectory(
+    record: Record,
+) -> None:
+    own, whole = select_agent(record, "oncoming"), record.run
+    missions, genes = own.run.missions, own.run.generations
+    for column in ("ended", "progress", "draws"):
+        source = column if column == "draws" else f"oncoming.{column}"
+        assert missions[column].tolist() == whole.missions[source].tolist()
+    placed = genes["sensor0_x_m"].tolist()
+    assert placed == whole.generations["oncoming.sensor0_x_m"].tolist()
+    assert placed != whole.generations["sensor0_x_m"].tolist()
+    track = own.run.trajectory("near")
+    assert track["x_m"].tolist() == whole.trajectory("near")["oncoming.x_m"].tolist()
+    assert len(read_initial_sensors(own)) == 6 * 2
+
+
+def test_a_package_is_of_the_named_robot(study: Study, record: Record) -> None:
+    product = draw(study, "deploy", "--agent", "oncoming")
+    assert product.folder.endswith("_oncoming_champion")
+    (urdf,) = (content for path, content in product.files.items() if path.endswith(".urdf"))
+    kept = (record.path / "champion" / "agents" / "oncoming" / "robot.urdf").read_bytes()
+    first = (record.path / "champion" / "robot.urdf").read_bytes()
+    joint = b'<joint name="sonar_0'
+    place = [text[text.index(joint) :][:400] for text in (urdf, kept, first)]
+    assert place[0] == place[1] != place[2]
+
+
+def test_a_bag_has_all_robots_in_namespaces_and_frames_of_their_own(
+    study: Study, record: Record, tmp_path: Path
+) -> None:
+    """What the agent drove, read and aimed at is that of its columns."""
+    product = draw(study, "bag", "--world", "near")
+    for name, content in product.files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(content)
+    messages = read_mcap(tmp_path / "bag_near" / "bag_near.mcap")
+    topics = {message.topic for message in messages}
+    own = {topic.removeprefix("/oncoming") for topic in topics if topic.startswith("/oncoming/")}
+    shared = {"/tf", "/tf_static", "/obstacles"}
+    assert own == topics - shared - {f"/oncoming{each}" for each in own}
+    flown = record.run.trajectory("near")
+    moved = [m.content["transforms"][0] for m in messages if m.topic == "/tf"]
+    for prefix, column in (("", "x_m"), ("oncoming/", "oncoming.x_m")):
+        root = next(each["child_frame_id"] for each in moved if "/" not in each["child_frame_id"])
+        path = [t for t in moved if t["child_frame_id"] == f"{prefix}{root}"]
+        x = [each["transform"]["translation"]["x"] for each in path]
+        assert x == flown[column].tolist()
+        assert {each["header"]["frame_id"] for each in path} == {"odom"}
+    (fixed,) = (m.content["transforms"] for m in messages if m.topic == "/tf_static")
+    frames = {each["child_frame_id"] for each in fixed}
+    assert {"sonar_0", "oncoming/sonar_0"} <= frames
+    assert len(frames) == len(fixed)
+    read = [m.content for m in messages if m.topic == "/oncoming/sonar_0"]
+    assert {each["header"]["frame_id"] for each in read} == {"oncoming/sonar_0"}
+    assert read[0]["range"] == pytest.approx(flown["oncoming.range_0_m"][0], rel=1e-6)
+    (route,) = (m.content["poses"] for m in messages if m.topic == "/oncoming/route")
+    end = route[-1]["pose"]["position"]
+    assert (end["x"], end["y"]) == HOME[:2]
+    layout = product.files["bag.foxglove.json"].decode()
+    assert '"framePrefix": "oncoming/"' in layout
+    assert "/oncoming/odom.twist" in layout
