@@ -9,6 +9,7 @@ from lxml import etree
 from evoros.robot.model import Robot
 from evoros.simulator.engines import pybullet_bodies, pybullet_model, pybullet_robot
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
+from evoros.simulator.protocol import PlacedRobot
 from evoros.simulator.pybullet import import_pybullet
 from evoros.world.model import World
 
@@ -63,7 +64,7 @@ def running(choice: str, robots: dict[str, Robot], world: World) -> tuple[Any, A
     if choice == "links":
         vars(pybullet_robot)["merge_fixed_links"] = lambda root, kept: etree.tostring(root).decode()
     try:
-        model = engine.prepare(robot, world, settings)
+        model = engine.prepare([PlacedRobot(robot, world.course.home)], world, settings)
     finally:
         vars(pybullet_robot)["merge_fixed_links"] = merge
     simulation = PyBulletSimulation(engine.bullet, engine.client, model, robot, settings)

@@ -1,9 +1,9 @@
-"""Compares how both simulators drive the same commands on open ground.
+"""Compares how all three simulators drive the same commands on open ground.
 
 The reference for manoeuvres and for the commands of missions is PyBullet at 2.5 ms and 50
 iterations, and for turning circles it is geometry. Also measures whether the heading at the start
-matters, which it does not in physics, and what both simulators read at the same places. Prints the
-tables of docs/fidelity.md and draws docs/img/manoeuvres.png:
+matters, which it does not in physics, and what PyBullet and the plane read at the same places.
+Prints the tables of docs/fidelity.md and draws docs/img/manoeuvres.png:
 
     python benchmarks/fidelity/manoeuvres.py
 """
@@ -23,6 +23,7 @@ from evoros.base.arrays import SPEED, STEERING, YAW, Array, X, Y
 from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
+from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import Simulator
 from evoros.simulator.pybullet import PyBullet
@@ -32,6 +33,7 @@ FINE = PyBullet(time_step=0.0025, solver_iterations=50)
 SIMULATORS: Mapping[str, Simulator] = {
     "PyBullet, 2.5 ms": FINE,
     "PyBullet, 25 ms": PyBullet(),
+    "MuJoCo, 10 ms": Mujoco(),
     "planar": Planar(),
 }
 LOCK = 9.0  # [rad], more than any robot can steer, so that it steers to its limit
@@ -62,17 +64,18 @@ def side_by_side(experiment: Experiment) -> dict[str, dict[str, Array]]:
     """Print the table of manoeuvres; returns the tracks by manoeuvre and simulator."""
     world = open_ground(experiment)
     print(f"\n## {SECONDS:g} s of the same commands, against {next(iter(SIMULATORS))}\n")
-    print("| manoeuvre | distance [m] | PyBullet, 25 ms [mm] | [deg] | planar [mm] | [deg] |")
-    print("|---|---|---|---|---|---|")
+    others = list(SIMULATORS)[1:]
+    print("| manoeuvre | distance [m] | " + " | ".join(f"{k} [mm] | [deg]" for k in others) + " |")
+    print("|---" * (2 + 2 * len(others)) + "|")
     tracks: dict[str, dict[str, Array]] = {}
     for name, manoeuvre in MANOEUVRES.items():
         wanted = commands(manoeuvre, SECONDS)
         tracks[name] = {k: drive(s, experiment.robot, world, wanted) for k, s in SIMULATORS.items()}
-        reference, *others = tracks[name].values()
+        reference, *compared = tracks[name].values()
         cells = [
             f"{1e3 * distances(track, reference).max():.0f} | "
             f"{np.degrees(np.abs(track[:, YAW] - reference[:, YAW]).max()):.1f}"
-            for track in others
+            for track in compared
         ]
         print(f"| {name} | {length(reference):.2f} | {' | '.join(cells)} |")
     return tracks

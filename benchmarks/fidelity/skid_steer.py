@@ -1,15 +1,16 @@
 """Compares how a skid-steer robot turns with the resistance that the planar simulator assumes.
 
-Robots with four wheels, of several lengths between the axles, drive circles in PyBullet. The
-turning resistance is the track that the robot seems to have, divided by the real one. Prints the
-tables and draws docs/img/skid_steer.png:
+Robots with four wheels, of several lengths between the axles, drive circles in PyBullet or MuJoCo.
+The turning resistance is the track that the robot seems to have, divided by the real one. Prints
+the tables; with PyBullet also draws docs/img/skid_steer.png:
 
-    python benchmarks/fidelity/skid_steer.py
+    python benchmarks/fidelity/skid_steer.py [pybullet|mujoco]
 """
 
 import math
+import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from evoros.base.arrays import COMMAND_SIZE, STATE_SIZE, YAW, Array
 from evoros.drive.skid_steer import SkidSteer, SkidSteerDescription
 from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
+from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.protocol import Simulator
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.course import Course
@@ -30,7 +32,7 @@ TRACK_M, RADIUS_M, SPEED_MPS = 0.4, 0.08, 0.3
 RATIOS = (0.4, 0.6, 0.8, 0.9, 1.0, 1.1, 1.3)  # distance of the axles, divided by the track
 SPEEDS = (0.1, 0.2, 0.4, 0.8)  # [m/s], of the wheels' middle
 TURNS = (0.5, 1.0, 2.0)  # curvature that the wheels would drive without slip, times the track
-STEPS = ((0.025, 20), (0.0125, 50), (0.00625, 50), (0.0025, 50))  # [s], iterations
+STEPS = (0.025, 0.0125, 0.01, 0.00625, 0.005, 0.0025)  # [s]
 SAMPLE = 0.6  # the ratio at which speeds and steps are compared
 COLOURS = ("#0072b2", "#e69f00", "#009e73")
 SETTLE_S, PIECE_S, LIMIT_S = 2.0, 0.1, 60.0
@@ -140,26 +142,37 @@ def draw(rows: Mapping[float, Sequence[Circle]]) -> None:
     canvas.savefig(FIGURE, dpi=110)
 
 
-def main() -> None:
-    fine = PyBullet(time_step=0.0025, solver_iterations=50)
-    print("L / W   plane   PyBullet at 2.5 ms, at turns of", *TURNS)
+def make_pybullet(step: float) -> PyBullet:
+    """Make PyBullet with its default iterations at its default step, and more at finer ones."""
+    return PyBullet(time_step=step, solver_iterations=20 if step >= 0.025 else 50)
+
+
+ENGINES: dict[str, tuple[Callable[[float], Simulator], float]] = {
+    "pybullet": (make_pybullet, 0.0025),
+    "mujoco": (lambda step: Mujoco(time_step=step), 0.01),
+}
+"""What makes each engine at a step, and the step [s] of its table."""
+
+
+def main(engine: str) -> None:
+    make, step = ENGINES[engine]
+    print(f"L / W   plane   {engine} at {1e3 * step:g} ms, at turns of", *TURNS)
     rows: dict[float, list[Circle]] = {}
     for ratio in RATIOS:
         robot = make_robot(ratio)
-        rows[ratio] = [drive_circle(fine, robot, SPEED_MPS, turn) for turn in TURNS]
+        rows[ratio] = [drive_circle(make(step), robot, SPEED_MPS, turn) for turn in TURNS]
         found = "  ".join(f"{circle.resistance:.2f}" for circle in rows[ratio])
         print(f"{ratio:<8g}{expected(robot):<8.2f}{found}", flush=True)
     sample = make_robot(SAMPLE)
     for speed in SPEEDS:
-        circle = drive_circle(fine, sample, speed, 1.0)
+        circle = drive_circle(make(step), sample, speed, 1.0)
         print(f"L / W = {SAMPLE:g}, {speed:g} m/s: {circle.resistance:.2f}", flush=True)
-    for step, iterations in STEPS:
-        simulator = PyBullet(time_step=step, solver_iterations=iterations)
-        circle = drive_circle(simulator, sample, SPEED_MPS, 1.0)
-        text = f"{1e3 * step:g} ms, {iterations} iterations: {circle.resistance:.2f}"
-        print(f"L / W = {SAMPLE:g}, {text}", flush=True)
-    draw(rows)
+    for each in STEPS:
+        circle = drive_circle(make(each), sample, SPEED_MPS, 1.0)
+        print(f"L / W = {SAMPLE:g}, {1e3 * each:g} ms: {circle.resistance:.2f}", flush=True)
+    if engine == "pybullet":
+        draw(rows)
 
 
 if __name__ == "__main__":
-    main()
+    main((sys.argv[1:] or ["pybullet"])[0])

@@ -15,11 +15,12 @@ from evoros.base.arrays import Array, X, Y
 LOOKS: Mapping[str, dict[str, object]] = {
     "PyBullet, 2.5 ms": {"color": "0.75", "linewidth": 3.5},
     "PyBullet, 25 ms": {"color": "#0072b2", "linewidth": 1.2},
+    "MuJoCo, 10 ms": {"color": "#009e73", "linewidth": 1.2, "linestyle": (0, (1, 1))},
     "planar": {"color": "#d55e00", "linewidth": 1.2, "linestyle": (0, (4, 2))},
 }
 SHOWN = ("turn, full lock", "weave", "lock to lock, 1 s")
 COMPARED = ("weave", "step to 0.4 rad", "lock to lock, 1 s")
-HUES = ("#009e73", "#56b4e9", "#cc79a7")
+HUES = ("#e69f00", "#56b4e9", "#cc79a7")
 
 
 def figure(
@@ -40,7 +41,7 @@ def figure(
         _distances(left, tracks)
         _turns(right, headings, turns)
         handles, labels = upper.axes[0].get_legend_handles_labels()
-        canvas.legend(handles, labels, ncols=3, loc="outside upper center", frameon=False)
+        canvas.legend(handles, labels, ncols=4, loc="outside upper center", frameon=False)
         file.parent.mkdir(parents=True, exist_ok=True)
         canvas.savefig(file, dpi=300)
 
@@ -56,11 +57,13 @@ def _tracks(axes: Axes, name: str, tracks: Mapping[str, Array]) -> None:
 
 def _distances(axes: Axes, tracks: Mapping[str, Mapping[str, Array]]) -> None:
     for name, colour in zip(COMPARED, HUES, strict=True):
-        reference, coarse, plane = tracks[name].values()
+        reference, coarse, mujoco, plane = tracks[name].values()
         time = PERIOD * np.arange(len(reference))
         axes.plot(time, 1e3 * distances(plane, reference), color=colour, label=name)
+        axes.plot(time, 1e3 * distances(mujoco, reference), "--", color=colour)
         axes.plot(time, 1e3 * distances(coarse, reference), ":", color=colour)
-    axes.set_title("solid: planar; dotted: PyBullet, 25 ms", loc="left", fontsize=8)
+    title = "solid: planar; dashed: MuJoCo; dotted: PyBullet, 25 ms"
+    axes.set_title(title, loc="left", fontsize=8)
     axes.set_yscale("symlog", linthresh=10)
     axes.set_yticks([0, 5, 10, 50, 100, 500], ["0", "5", "10", "50", "100", "500"])
     axes.set_ylim(0, 2000)
