@@ -65,7 +65,8 @@ def with_settings(scenario: Scenario, **changes: object) -> Scenario:
 
 def with_fault(scenario: Scenario, fault: str) -> Scenario:
     """The scenario with a fault of the peer (``tests/peer/rover_peer/faults.py``)."""
-    return with_settings(scenario, environment={"PEER_FAULT": fault}, answer_limit_s=1.5)
+    limit = 1.5 if fault.startswith(("hang", "stop")) else 60.0
+    return with_settings(scenario, environment={"PEER_FAULT": fault}, answer_limit_s=limit)
 
 
 def mission(sonars: int = 6, draws: str = "test") -> Mission:

@@ -93,7 +93,7 @@ def process_id() -> int:
 
 def meet(mine: str, other: str) -> bool:
     note(mine)
-    return wait_until(lambda: bool(noted(other)), 20)
+    return wait_until(lambda: bool(noted(other)), 120)
 
 
 # What calls leave behind, and the processes of this machine.

@@ -46,6 +46,7 @@ class Cores:
     workers: int
     opened: int = 0
     given: list["Future[Any]"] = field(default_factory=list)
+    closed: threading.Event = field(default_factory=threading.Event)
 
     @contextmanager
     def open(self) -> Iterator[Pool]:
@@ -56,6 +57,7 @@ class Cores:
             for future in self.given:
                 if not future.done():
                     future.set_exception(CancelledError())
+            self.closed.set()
 
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
         self.given.append(Future())
@@ -131,6 +133,7 @@ def test_the_folders_of_a_sweep_are_those_of_its_runs_alone(
     assert "generation 0/1" not in err  # which would mix those of several runs
 
 
+@pytest.mark.slow
 def test_runs_with_different_executors_do_not_compete(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -177,14 +180,18 @@ def test_a_message_about_a_run_goes_into_its_own_log_and_is_shown_with_its_name(
 
 @pytest.mark.parametrize("workers", [1, 2, 8, 64])
 def test_enough_jobs_are_under_way_and_no_more(workers: int) -> None:
-    cores, running, most, lock = Cores(workers), [0], [0], threading.Lock()
+    cores, running, most, changed = Cores(workers), [0], [0], threading.Condition()
+    enough = min(jobs_at_once(workers), 26)
 
     def work(pool: Pool) -> None:
-        with lock:
+        with changed:
             running[0] += 1
             most[0] = max(most[0], running[0])
-        time.sleep(0.02)
-        with lock:
+            changed.notify_all()
+            # a job ends once as many as shall be under way have been, however slow the machine
+            changed.wait_for(lambda: most[0] >= enough, timeout=60)
+        time.sleep(0.02)  # so that one too many would be seen
+        with changed:
             running[0] -= 1
 
     names = [chr(ord("a") + i) for i in range(26)]
@@ -195,7 +202,7 @@ def test_enough_jobs_are_under_way_and_no_more(workers: int) -> None:
     sweep.close()
     assert said == dict.fromkeys(names, "")
     assert cores.opened == 1
-    assert most[0] == min(jobs_at_once(workers), len(names))
+    assert most[0] == enough
 
 
 def test_with_one_worker_jobs_run_in_the_main_thread() -> None:
@@ -225,14 +232,13 @@ def test_an_error_in_one_job_stops_no_other() -> None:
 
 
 def test_closing_interrupts_whoever_waits_and_whoever_asks_for_more() -> None:
-    cores, closing = Cores(2), threading.Event()
+    cores = Cores(2)
 
     def wait(pool: Pool) -> None:
         pool.submit(len, "").result()
 
     def ask_later(pool: Pool) -> None:
-        closing.wait(20)
-        time.sleep(0.05)
+        assert cores.closed.wait(60)
         raise RuntimeError("this pool is closed")
 
     sweep, jobs, said = sweep_of([Fake(cores, wait), Fake(cores, ask_later)], "ab")
@@ -240,7 +246,6 @@ def test_closing_interrupts_whoever_waits_and_whoever_asks_for_more() -> None:
         sweep.begin(job)
     while not cores.given:
         time.sleep(0.01)
-    closing.set()
     sweep.close()
     assert said == {"a": "KeyboardInterrupt", "b": "KeyboardInterrupt"}
 
@@ -275,7 +280,7 @@ def test_threads_speak_on_behalf_of_their_own_jobs(tmp_path: Path) -> None:
         with log_for_job(name), log_to_file(tmp_path / name):
             for number in range(50):
                 if number == 25:
-                    together.wait(20)
+                    together.wait(60)
                 LOGGER.info("%s %d", name, number)
 
     threads = [threading.Thread(target=speak, args=(name,)) for name in "abc"]
@@ -301,9 +306,9 @@ def test_jobs_in_folders_of_the_same_name_keep_their_logs_apart(tmp_path: Path) 
         def speak(pool: Pool) -> None:
             path.mkdir(parents=True)
             with log_to_file(path / "log"):
-                together.wait(20)
+                together.wait(60)
                 LOGGER.warning("from %s", path.parent.name)
-                together.wait(20)
+                together.wait(60)
 
         return Fake(cores, speak)
 

@@ -25,6 +25,7 @@ ROS = {
     "roslib",
     "rospy",
     "sensor_msgs",
+    "std_msgs",
     "tf2_msgs",
 }
 

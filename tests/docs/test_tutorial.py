@@ -15,6 +15,8 @@ from evoros.base.console import DONE
 from evoros.cli.evaluate import evaluate
 from evoros.cli.run import evoros
 
+pytestmark = pytest.mark.slow
+
 TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text()
 COMMANDS = {"evoros": evoros, "evoros-evaluate": evaluate, "evoros-analyze": evoros_analyze}
 SHORT = ["course.time_limit_s=25", "executor=serial"]

@@ -18,6 +18,7 @@ from executor_calls import (
     children,
     everyone,
     hang_with_child,
+    meet,
     note,
     noted,
     square,
@@ -52,11 +53,11 @@ def test_leaving_waits_for_nothing_and_ends_everything(
     with suppress(KeyboardInterrupt, ValueError), Processes(workers=2).open() as pool:
         futures += [pool.submit(hang_with_child, tally) for tally in tallies]
         futures += [pool.submit(square, n) for n in range(5)]
-        assert wait_until(lambda: all(len(noted(tally)) == 2 for tally in tallies), 30)
+        assert wait_until(lambda: all(len(noted(tally)) == 2 for tally in tallies), 120)
         begin = time.monotonic()
         if reason is not None:
             raise reason
-    assert time.monotonic() - begin < 3
+    assert time.monotonic() - begin < 60  # the calls would take five minutes
     assert not any(alive(pid) for pid in everyone(tallies))
     for future in futures:
         with pytest.raises(CancelledError):
@@ -87,9 +88,10 @@ def test_workers_that_are_still_starting_end_too_and_in_silence(
 
 def test_a_cancelled_call_that_waited_is_never_made(tally: str) -> None:
     with Processes(workers=1).open() as pool:
-        busy = pool.submit(time.sleep, 0.3)
+        busy = pool.submit(meet, f"{tally} of busy", f"{tally} of test")
         waiting = pool.submit(note, tally)
         assert waiting.cancel()
+        note(f"{tally} of test")
         assert pool.submit(square, 2).result(60) == 4
         assert busy.done()
     assert noted(tally) == []
@@ -137,10 +139,10 @@ def test_workers_end_with_the_main_process_however_it_ends(
 ) -> None:
     tallies = [str(tmp_path / str(n)) for n in range(2)]
     main = start_script(tmp_path, tallies)
-    assert wait_until(lambda: len(everyone(tallies)) == 4, 30)
+    assert wait_until(lambda: len(everyone(tallies)) == 4, 120)
     os.kill(main.pid, end)
-    assert wait_until(lambda: not any(alive(pid) for pid in everyone(tallies)), 20)
-    main.communicate(timeout=20)
+    assert wait_until(lambda: not any(alive(pid) for pid in everyone(tallies)), 60)
+    main.communicate()
 
 
 def test_ctrl_c_in_the_terminal_is_the_main_processs_alone(tmp_path: Path) -> None:
@@ -148,7 +150,7 @@ def test_ctrl_c_in_the_terminal_is_the_main_processs_alone(tmp_path: Path) -> No
         main = start_script(tmp_path, [])
         time.sleep(delay)
         os.killpg(main.pid, signal.SIGINT)  # what a terminal does, here amid the workers' start
-        _, errors = main.communicate(timeout=20)
+        _, errors = main.communicate()
         assert errors.count("Traceback") == 1
         assert errors.rstrip().endswith("KeyboardInterrupt")
 
@@ -163,16 +165,14 @@ with Processes(workers=1).open() as pool:
 @pytest.mark.parametrize("how", ["-", "-c"])
 def test_a_main_program_without_a_file_will_do(how: str, tmp_path: Path) -> None:
     command = [sys.executable, how] + ([PROGRAM] if how == "-c" else [])
-    done = subprocess.run(
-        command, input=PROGRAM, capture_output=True, text=True, cwd=tmp_path, timeout=60
-    )
+    done = subprocess.run(command, input=PROGRAM, capture_output=True, text=True, cwd=tmp_path)
     assert (done.stdout, done.stderr) == ("(3, 2)\n", "")
 
 
 def test_a_main_script_without_its_guard_is_told_of_it(tmp_path: Path) -> None:
     script = tmp_path / "unguarded.py"
     script.write_text(PROGRAM)
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True)
     assert done.returncode == 1
     last = done.stderr.rstrip().splitlines()[-1]
     assert last.startswith("evoros.base.errors.WorkerLost: divmod: lost 2 times")

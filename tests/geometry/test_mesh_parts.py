@@ -122,6 +122,7 @@ def test_what_a_mesh_encloses_is_what_its_parts_fill(pattern: int, seed: int) ->
         assert inside(parts, (x, y, z)) == filled[cell]
 
 
+@pytest.mark.slow
 def test_nearly_all_random_solids_are_divided_exactly() -> None:
     rng = np.random.default_rng(0)
     lines = [[0.0, 0.4, 0.9, 1.5]] * 3

@@ -20,7 +20,7 @@ import pytest
 from helpers import ROOT, USER_PARTS
 from packaging.requirements import Requirement
 
-pytestmark = pytest.mark.timeout(900)
+pytestmark = [pytest.mark.timeout(900), pytest.mark.slow]
 
 CHECK = """
 import json, sys

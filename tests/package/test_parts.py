@@ -17,7 +17,10 @@ SLOW = ("pandas", "matplotlib", "hydra", "omegaconf", "pybullet", "rich", "jinja
 def test_it_offers_all_that_it_imports_and_nothing_else() -> None:
     tree = ast.parse(Path(parts.__file__).read_text())
     imported = [
-        alias.name for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names
+        alias.asname or alias.name
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
     ]
     assert sorted(parts.__all__) == sorted(imported)
     assert len(set(imported)) == len(imported)
