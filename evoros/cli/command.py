@@ -20,7 +20,7 @@ from evoros.cli.signals import Signals
 if TYPE_CHECKING:
     from evoros.cli.sweep import JobResult, Sweep
     from evoros.config.configuration import Configuration
-    from evoros.config.jobs import Jobs
+    from evoros.config.jobs import Job, Jobs
     from evoros.config.options import Options
     from evoros.session.work import Work
 
@@ -39,6 +39,8 @@ class Command:
     primary: str  # its own file of conf/, into which everything else is composed
     create: "Callable[[Configuration, Path], Work]"
     open: "Callable[[Path, Sequence[str], str | None], Work]"
+    reopen: "Callable[[Configuration, Path, Sequence[str], str | None], Work | None]"
+    """Opens the folder of a job of a sweep that is typed again; None if it is complete."""
     summarize: Callable[[Path], str]  # the result that is printed when a folder is finished
 
     def __call__(self, arguments: Sequence[str]) -> int:
@@ -85,12 +87,12 @@ def _resume(command: Command, options: "Options", signals: Signals) -> int:
 
 def _start(command: Command, options: "Options", signals: Signals) -> int:
     """Start one job, or the jobs of a sweep."""
-    from evoros.config.jobs import Jobs
+    from evoros.config.jobs import Job, Jobs
 
     jobs = Jobs(options.overrides, options.multirun, options.config_dir, command.primary)
     if jobs.sweep is not None:
         return _run_sweep(command, jobs, options.config_dir, signals)
-    (job,) = (job for job in jobs if not isinstance(job, EvorosError))
+    (job,) = (job for job in jobs if isinstance(job, Job))
     build = partial(command.create, job.config, job.folder)
     return _run_alone(command, build, job.folder, options.config_dir, signals)
 
@@ -118,33 +120,51 @@ def _run_alone(
 def _run_sweep(command: Command, jobs: "Jobs", config_dir: str | None, signals: Signals) -> int:
     """Run all jobs of a sweep and return the worst exit status."""
     from evoros.base.log import log_everything
+    from evoros.cli.job_table import format_jobs
     from evoros.cli.progress import SweepProgress
     from evoros.cli.sweep import Sweep
 
+    build = partial(_build, command, config_dir)
     explain = partial(_explain, config_dir, signals)
     report = partial(_report_result, command, True)
     with log_everything(), SweepProgress(sys.stderr.isatty(), len(jobs)) as display:
-        sweep = Sweep(command.create, explain, report, display)
+        sweep = Sweep(build, explain, report, display)
         begun = _begin_all(command, jobs, sweep, signals)
+    print_result(format_jobs(sweep.results))
+    statuses = [DONE, *(result.status for _, result in sweep.results)]
     if signals.last is not None:
-        sweep.statuses.append(signals.explain()[1])
-        if begun < len(jobs):
-            LOGGER.error(
-                "%s: to start the jobs that have not begun, repeat the command with "
-                "hydra.sweep.dir=%s; it refuses those that have begun and leaves them untouched",
-                command.name,
-                shlex.quote(str(jobs.sweep)),
-            )
-    return next(status for status in WORST_FIRST if status in (*sweep.statuses, DONE))
+        statuses.append(signals.explain()[1])
+    if begun < len(jobs) or STOPPED in statuses or INTERRUPTED in statuses:
+        LOGGER.error(
+            "%s: to go on with the jobs that are not finished, repeat the command with "
+            "hydra.sweep.dir=%s; it keeps what is complete",
+            command.name,
+            shlex.quote(str(jobs.sweep)),
+        )
+    return next(status for status in WORST_FIRST if status in statuses)
+
+
+def _build(command: Command, config_dir: str | None, job: "Job") -> "Work | None":
+    """Build a job, or go on with it if its folder has been made; None if it is complete."""
+    from evoros.storage.mission_log import MISSIONS
+
+    if not (job.folder / MISSIONS).exists():
+        return command.create(job.config, job.folder)
+    executor = [text for text in job.overrides if text.startswith(("executor=", "executor."))]
+    return command.reopen(job.config, job.folder, executor, config_dir)
 
 
 def _begin_all(command: Command, jobs: "Jobs", sweep: "Sweep", signals: Signals) -> int:
     """Begin jobs until a signal comes, wait for them to end, and return how many began."""
+    from evoros.cli.sweep import JobResult
+    from evoros.config.jobs import RefusedJob
+
     begun = 0
     try:
         for job in jobs:
-            if isinstance(job, EvorosError):
-                sweep.refuse(_report(command, str(job), _status(job)))
+            if isinstance(job, RefusedJob):
+                status = _report(command, str(job.error), _status(job.error))
+                sweep.skip(job.folder, JobResult(status, str(job.error)))
             else:
                 sweep.begin(job)  # blocks until another job has ended if enough are running
             begun += 1

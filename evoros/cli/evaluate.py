@@ -29,10 +29,18 @@ def _open(folder: Path, overrides: Sequence[str], config_dir: str | None) -> "Wo
     return open_evaluation(folder, overrides, config_dir)
 
 
+def _reopen(
+    config: "Configuration", folder: Path, overrides: Sequence[str], config_dir: str | None
+) -> "Work | None":
+    from evoros.session.repeated import reopen_evaluation
+
+    return reopen_evaluation(config, folder, overrides, config_dir)
+
+
 def _summarize(folder: Path) -> str:
     from evoros.cli.summary import summarize_evaluation
 
     return summarize_evaluation(folder)
 
 
-evaluate = Command("evoros-evaluate", "evaluate", _create, _open, _summarize)
+evaluate = Command("evoros-evaluate", "evaluate", _create, _open, _reopen, _summarize)

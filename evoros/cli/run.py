@@ -29,10 +29,18 @@ def _open(folder: Path, overrides: Sequence[str], config_dir: str | None) -> "Wo
     return open_run(folder, overrides, config_dir)
 
 
+def _reopen(
+    config: "Configuration", folder: Path, overrides: Sequence[str], config_dir: str | None
+) -> "Work | None":
+    from evoros.session.repeated import reopen_run
+
+    return reopen_run(config, folder, overrides, config_dir)
+
+
 def _summarize(folder: Path) -> str:
     from evoros.cli.summary import summarize_run
 
     return summarize_run(folder)
 
 
-evoros = Command("evoros", "config", _create, _open, _summarize)
+evoros = Command("evoros", "config", _create, _open, _reopen, _summarize)

@@ -13,11 +13,11 @@ from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING
 
+from evoros.base.console import DONE
 from evoros.base.log import LOGGER, log_for_job
 
 if TYPE_CHECKING:
     from evoros.cli.progress import SweepProgress
-    from evoros.config.configuration import Configuration
     from evoros.config.jobs import Job
     from evoros.executor.protocol import Executor, Pool
     from evoros.session.work import Work
@@ -32,6 +32,7 @@ class JobResult:
 
     status: int
     message: str = ""
+    kept: bool = False  # it was complete before
 
 
 def jobs_at_once(workers: int) -> int:
@@ -81,23 +82,23 @@ class SharedPool:
 class Sweep:
     """Starts jobs and waits for them. Only the main thread uses it and reports results.
 
-    ``create`` builds a job; ``explain`` turns the exception that ended a job into its result;
-    ``report`` reports a result.
+    ``build`` builds a job, or returns None if it is complete; ``explain`` turns the exception that
+    ended a job into its result; ``report`` reports a result.
     """
 
     def __init__(
         self,
-        create: "Callable[[Configuration, Path], Work]",
+        build: "Callable[[Job], Work | None]",
         explain: Callable[[Path, BaseException], JobResult],
         report: Callable[[Path, JobResult], object],
         display: "SweepProgress",
     ) -> None:
-        self._create, self._explain, self._report = create, explain, report
+        self._build, self._explain, self._report = build, explain, report
         self._display = display
         self._pool = SharedPool()
         self._threads = ThreadPoolExecutor(MAX_THREADS)
         self._running: dict[Future[JobResult], Path] = {}
-        self.statuses: list[int] = []  # exit statuses of the jobs that have ended
+        self.results: list[tuple[Path, JobResult]] = []  # of the jobs that have ended
 
     def begin(self, job: "Job") -> None:
         """Build a job and start it, once fewer than ``jobs_at_once`` are running.
@@ -109,7 +110,11 @@ class Sweep:
         self._wait(jobs_at_once(self._workers) - 1)
         try:
             with log_for_job(str(folder)):
-                work = self._create(job.config, folder)
+                work = self._build(job)
+            if work is None:
+                LOGGER.info("%s: is complete and stays as it is", folder)
+                self.skip(folder, JobResult(DONE, kept=True))
+                return
             self._use_executor(work.executor)
             LOGGER.info("%s: begins", folder)
             if self._workers > 1:
@@ -118,16 +123,16 @@ class Sweep:
             result = self._run(folder, work)  # in this thread, where a debugger has the terminal
         except (KeyboardInterrupt, Exception) as error:
             result = self._explain(folder, error)
-            self.refuse(result.status)
+            self.skip(folder, result)
             self._report(folder, result)
             if isinstance(error, KeyboardInterrupt):
                 raise
             return
         self._conclude(folder, result)
 
-    def refuse(self, status: int) -> None:
-        """Count a job that could not begin and whose error has been reported."""
-        self.statuses.append(status)
+    def skip(self, folder: Path, result: JobResult) -> None:
+        """Count a job that does not run: it is complete, or it could not begin."""
+        self.results.append((folder, result))
         with self._display.job():  # ends at once
             pass
 
@@ -162,7 +167,7 @@ class Sweep:
                 work.run(display, self._pool.open)
             except (KeyboardInterrupt, Exception) as error:
                 return self._explain(folder, error)
-        return JobResult(0)
+        return JobResult(DONE)
 
     def _wait(self, count: int) -> None:
         """Wait until at most ``count`` jobs are running."""
@@ -172,6 +177,6 @@ class Sweep:
                 del self._running[future]  # last, so that a signal cannot suppress its report
 
     def _conclude(self, folder: Path, result: JobResult) -> None:
-        self.statuses.append(result.status)
+        self.results.append((folder, result))
         with self._display.pause():
             self._report(folder, result)

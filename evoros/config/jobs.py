@@ -16,6 +16,7 @@ from omegaconf import DictConfig
 from evoros.base.errors import EvorosError, InputError
 from evoros.config.compose import compose_with_hydra, parse, text_of
 from evoros.config.configuration import Configuration, freeze
+from evoros.config.folder_names import job_name
 
 EVALUATE = "evaluate"
 """The primary configuration of evaluations; it alone has the key ``designs``."""
@@ -23,10 +24,19 @@ EVALUATE = "evaluate"
 
 @dataclass(frozen=True)
 class Job:
-    """One run or evaluation to start: its configuration and its folder."""
+    """One run or evaluation: its configuration, its folder and the overrides that were typed."""
 
     config: Configuration
     folder: Path
+    overrides: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class RefusedJob:
+    """A job of a sweep that cannot be composed, and the folder that it would have had."""
+
+    folder: Path
+    error: EvorosError
 
 
 class Jobs:
@@ -73,10 +83,10 @@ class Jobs:
     def __len__(self) -> int:
         return 1 if self.sweep is None else len(self._overrides)
 
-    def __iter__(self) -> Iterator[Job | EvorosError]:
+    def __iter__(self) -> Iterator[Job | RefusedJob]:
         """Each job as it is composed, or its error."""
         if self.sweep is None:
-            yield self._job(self._base, _shorten(Path(self._base.hydra.run.dir)))
+            yield self._job(self._base, _shorten(Path(self._base.hydra.run.dir)), ())
             return
         used: set[str] = set()
         for number, overrides in enumerate(self._overrides):
@@ -86,14 +96,15 @@ class Jobs:
                 if name.casefold() in used:  # different values can look alike as names
                     name = f"{name}_{number}"
                 used.add(name.casefold())
-                job = self._job(config, self.sweep / name)
+                job = self._job(config, self.sweep / name, overrides)
             except EvorosError as error:
-                yield error
+                own = [text for text in overrides if not text.startswith("hydra")]
+                yield RefusedJob(self.sweep / job_name(own), error)
             else:
                 yield job
 
-    def _job(self, config: DictConfig, folder: Path) -> Job:
-        return Job(freeze(config, split_designs=self._primary == EVALUATE), folder)
+    def _job(self, config: DictConfig, folder: Path, overrides: tuple[str, ...]) -> Job:
+        return Job(freeze(config, split_designs=self._primary == EVALUATE), folder, overrides)
 
 
 def _expand_values(override: Override) -> list[str]:

@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+import yaml
 from hydra.core.override_parser.types import Override, OverrideType
 from omegaconf import DictConfig, OmegaConf
 
@@ -28,6 +30,30 @@ def read_recorded(path: Path) -> Configuration:
     if not isinstance(config, DictConfig):
         raise InputError(f"{path}: must be a mapping of keys to values; restore the file")
     return Configuration(text, freeze(config).values)
+
+
+def find_difference(recorded: Configuration, wanted: Configuration) -> str:
+    """Describe the first key whose value is another one in a wanted configuration; or ''.
+
+    The executor does not count, because no result depends on it.
+    """
+    before, now = (_flatten(yaml.safe_load(each.text)) for each in (recorded, wanted))
+    for key in dict.fromkeys((*now, *before)):
+        if (
+            key != "executor"
+            and not key.startswith("executor.")
+            and before.get(key) != now.get(key)
+        ):
+            return f"{key} is {now.get(key)!r}, which was {before.get(key)!r}"
+    return ""
+
+
+def _flatten(value: Any, above: str = "") -> dict[str, Any]:
+    """Return the values of nested mappings by their keys, as in ``optimizer.generations``."""
+    if not isinstance(value, dict) or not value:
+        return {above: value}
+    inner = (_flatten(each, f"{above}.{key}" if above else str(key)) for key, each in value.items())
+    return {key: each for pairs in inner for key, each in pairs.items()}
 
 
 def override_recorded(

@@ -88,10 +88,10 @@ def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
     """
     require_unused(folder)
     with collect_messages() as messages:
-        sources = _check_sources(config.designs)
+        _check_sources(config.designs)
         experiment = config.build()
         check_experiment(experiment)
-        designs = read_given(sources, experiment.scenario)
+        designs = read_sources(config.designs, experiment)
         files = write_designs(designs)
         content = manifest(experiment, config.text, config.values, config.choices, COMMAND, files)
     others = {
@@ -121,6 +121,15 @@ def open_evaluation(
         check_experiment(experiment)
         designs = read_recorded_designs(folder, experiment.scenario)
     return Evaluation(experiment, designs, folder, messages)
+
+
+def read_sources(sources: Any, experiment: Experiment) -> list[NamedDesign]:
+    """Read the designs that the key ``designs`` names.
+
+    Raises:
+        InputError: it names nothing, or something that cannot be read.
+    """
+    return read_given(_check_sources(sources), experiment.scenario)
 
 
 def _check_sources(designs: Any) -> list[str]:

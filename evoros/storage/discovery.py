@@ -16,13 +16,14 @@ def folders_below(path: Path) -> Iterator[Path]:
     after ``seed-9``. The search does not enter them.
     """
     for parent, folders, files in os.walk(path):
-        folders[:] = sorted((f for f in folders if not f.startswith(".")), key=_natural_key)
+        folders[:] = sorted((f for f in folders if not f.startswith(".")), key=natural_key)
         if any(name in files for name in MARKS):
             folders.clear()
             yield Path(parent)
 
 
-def _natural_key(name: str) -> list[tuple[int, str]]:
+def natural_key(name: str) -> list[tuple[int, str]]:
+    """A key that sorts names with numbers in the order of their values."""
     return [
         (int(part or -1), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)
     ]

@@ -170,7 +170,7 @@ def test_the_case_study_is_thirty_runs_and_what_is_typed_comes_first() -> None:
     assert len(jobs) == 30
     assert jobs.sweep is not None
     one = Jobs(["experiment=case_study", "failure=spatial", "seed=3,4"], False, None)
-    folders = [job.folder.name for job in one]  # type: ignore[union-attr]
+    folders = [job.folder.name for job in one]
     assert folders == [
         "experiment-case_study_failure-spatial_seed-3",
         "experiment-case_study_failure-spatial_seed-4",

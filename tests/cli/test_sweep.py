@@ -89,7 +89,7 @@ def sweep_of(works: list[Fake], names: str) -> tuple[Sweep, list[Job], dict[str,
         said[path.name] = result.message
 
     sweep = Sweep(
-        lambda config, path: by_name[path.name], explain, tell, SweepProgress(False, len(works))
+        lambda job: by_name[job.folder.name], explain, tell, SweepProgress(False, len(works))
     )
     return sweep, [Job(None, Path(name)) for name in names], said  # type: ignore[arg-type]
 
@@ -228,7 +228,7 @@ def test_an_error_in_one_job_stops_no_other() -> None:
     sweep.finish()
     sweep.close()
     assert said == {"a": "ZeroDivisionError", "b": "", "c": "ZeroDivisionError", "d": ""}
-    assert sorted(sweep.statuses) == [0, 0, 1, 1]
+    assert sorted(result.status for _, result in sweep.results) == [0, 0, 1, 1]
 
 
 def test_closing_interrupts_whoever_waits_and_whoever_asks_for_more() -> None:
@@ -314,7 +314,7 @@ def test_jobs_in_folders_of_the_same_name_keep_their_logs_apart(tmp_path: Path) 
 
     cores, shown = Cores(2), io.StringIO()
     sweep = Sweep(
-        lambda config, path: work(path),
+        lambda job: work(job.folder),
         lambda path, error: JobResult(1, repr(error)),
         lambda path, result: None,
         SweepProgress(False, 2),
@@ -324,7 +324,7 @@ def test_jobs_in_folders_of_the_same_name_keep_their_logs_apart(tmp_path: Path) 
             sweep.begin(Job(None, folder))  # type: ignore[arg-type]
         sweep.finish()
         sweep.close()
-    assert sweep.statuses == [0, 0]
+    assert [result.status for _, result in sweep.results] == [0, 0]
     for folder in folders:
         (line,) = (folder / "log").read_text().splitlines()
         assert line.endswith(f"WARNING from {folder.parent.name}")

@@ -1,0 +1,69 @@
+"""Tables of runs and evaluations: the jobs of a sweep, or all folders below one."""
+
+from collections.abc import Sequence
+from datetime import timedelta
+from pathlib import Path
+
+from evoros.base.console import INPUT
+from evoros.cli.sweep import JobResult
+from evoros.session.overview import Overview, survey
+from evoros.storage.discovery import natural_key
+
+KEPT, REFUSED = "kept", "refused"
+"""States of jobs alone: complete before the sweep was repeated; not begun for an error."""
+UNKNOWN = "-"
+
+
+def format_jobs(results: Sequence[tuple[Path, JobResult]]) -> str:
+    """Format the jobs of a sweep, with their folders and results, in the order of their names."""
+    header = ("job", "state", "done", "best", "validated", "missions")
+    rows = []
+    for folder, result in sorted(results, key=lambda pair: natural_key(pair[0].name)):
+        if result.status == INPUT:  # its folder, if there is one, is another job's
+            rows.append((folder.name, REFUSED, *[UNKNOWN] * 4))
+            continue
+        each = survey(folder)
+        rows.append((folder.name, KEPT if result.kept else each.state, *_describe_scores(each)))
+    return align([header, *rows])
+
+
+def format_folders(base: Path, overviews: Sequence[Overview]) -> str:
+    """Format the folders below a base folder, and below the table why some have failed."""
+    header = ("folder", "state", "done", "best", "validated", "missions", "sim s/s", "left")
+    names = [str(each.path.relative_to(base)) for each in overviews]
+    rows = [
+        (name, each.state, *_describe_scores(each), _number(each.speed, 0), _clock(each.left_s))
+        for name, each in zip(names, overviews, strict=True)
+    ]
+    reasons = [
+        f"{name}: {each.reason}" for name, each in zip(names, overviews, strict=True) if each.reason
+    ]
+    return "\n".join([align([header, *rows]), *reasons])
+
+
+def align(rows: Sequence[Sequence[str]]) -> str:
+    """Align the cells of rows in columns, words to the left and numbers to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        words = [cell.ljust(width) for cell, width in zip(row[:2], widths[:2], strict=True)]
+        numbers = [cell.rjust(width) for cell, width in zip(row[2:], widths[2:], strict=True)]
+        lines.append("  ".join([*words, *numbers]).rstrip())
+    return "\n".join(lines)
+
+
+def _describe_scores(each: Overview) -> tuple[str, ...]:
+    return (
+        f"{each.done}/{each.wanted}" if each.wanted else UNKNOWN,
+        _number(each.best, 3),
+        _number(each.validated, 3),
+        str(each.missions),
+    )
+
+
+def _number(value: float | None, digits: int) -> str:
+    return UNKNOWN if value is None else f"{value:.{digits}f}"
+
+
+def _clock(seconds: float | None) -> str:
+    return UNKNOWN if seconds is None else str(timedelta(seconds=round(seconds)))

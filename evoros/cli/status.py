@@ -1,0 +1,86 @@
+"""The command ``evoros-status``: shows all runs and evaluations below a folder, as they go on."""
+
+import sys
+import time
+from argparse import ArgumentParser
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result
+from evoros.base.errors import EvorosError, InputError, single_line
+from evoros.base.log import LOGGER, log_to_terminal
+
+NAME = "evoros-status"
+UPDATE_S = 2.0
+"""Wall clock between two looks at the folders."""
+
+
+def main() -> None:
+    """Run the console script."""
+    sys.exit(evoros_status(sys.argv[1:]))
+
+
+def evoros_status(arguments: Sequence[str]) -> int:
+    """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
+    with log_to_terminal():
+        try:
+            options = _parser().parse_args(list(arguments))
+            _show(Path(options.folder).expanduser(), options.once)
+        except EvorosError as error:
+            LOGGER.error("%s: %s", NAME, single_line(error))
+            return INPUT
+        except KeyboardInterrupt:
+            return INTERRUPTED
+    return DONE
+
+
+def _show(folder: Path, once: bool) -> None:
+    """Print the table once, or keep it on the terminal while anything runs."""
+    from rich.live import Live
+    from rich.text import Text
+
+    table, running = _look(folder)
+    if running and not once and sys.stdout.isatty():
+        with Live(Text(table), auto_refresh=False, transient=True) as live:
+            while running:
+                time.sleep(UPDATE_S)
+                table, running = _look(folder)
+                live.update(Text(table), refresh=True)
+    print_result(table)
+
+
+def _look(folder: Path) -> tuple[str, bool]:
+    """Return the table of the folders below, and whether any of them runs.
+
+    Raises:
+        InputError: there is none.
+    """
+    from evoros.cli.job_table import format_folders
+    from evoros.session.overview import survey
+    from evoros.session.status import RUNNING
+    from evoros.storage.discovery import folders_below
+
+    overviews = [survey(path) for path in folders_below(folder)]
+    if not overviews:
+        raise InputError(
+            f"{folder}: must be the folder of a run, an evaluation or a sweep, or one above such, "
+            f"and has none; correct the path"
+        )
+    return format_folders(folder, overviews), any(each.state == RUNNING for each in overviews)
+
+
+class _Parser(ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {NAME} --help")
+
+
+def _parser() -> ArgumentParser:
+    parser = _Parser(
+        NAME,
+        description="Shows the state of all runs and evaluations below a folder, and follows them "
+        "on a terminal until none runs any more.",
+    )
+    parser.add_argument("folder", nargs="?", default="outputs", help="default: outputs")
+    parser.add_argument("--once", action="store_true", help="print the table and exit")
+    return parser

@@ -1,0 +1,98 @@
+"""What the folders of runs and evaluations say of themselves, while these run and afterwards."""
+
+import fcntl
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from evoros.session.status import FINISHED, RUNNING, UPDATE_S
+from evoros.storage.mission_log import MISSIONS, STATUS, read_json
+
+KILLED, BEGUN = "killed", "begun"
+"""A process that was ended before it could say so; a folder in which no mission has been run."""
+SILENT_S = 3 * UPDATE_S
+"""A status older than this need not be that of a process that still runs."""
+
+
+@dataclass(frozen=True)
+class Overview:
+    """The state of one folder. Numbers that are not known yet are None."""
+
+    path: Path
+    state: str  # running, finished, stopped, killed or begun
+    done: int  # generations of a run, designs of an evaluation
+    wanted: int
+    best: float | None  # fitness
+    validated: float | None  # fitness of the best on fresh draws
+    missions: int
+    speed: float | None  # simulated seconds in a second of the last session
+    left_s: float | None  # wall clock, of a folder that is running
+    reason: str  # why it stopped
+
+
+def survey(folder: Path) -> Overview:
+    """Read the state of a folder; its files may be missing or changing."""
+    status = read_json(folder / STATUS)
+    is_run = "generations" in status
+    wall, simulated = _number(status, "session_wall_s"), _number(status, "session_simulated_s")
+    state = _find_state(folder, status)
+    return Overview(
+        path=folder,
+        state=state,
+        done=int(_number(status, "generations_done" if is_run else "designs_done") or 0),
+        wanted=int(_number(status, "generations" if is_run else "designs") or 0),
+        best=_number(status, "best_fitness"),
+        validated=_number(status, "best_validated_fitness"),
+        missions=int(_number(status, "missions") or 0),
+        speed=simulated / wall if wall and simulated is not None else None,
+        left_s=_estimate_left(status) if state == RUNNING else None,
+        reason="" if state == FINISHED else str(status.get("reason") or ""),
+    )
+
+
+def _number(status: Mapping[str, Any], name: str) -> float | None:
+    value = status.get(name)
+    return value if isinstance(value, int | float) else None
+
+
+def _find_state(folder: Path, status: Mapping[str, Any]) -> str:
+    state = str(status.get("state") or BEGUN)
+    if state != RUNNING or _age_s(status) < SILENT_S or _is_locked(folder):
+        return state
+    return KILLED
+
+
+def _age_s(status: Mapping[str, Any]) -> float:
+    try:
+        updated = datetime.fromisoformat(str(status.get("updated")))
+        return (datetime.now(UTC) - updated).total_seconds()
+    except (ValueError, TypeError):
+        return float("inf")
+
+
+def _is_locked(folder: Path) -> bool:
+    """Whether a process has the folder open for writing."""
+    try:
+        with (folder / MISSIONS).open("rb") as missions:
+            fcntl.flock(missions, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    return False
+
+
+def _estimate_left(status: Mapping[str, Any]) -> float | None:
+    """Estimate the wall clock that is left, if missions go on as in this session.
+
+    The generations to come are taken to need as many missions as those before did.
+    """
+    names = ("missions", "session_missions", "session_wall_s")
+    missions, of_session, wall = (_number(status, name) for name in names)
+    wanted = _number(status, "missions_wanted")
+    done, generations = _number(status, "generations_done"), _number(status, "generations")
+    if wanted is None and missions and done and generations:
+        wanted = missions * generations / done
+    if wanted is None or missions is None or not of_session or not wall:
+        return None
+    return max(0.0, wanted - missions) * wall / of_session

@@ -1,0 +1,74 @@
+"""Jobs of a sweep that is typed again: what is complete is kept, and what is begun goes on."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from evoros.base.errors import InputError
+from evoros.config.configuration import Configuration
+from evoros.config.recorded import find_difference, read_recorded
+from evoros.session.design_tables import write_designs
+from evoros.session.evaluation import COMMAND, Evaluation, open_evaluation, read_sources
+from evoros.session.evaluation_record import SCORES
+from evoros.session.figures import has_figure
+from evoros.session.overview import survey
+from evoros.session.resume import RUN
+from evoros.session.run import Session, open_run
+from evoros.session.status import FINISHED
+from evoros.storage.mission_log import CONFIG, command_of
+
+
+def reopen_run(
+    config: Configuration, folder: Path, overrides: Sequence[str], config_dir: str | None
+) -> Session | None:
+    """Open the run in a job's folder to resume it; None if it is complete, with its figures.
+
+    ``overrides`` may change the executor.
+
+    Raises:
+        InputError: the folder has another run than that of the job, or it cannot be resumed.
+    """
+    _require_same(folder, config, RUN)
+    figures = config.values.get("figures") or ()
+    if survey(folder).state == FINISHED and all(has_figure(folder, name) for name in figures):
+        return None
+    return open_run(folder, overrides, config_dir)
+
+
+def reopen_evaluation(
+    config: Configuration, folder: Path, overrides: Sequence[str], config_dir: str | None
+) -> Evaluation | None:
+    """Open the evaluation in a job's folder to resume it; None if it is complete.
+
+    ``overrides`` may change the executor.
+
+    Raises:
+        InputError: the folder has another evaluation than that of the job, or it cannot be resumed.
+    """
+    _require_same(folder, config, COMMAND)
+    evaluation = open_evaluation(folder, overrides, config_dir)
+    designs = read_sources(config.designs, evaluation.experiment)
+    if write_designs(designs) != write_designs(evaluation.designs):
+        raise InputError(
+            f"designs: must be those that are evaluated in {folder}, and they have changed; choose "
+            f"another hydra.sweep.dir"
+        )
+    complete = survey(folder).state == FINISHED and (folder / SCORES).is_file()
+    return None if complete else evaluation
+
+
+def _require_same(folder: Path, config: Configuration, command: str) -> None:
+    """Require that a folder was made by a command from a job's configuration.
+
+    The executor may be another one, because no result depends on it.
+    """
+    if command_of(folder) != command:
+        raise InputError(
+            f"{folder}: must be of {command}, and {command_of(folder)} made it; choose another "
+            f"hydra.sweep.dir"
+        )
+    difference = find_difference(read_recorded(folder / CONFIG), config)
+    if difference:
+        raise InputError(
+            f"{folder}: must be of the configuration of its job, and {difference}; choose another "
+            f"hydra.sweep.dir"
+        )

@@ -1,0 +1,156 @@
+"""Sweeps that are typed again, and the table of all folders below one."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from helpers import TINY, content, cut, everything, scored, tiny
+
+from evoros.base.console import DONE, INPUT
+from evoros.cli.evaluate import evaluate
+from evoros.cli.run import evoros
+from evoros.cli.status import evoros_status
+from evoros.session.overview import survey
+from evoros.storage.run_folder import RunFolder
+
+NAME = "experiment-tiny_executor-serial_generations-2_seed-{}"
+
+
+def sweep(folder: Path, *more: str) -> int:
+    options = ("executor=serial", "optimizer.generations=2", f"hydra.sweep.dir={folder}")
+    return evoros(["-m", *TINY, *options, *more])
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("finished") / "sweep"
+    assert sweep(folder, "seed=0,1,2") == DONE
+    return folder
+
+
+@pytest.fixture
+def copy(finished: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(finished, tmp_path / "sweep"))
+
+
+def test_what_is_complete_stays_what_is_begun_goes_on_and_what_is_new_runs(
+    finished: Path, copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs = [copy / NAME.format(seed) for seed in range(4)]
+    kept = everything(runs[0])
+    cut(runs[1], (runs[1] / "missions.csv").stat().st_size // 2)
+    (runs[1] / "status.json").write_text(json.dumps({"state": "stopped", "reason": "a kill"}))
+    shutil.rmtree(runs[2])
+    assert sweep(copy, "seed=0,1,2,3") == DONE
+    assert everything(runs[0]) == kept
+    for run in runs[1:3]:
+        assert content(run) == content(finished / run.name)
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    states = {row[0]: row[1] for row in rows if row and row[0].startswith("experiment-tiny")}
+    assert states == dict(zip((run.name for run in runs), ["kept", *["finished"] * 3], strict=True))
+
+
+def test_figures_that_were_not_drawn_are_drawn(tmp_path: Path) -> None:
+    assert sweep(tmp_path / "sweep", "seed=0", "figures=[fitness]") == DONE
+    (run,) = (tmp_path / "sweep").iterdir()
+    before = content(run)
+    for file in (run / "figures").iterdir():
+        file.unlink()
+    assert sweep(tmp_path / "sweep", "seed=0", "figures=[fitness]") == DONE
+    assert any((run / "figures").glob("fitness.*"))
+    assert content(run) == before
+
+
+def test_another_run_is_not_touched(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Jobs with the same folders, but another configuration than the folders' runs."""
+    before = everything(copy)
+    own = "hydra.sweep.subdir='" + NAME.format("${seed}") + "'"
+    assert sweep(copy, "seed=0,1", "trials=2", own) == INPUT
+    assert everything(copy) == before
+    err = capsys.readouterr().err
+    assert err.count("must be of the configuration of its job, and trials is 2, which was 1") == 2
+
+
+def test_the_executor_may_change(copy: Path) -> None:
+    own = "hydra.sweep.subdir='" + NAME.format("${seed}") + "'"
+    run = copy / NAME.format(1)
+    before = content(run)
+    cut(run, (run / "missions.csv").stat().st_size // 2)
+    (run / "status.json").unlink()
+    assert sweep(copy, "seed=1", "executor=processes", "executor.workers=2", own) == DONE
+    assert content(run) == before
+
+
+def test_a_folder_with_other_files_stops_no_other_job(copy: Path) -> None:
+    for seed in (0, 1):
+        shutil.rmtree(copy / NAME.format(seed))
+    foreign = copy / NAME.format(0)
+    foreign.mkdir()
+    (foreign / "notes.txt").write_text("mine")
+    assert sweep(copy, "seed=0,1") == INPUT
+    assert everything(foreign) == {"notes.txt": b"mine"}
+    assert survey(copy / NAME.format(1)).state == "finished"
+
+
+def test_evaluations_go_on_if_their_designs_are_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for seed in (0, 1):
+        assert tiny(tmp_path / f"run{seed}", "optimizer.generations=1", f"seed={seed}") == DONE
+    designs = tmp_path / "designs"
+    shutil.copytree(tmp_path / "run0", designs)
+    options = ["-m", *TINY, "executor=serial", f"designs={designs}", "failure=spatial,random"]
+    options.append(f"hydra.sweep.dir={tmp_path / 'sweep'}")
+    assert evaluate(options) == DONE
+    before = everything(tmp_path / "sweep")
+    assert evaluate(options) == DONE
+    assert everything(tmp_path / "sweep") == before
+    shutil.rmtree(designs)
+    shutil.copytree(tmp_path / "run1", designs)
+    assert evaluate(options) == INPUT
+    assert everything(tmp_path / "sweep") == before
+    assert capsys.readouterr().err.count("designs: must be those that are evaluated in") == 2
+
+
+# ---- the table of all folders
+
+
+def test_the_table_has_all_folders_and_why_they_stopped(
+    copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reason = {"state": "stopped", "reason": "the disk is full", "generations": 2}
+    (copy / NAME.format(1) / "status.json").write_text(json.dumps(reason))
+    assert evoros_status([str(copy)]) == DONE
+    header, *rows = capsys.readouterr().out.splitlines()
+    assert header.split()[:3] == ["folder", "state", "done"]
+    assert [row.split()[:3] for row in rows[:3]] == [
+        [NAME.format(0), "finished", "2/2"],
+        [NAME.format(1), "stopped", "0/2"],
+        [NAME.format(2), "finished", "2/2"],
+    ]
+    assert rows[3:] == [f"{NAME.format(1)}: the disk is full"]
+    assert evoros_status([str(copy / "nothing")]) == INPUT
+    assert evoros_status(["--sometimes"]) == INPUT
+
+
+def test_an_evaluation_has_its_designs(finished: Path, tmp_path: Path) -> None:
+    overview = survey(scored(tmp_path / "scored", finished))
+    assert (overview.state, overview.done, overview.wanted) == ("finished", 3, 3)
+
+
+def test_a_killed_process_is_told_from_one_that_runs(copy: Path) -> None:
+    run = copy / NAME.format(0)
+    status = json.loads((run / "status.json").read_text())
+    silent = {**status, "state": "running", "updated": "2020-01-01T00:00:00+00:00"}
+    (run / "status.json").write_text(json.dumps(silent))
+    assert survey(run).state == "killed"
+    with RunFolder(run):
+        assert survey(run).state == "running"
+
+
+@pytest.mark.parametrize("text", ["", "[1]", "{", '{"missions": "many", "updated": 5}'])
+def test_a_damaged_status_hides_no_folder(text: str, copy: Path) -> None:
+    (copy / NAME.format(0) / "status.json").write_text(text)
+    assert survey(copy / NAME.format(0)).state == "begun"
+    assert evoros_status([str(copy), "--once"]) == DONE
