@@ -48,10 +48,9 @@ def start(
 
 def content(folder: Path) -> dict[str, str]:
     """What must be the same for any number of workers and any interruption."""
-    missions = (folder / "missions.csv").read_text().splitlines()
     files = [*(folder / "generations").iterdir(), *(folder / "champion").iterdir()]
-    tables = {str(file.relative_to(folder)): file.read_text() for file in sorted(files)}
-    return {"missions.csv": "\n".join(sorted(missions)), **tables}
+    names = [folder / "missions.csv", *sorted(files)]
+    return {str(file.relative_to(folder)): file.read_text() for file in names}
 
 
 def everything(folder: Path) -> dict[str, bytes]:

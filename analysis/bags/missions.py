@@ -16,7 +16,7 @@ from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Pose
 from evoros.mission.plan import count_round
 from evoros.storage.figure_context import FigureContext
-from evoros.storage.mission_log import ROBOT_AS_LOADED
+from evoros.storage.layout import ROBOT_AS_LOADED
 from evoros.storage.trajectory_files import (
     loaded_robot_file,
     robot_file,

@@ -14,7 +14,7 @@ from evoros.formats.urdf.parts import read_origin, read_value
 from evoros.formats.urdf.tree import Urdf, read_frames, read_tree
 from evoros.geometry.shapes import Pose, Shape
 from evoros.storage.figure_context import Beam, Signal
-from evoros.storage.mission_log import ROBOT_AS_LOADED
+from evoros.storage.layout import ROBOT_AS_LOADED
 
 from ..tables.designs import adapt_context, read_champion_sensors, read_champion_signals
 from ..tables.records import Record

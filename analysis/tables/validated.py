@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from evoros.base.errors import InputError
-from evoros.storage.mission_log import resume_command
+from evoros.storage.layout import resume_command
 
 from .designs import to_number
 from .matching import (

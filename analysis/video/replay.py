@@ -19,7 +19,7 @@ from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.tree import read_tree
 from evoros.simulator.engines.pybullet_viewer import open_scene
 from evoros.storage.figure_context import FigureContext
-from evoros.storage.mission_log import ROBOT_AS_LOADED
+from evoros.storage.layout import ROBOT_AS_LOADED
 from evoros.world.model import World
 
 from ..product import Product

@@ -3,6 +3,7 @@
 import errno
 import os
 from pathlib import Path
+from typing import BinaryIO
 
 CANNOT = (errno.EINVAL, errno.ENOTSUP)
 """What some network file systems answer for folders."""
@@ -28,11 +29,18 @@ def make_folder(path: Path) -> None:
         sync(folder.parent)
 
 
+def create_draft(path: Path) -> tuple[Path, BinaryIO]:
+    """Open a new file beside ``path``, to be moved there; one that a kill has left is deleted."""
+    draft = path.with_name(f".{path.name}.part")
+    draft.unlink(missing_ok=True)
+    return draft, draft.open("x+b")
+
+
 def write_atomically(path: Path, content: str | bytes) -> None:
     """Replace a file's content; a kill or a loss of power leaves either the old or the new one."""
-    draft = path.with_name(f".{path.name}.part")
+    draft, file = create_draft(path)
     try:
-        with draft.open("wb") as file:
+        with file:
             file.write(content if isinstance(content, bytes) else content.encode())
             file.flush()
             os.fsync(file.fileno())  # before the rename: a loss of power leaves no empty file

@@ -146,7 +146,7 @@ def _run_sweep(command: Command, jobs: "Jobs", config_dir: str | None, signals: 
 
 def _build(command: Command, config_dir: str | None, job: "Job") -> "Work | None":
     """Build a job, or go on with it if its folder has been made; None if it is complete."""
-    from evoros.storage.mission_log import MISSIONS
+    from evoros.storage.layout import MISSIONS
 
     if not (job.folder / MISSIONS).exists():
         return command.create(job.config, job.folder)
@@ -183,7 +183,7 @@ def _explain(
 ) -> "JobResult":
     """The result of a job that raised, with the command that resumes it."""
     from evoros.cli.sweep import JobResult
-    from evoros.storage.mission_log import LOG
+    from evoros.storage.layout import LOG
 
     hint = _resume_hint(folder, config_dir)
     if isinstance(error, KeyboardInterrupt):
@@ -200,7 +200,7 @@ def _explain(
 
 def _resume_hint(folder: Path, config_dir: str | None) -> str:
     """What to type to go on; empty if the folder has not been made."""
-    from evoros.storage.mission_log import MISSIONS, resume_command
+    from evoros.storage.layout import MISSIONS, resume_command
 
     if not (folder / MISSIONS).exists():
         return ""

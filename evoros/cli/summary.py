@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from evoros.session.figures import FIGURES
-from evoros.storage.mission_log import STATUS
+from evoros.storage.layout import STATUS
 
 
 def summarize_run(folder: Path) -> str:

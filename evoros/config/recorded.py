@@ -23,13 +23,27 @@ def read_recorded(path: Path) -> Configuration:
     Raises:
         InputError: there is no such file, or it is damaged.
     """
+    config, text = _load(path)
+    return Configuration(text, freeze(config).values)
+
+
+def flatten_recorded(path: Path) -> dict[str, Any]:
+    """Read the values of a recorded ``config.yaml`` by dotted key; its references stay as text.
+
+    Raises:
+        InputError: there is no such file, or it is damaged.
+    """
+    return _flatten(OmegaConf.to_container(_load(path)[0], resolve=False))
+
+
+def _load(path: Path) -> tuple[DictConfig, str]:
     try:
         config, text = OmegaConf.load(path), path.read_text()
     except Exception as error:
         raise InputError(f"{path}: {describe_error(error)}") from error
     if not isinstance(config, DictConfig):
         raise InputError(f"{path}: must be a mapping of keys to values; restore the file")
-    return Configuration(text, freeze(config).values)
+    return config, text
 
 
 def find_difference(recorded: Configuration, wanted: Configuration) -> str:

@@ -29,9 +29,10 @@ from evoros.session.resume import rebuild
 from evoros.session.run import check_experiment
 from evoros.session.status import Display, Status, log_start
 from evoros.session.work import PoolOpener, open_pool
+from evoros.storage.creation import create_folder, require_unused
 from evoros.storage.figure_context import SETTING, describe_experiment
+from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS
 from evoros.storage.manifest import manifest
-from evoros.storage.mission_log import CONFIG, MANIFEST, MISSIONS, create_folder, require_unused
 from evoros.storage.tables import to_csv
 
 COMMAND = "evoros-evaluate"
@@ -78,6 +79,7 @@ class Evaluation:
                         experiment.scenario, record.list_missions(), record, status.mission
                     )
                 record.write_scores()
+                record.sort_missions()
 
 
 def create_evaluation(config: Configuration, folder: Path) -> Evaluation:

@@ -15,7 +15,8 @@ from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
 from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import NamedDesign
-from evoros.storage.mission_log import MISSIONS, MissionLog
+from evoros.storage.layout import MISSIONS
+from evoros.storage.mission_log import MissionLog
 from evoros.storage.tables import (
     OUTCOME_COLUMNS,
     name_agent_columns,
@@ -92,7 +93,7 @@ class EvaluationRecord(MissionLog):
 
     def record(self, results: Sequence[MissionResult]) -> None:
         """Put finished missions on disk."""
-        self.append([self._row(mission, outcome) for mission, outcome in results])
+        self.table.append([self._row(mission, outcome) for mission, outcome in results])
         for mission, outcome in results:
             self._take(mission, outcome)
 
@@ -102,12 +103,22 @@ class EvaluationRecord(MissionLog):
         Raises:
             InputError: the table on disk differs.
         """
-        self.sync()
+        self.table.sync()
         columns = name_score_columns(list(self._experiment.world))
         rows: list[Sequence[object]] = [("source", "design", *columns)]
         for number, design in enumerate(self._designs):
             rows.append([design.source, design.name, *self._scores[number].values()])
         self.write_once(SCORES, to_csv(rows))
+
+    def sort_missions(self) -> None:
+        """Put the rows into the order of design, as given, world and trial."""
+        numbers = self._number_designs()
+        ranks = {world: rank for rank, world in enumerate(sorted(self._experiment.world))}
+
+        def order(row: Mapping[str, str]) -> tuple[int, ...]:
+            return numbers[row["source"], row["design"]], ranks[row["world"]], int(row["trial"])
+
+        self.table.sort(order)
 
     def describe(self) -> dict[str, Any]:
         """The fields of ``status.json`` that only an evaluation has."""
@@ -125,15 +136,18 @@ class EvaluationRecord(MissionLog):
     def _missions_per_design(self) -> int:
         return len(self._experiment.world) * self._experiment.trials
 
+    def _number_designs(self) -> dict[tuple[str, str], int]:
+        return {(design.source, design.name): i for i, design in enumerate(self._designs)}
+
     def _read(self) -> None:
-        names = {(design.source, design.name): i for i, design in enumerate(self._designs)}
+        numbers = self._number_designs()
 
         def parse(row: Mapping[str, str]) -> tuple[int, str, int, str, Outcome]:
-            number = names[row["source"], row["design"]]
+            number = numbers[row["source"], row["design"]]
             outcome = read_outcome(row, list(self._experiment.agents))
             return number, row["world"], int(row["trial"]), row["draws"], outcome
 
-        for number, world, trial, draws, outcome in self.read(parse):
+        for number, world, trial, draws, outcome in self.table.read(parse):
             if number in self._scores:
                 continue
             mission = self._start(number).missions.get((GENERATION, number, world, trial))

@@ -18,7 +18,7 @@ from evoros.session.design_tables import (
     read_drafts,
 )
 from evoros.storage.discovery import folders_below
-from evoros.storage.mission_log import STATUS, command_of, read_json, resume_command
+from evoros.storage.layout import STATUS, command_of, read_json, resume_command
 from evoros.storage.run_folder import CHAMPION, ROBOT
 from evoros.storage.tables import GENE_COLUMNS
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from evoros.session.status import FINISHED, RUNNING, UPDATE_S
-from evoros.storage.mission_log import MISSIONS, STATUS, read_json
+from evoros.storage.layout import MISSIONS, STATUS, read_json
 
 KILLED, BEGUN = "killed", "begun"
 """A process that was ended before it could say so; a folder in which no mission has been run."""

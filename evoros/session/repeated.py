@@ -14,7 +14,7 @@ from evoros.session.overview import survey
 from evoros.session.resume import RUN
 from evoros.session.run import Session, open_run
 from evoros.session.status import FINISHED
-from evoros.storage.mission_log import CONFIG, command_of
+from evoros.storage.layout import CONFIG, command_of
 
 
 def reopen_run(

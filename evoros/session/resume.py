@@ -10,8 +10,9 @@ from evoros.base.errors import InputError
 from evoros.config.compose import add_config_dir
 from evoros.config.recorded import override_recorded, read_recorded
 from evoros.evolution.experiment import Experiment
+from evoros.storage.creation import require_whole
+from evoros.storage.layout import CONFIG, MANIFEST, command_of, resume_command
 from evoros.storage.manifest import check_unchanged
-from evoros.storage.mission_log import CONFIG, MANIFEST, command_of, require_whole, resume_command
 
 RUN = "evoros"
 """The command that evolves; it alone may extend what it resumes."""

@@ -23,9 +23,9 @@ from evoros.session.figures import check_figures, discard_figures, draw_figures
 from evoros.session.resume import rebuild
 from evoros.session.status import FINISHED, RUNNING, Display, Status, log_start
 from evoros.session.work import PoolOpener, open_pool
+from evoros.storage.creation import require_unused
 from evoros.storage.figure_context import describe_experiment
 from evoros.storage.manifest import manifest
-from evoros.storage.mission_log import require_unused
 from evoros.storage.run_folder import RunFolder
 
 
@@ -60,6 +60,7 @@ class Session:
                 report_drive(self.experiment, pool)
                 self._report_repeatability(pool)
                 last = evolve(self.experiment, record, observer, generations, pool)
+                record.sort_missions()
                 observer.status.write(FINISHED)  # first: figures are drawn of finished runs
                 draw_figures(record.path, figures, pool)
         return last

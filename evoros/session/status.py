@@ -15,7 +15,8 @@ from evoros.evolution.journal import Generation, Observer
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
 from evoros.mission.plan import describe
-from evoros.storage.mission_log import LOG, MissionLog
+from evoros.storage.layout import LOG
+from evoros.storage.mission_log import MissionLog
 
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
 UPDATE_S = 5.0

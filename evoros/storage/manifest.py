@@ -17,7 +17,7 @@ from evoros.base.log import LOGGER
 from evoros.base.resources import PACKAGE
 from evoros.controller.protocol import LiveController, VersionedController
 from evoros.evolution.experiment import Experiment
-from evoros.storage.mission_log import FORMAT_VERSION
+from evoros.storage.layout import FORMAT_VERSION
 
 COMPUTING = ("evoros", "numpy", "numba")
 """Packages whose versions can change missions in every simulator."""

@@ -15,17 +15,10 @@ from evoros.evolution.journal import Champion, Generation
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
 from evoros.mission.scenario import Scenario
+from evoros.storage.creation import create_folder, require_unused
 from evoros.storage.figure_context import SETTING, FigureContext
-from evoros.storage.mission_log import (
-    CONFIG,
-    MANIFEST,
-    MISSIONS,
-    ROBOT_AS_LOADED,
-    MissionLog,
-    create_folder,
-    read_json,
-    require_unused,
-)
+from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, ROBOT_AS_LOADED, read_json
+from evoros.storage.mission_log import MissionLog
 from evoros.storage.tables import (
     MISSIONS_HEADER,
     design_table,
@@ -34,6 +27,7 @@ from evoros.storage.tables import (
     mission_row,
     name_agent_columns,
     outcome_cells,
+    read_key,
     read_mission,
     to_csv,
     trajectory_table,
@@ -60,10 +54,10 @@ class RunFolder(MissionLog):
         self.trajectories = TrajectoryFiles(path)
         self.outcomes: dict[MissionKey, tuple[str, Outcome]] = {}
         try:
-            for key, draws, outcome in self.read(partial(read_mission, agents=agents)):
+            for key, draws, outcome in self.table.read(partial(read_mission, agents=agents)):
                 self.outcomes[key] = (draws, outcome)
         except BaseException:
-            self._missions.close()
+            self.close()
             raise
 
     @classmethod
@@ -88,7 +82,7 @@ class RunFolder(MissionLog):
             InputError: a mission whose trajectory was missing has another outcome than recorded.
         """
         new = [result for result in results if not self._repeats(*result)]
-        self.append([mission_row(mission, outcome) for mission, outcome in new])
+        self.table.append([mission_row(mission, outcome) for mission, outcome in new])
         self.outcomes |= {mission.key: (mission.draws, outcome) for mission, outcome in new}
 
     def _repeats(self, mission: Mission, outcome: Outcome) -> bool:
@@ -148,7 +142,18 @@ class RunFolder(MissionLog):
         """
         name = f"{GENERATIONS}/{generation.number:05d}.csv"
         self.write_once(name, generation_table(generation))
-        self.sync()
+        self.table.sync()
+
+    def sort_missions(self) -> None:
+        """Put the rows into the order of generation, design, world and trial."""
+        worlds = sorted({world for _, _, world, _ in self.outcomes})
+        ranks = {world: rank for rank, world in enumerate(worlds)}
+
+        def order(row: Mapping[str, str]) -> tuple[int, ...]:
+            generation, design, world, trial = read_key(row)
+            return generation, design, ranks[world], trial
+
+        self.table.sort(order)
 
     def has_champion(self, champion: Champion) -> bool:
         """Whether the champion on disk is this one, with the trajectories that are kept."""

@@ -78,8 +78,16 @@ def read_mission(
     Raises:
         ValueError, KeyError: the row is damaged.
     """
-    key = (int(row["generation"]), int(row["design"]), row["world"], int(row["trial"]))
-    return key, row["draws"], read_outcome(row, agents)
+    return read_key(row), row["draws"], read_outcome(row, agents)
+
+
+def read_key(row: Mapping[str, str]) -> MissionKey:
+    """Read the key of a mission from a row.
+
+    Raises:
+        ValueError, KeyError: the row is damaged.
+    """
+    return int(row["generation"]), int(row["design"]), row["world"], int(row["trial"])
 
 
 def read_outcome(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcome:

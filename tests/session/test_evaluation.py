@@ -27,7 +27,7 @@ from evoros.mission.outcome import Outcome
 from evoros.mission.scenario import Scenario
 from evoros.session import evaluation
 from evoros.session.given_designs import read_given
-from evoros.storage.mission_log import create_folder
+from evoros.storage.creation import create_folder
 from evoros.storage.tables import DESIGN_COLUMNS, design_table
 
 HEADER = "design,sensor,x_m,y_m,yaw_deg"

@@ -1,0 +1,146 @@
+"""The first difference between two files of runs: line and column, key, or byte."""
+
+import csv
+import json
+from collections.abc import Iterator, Sequence
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+from evoros.base.errors import InputError
+from evoros.storage.layout import MISSIONS
+
+KEYS = (("generation", "design", "world", "trial"), ("source", "design", "world", "trial"))
+"""Columns that identify a mission of a run, and of an evaluation."""
+NUMBERS = ("generation", "trial")
+SHOWN = 60  # characters of a value
+NOTHING = "nothing"
+Key = tuple[tuple[str, str], ...]  # name and cell of each column that identifies a mission
+
+
+def compare_missions(one: Path, other: Path) -> tuple[str, int]:
+    """Return the first difference of two tables of missions, and the number of missions.
+
+    The order of the rows does not matter, because it is that of completion in unfinished runs.
+
+    Raises:
+        InputError: a table is missing or damaged.
+    """
+    tables = [_read_missions(folder / MISSIONS) for folder in (one, other)]
+    first, second = tables
+    for key in sorted({*first, *second}, key=_order):
+        (line, row), (other_line, other_row) = first.get(key, (0, {})), second.get(key, (0, {}))
+        if row == other_row:
+            continue
+        mission = ", ".join(f"{name} {value}" for name, value in key)
+        if not row or not other_row:
+            return f"{MISSIONS}: the mission {mission} is only in {one if row else other}", 0
+        column = next(c for c in [*row, *other_row] if row.get(c) != other_row.get(c))
+        where = f"line {line}" + (f" and {other_line}" if line != other_line else "")
+        told = tell(column, one, row.get(column), other, other_row.get(column))
+        return f"{MISSIONS}: {where} (the mission {mission}): {told}", 0
+    return "", len(first)
+
+
+def _order(key: Key) -> list[tuple[int, str]]:
+    return [(int(value) if value.isdecimal() else -1, value) for _, value in key]
+
+
+def _read_missions(path: Path) -> dict[Key, tuple[int, dict[str, str]]]:
+    """Read the line and the cells of each complete row, by its key."""
+    try:
+        complete = path.read_text().rpartition("\n")[0]
+        rows = csv.DictReader(complete.splitlines())
+        names = next((keys for keys in KEYS if {*keys} <= {*(rows.fieldnames or ())}), None)
+        if names is None:
+            raise ValueError(f"line 1 must have the columns {', '.join(KEYS[0])}")
+        return {tuple((n, row[n]) for n in names): (rows.line_num, row) for row in rows}
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
+
+
+def find_difference(one: Path, other: Path, name: str) -> str:
+    """Return the first difference between two files of this name; empty if they are equal.
+
+    Raises:
+        InputError: a file cannot be read.
+    """
+    try:
+        first, second = (one / name).read_bytes(), (other / name).read_bytes()
+    except OSError as error:
+        raise InputError(f"{name}: cannot be read ({error}); restore the file") from error
+    if first == second:
+        return ""
+    try:
+        texts = first.decode(), second.decode()
+    except UnicodeDecodeError:
+        return f"{name}: {_find_byte(first, second)} differs between {one} and {other}"
+    find = {".csv": _find_cell, ".json": _find_key}.get(Path(name).suffix, _find_line)
+    what, value, other_value = find(*texts)
+    return f"{name}: {tell(what, one, value, other, other_value)}"
+
+
+def tell(what: str, one: Path, first: object, other: Path, second: object) -> str:
+    """Tell which value each of two folders has."""
+    return f"{what} is {_shorten(first)} in {one} and {_shorten(second)} in {other}"
+
+
+Found = tuple[str, object, object]  # what differs, and its values
+
+
+def _find_byte(first: bytes, second: bytes) -> str:
+    pairs = enumerate(zip_longest(first, second))
+    return f"byte {next(number for number, (a, b) in pairs if a != b)}"
+
+
+def _find_line(first: str, second: str) -> Found:
+    pairs = enumerate(zip_longest(first.split("\n"), second.split("\n")), 1)
+    number, (line, other) = next((number, pair) for number, pair in pairs if pair[0] != pair[1])
+    return f"line {number}", _or_nothing(line), _or_nothing(other)
+
+
+def _find_cell(first: str, second: str) -> Found:
+    """Find the first cell that differs, named by its column."""
+    line, content, other = _find_line(first, second)
+    headers = [next(csv.reader(text.splitlines()), []) for text in (first, second)]
+    if headers[0] != headers[1] or NOTHING in (content, other):
+        return line, content, other
+    cells = [next(csv.reader([str(text)]), []) for text in (content, other)]
+    pairs = zip(headers[0], *cells, strict=False)
+    for column, one_cell, other_cell in pairs:
+        if one_cell != other_cell:
+            return f"{line}: {column}", one_cell, other_cell
+    return line, content, other
+
+
+def _find_key(first: str, second: str) -> Found:
+    """Find the first value that differs, named by its path."""
+    try:
+        trees = json.loads(first), json.loads(second)
+    except ValueError:
+        return _find_line(first, second)
+    values, others = (dict(_flatten(tree, ())) for tree in trees)
+    for path in dict.fromkeys([*values, *others]):
+        found = [each.get(path, NOTHING) for each in (values, others)]
+        if found[0] != found[1]:
+            return ".".join(path), found[0], found[1]
+    return _find_line(first, second)
+
+
+def _flatten(node: Any, path: Sequence[str]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    if isinstance(node, list):
+        node = {str(number): value for number, value in enumerate(node)}
+    if isinstance(node, dict) and node:
+        for name, value in node.items():
+            yield from _flatten(value, (*path, name))
+    else:
+        yield tuple(path), node
+
+
+def _or_nothing(text: str | None) -> str:
+    return NOTHING if text is None else text
+
+
+def _shorten(value: object) -> str:
+    text = " ".join(str(value).split()) or "empty"
+    return text if len(text) <= SHOWN else f"{text[: SHOWN - 3]}..."

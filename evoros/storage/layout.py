@@ -1,0 +1,31 @@
+"""Names of the files in the folder of a run or an evaluation, and the command that made it."""
+
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+FORMAT_VERSION = 1
+CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
+ROBOT_AS_LOADED = "robot_as_loaded.urdf"
+"""A champion as engines load it, if that is not its ``robot.urdf``."""
+LOG, LOST = "evoros.log", "lost"
+
+
+def resume_command(path: Path) -> str:
+    """Return the command line that continues the run in the folder."""
+    return f"{command_of(path)} resume={shlex.quote(str(path))}"
+
+
+def command_of(path: Path) -> str:
+    """Return the command that made the folder."""
+    return str(read_json(path / MANIFEST).get("command", "evoros"))
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read the mapping in a file; empty if there is none."""
+    try:
+        content = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return {}
+    return content if isinstance(content, dict) else {}

@@ -1,0 +1,222 @@
+"""Two runs of one configuration are equal as folders, and evoros-compare tells so, or where not."""
+
+import json
+import random
+from pathlib import Path
+
+import pytest
+from helpers import content, copied, cut, everything, resume, scored, tiny
+
+from evoros.base.console import DONE, INPUT
+from evoros.cli.compare import DIFFERENT, evoros_compare
+
+ALL = ("record=all", "optimizer.generations=2")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("one") / "run"
+    assert tiny(folder, *ALL, "figures=[fitness]") == DONE
+    return folder
+
+
+@pytest.fixture(scope="module")
+def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same run on two workers, which finish missions in any order."""
+    folder = tmp_path_factory.mktemp("other") / "run"
+    workers = ("executor=processes", "executor.workers=2", "simulator.pause_s=0.01")
+    assert tiny(folder, *ALL, *workers, "figures=[fitness]") == DONE
+    return folder
+
+
+def compared(one: Path, other: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    capsys.readouterr()
+    status = evoros_compare([str(one), str(other)])
+    out, err = capsys.readouterr()
+    return status, out + err
+
+
+def test_two_runs_of_one_configuration_are_equal_as_folders(run: Path, tmp_path: Path) -> None:
+    assert tiny(tmp_path / "run", *ALL, "figures=[fitness]") == DONE
+    one, other = everything(run), everything(tmp_path / "run")
+    manifests = [json.loads(files.pop("manifest.json")) for files in (one, other)]
+    for files in (one, other):
+        assert files.pop("evoros.log")
+        assert files.pop("status.json")
+    for manifest in manifests:
+        assert manifest.pop("created")
+    assert one == other
+    assert manifests[0] == manifests[1]
+
+
+def test_missions_are_in_the_order_of_their_keys(run: Path, twin: Path) -> None:
+    lines = (run / "missions.csv").read_text().splitlines()[1:]
+    cells = [line.split(",") for line in lines]
+    keys = [(int(row[0]), int(row[1]), row[2], int(row[3])) for row in cells]
+    assert keys == sorted(keys)
+    assert len(keys) == len(set(keys))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rows_in_any_order_end_in_the_same(seed: int, run: Path, tmp_path: Path) -> None:
+    """Workers finish missions in any order, and a kill may come at any time."""
+    folder = copied(run, tmp_path / "run")
+    rng = random.Random(seed)
+    size = (run / "missions.csv").stat().st_size
+    cut(folder, rng.randrange(size // 2, size))
+    header, *rows = (folder / "missions.csv").read_bytes().splitlines(keepends=True)
+    rows = [row for row in rows if row.endswith(b"\n")]
+    rng.shuffle(rows)
+    (folder / "missions.csv").write_bytes(b"".join([header, *rows]))
+    assert resume(folder, "executor=serial") == DONE
+    assert content(folder) == content(run)
+
+
+def test_a_sorted_table_is_left_as_it_is(run: Path, tmp_path: Path) -> None:
+    folder = copied(run, tmp_path / "run")
+    before = (folder / "missions.csv").stat()
+    assert resume(folder) == DONE
+    after = (folder / "missions.csv").stat()
+    assert (after.st_ino, after.st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+
+
+def test_an_evaluation_is_sorted_as_its_designs_were_given(run: Path, tmp_path: Path) -> None:
+    sheet = "design,sensor,x_m,y_m,yaw_deg\nzebra,0,0.2,0,0\n10,0,0.1,0,30\n9,0,0.1,0,60\n"
+    (tmp_path / "designs.csv").write_text(sheet)
+    workers = ("executor=processes", "executor.workers=2", "trials=12")
+    folder = scored(tmp_path / "scores", tmp_path / "designs.csv", *workers)
+    rows = [line.split(",") for line in (folder / "missions.csv").read_text().splitlines()[1:]]
+    given = ["zebra", "10", "9"]
+    keys = [(given.index(row[1]), row[2], int(row[3])) for row in rows]
+    assert keys == sorted(keys)
+    assert len(set(keys)) == 3 * 2 * 12
+
+
+# evoros-compare -------------------------------------------------------------------------------
+
+
+def test_serial_and_processes_are_equal(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    workers = ("executor=processes", "executor.workers=2", "figures=[]")
+    assert tiny(tmp_path / "run", *ALL, *workers) == DONE
+    status, text = compared(run, tmp_path / "run", capsys)
+    missions = (run / "missions.csv").read_text().count("\n") - 1
+    assert status == DONE
+    assert text.startswith(f"equal: {missions} missions, ")
+    assert text.endswith("made with another executor, figures\n")
+
+
+def test_a_setting_that_differs_is_named(
+    run: Path, twin: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, text = compared(run, twin, capsys)
+    assert status == DIFFERENT
+    pause = f"config.yaml: simulator.pause_s is 0.0 in {run} and 0.01 in {twin}"
+    assert text == f"different: {pause}\n"
+    assert content(run) == content(twin)
+
+
+@pytest.mark.parametrize(
+    ("file", "column", "line"),
+    [("missions.csv", "distance_m", 4), ("generations/00001.csv", "fitness", 3)],
+)
+def test_a_cell_that_differs_is_named(
+    file: str,
+    column: str,
+    line: int,
+    run: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = copied(run, tmp_path / "run")
+    lines = (folder / file).read_text().split("\n")
+    cells = lines[line - 1].split(",")
+    at = lines[0].split(",").index(column)
+    before, cells[at] = cells[at], "0.25"
+    lines[line - 1] = ",".join(cells)
+    (folder / file).write_text("\n".join(lines))
+    status, text = compared(run, folder, capsys)
+    assert status == DIFFERENT
+    assert text.startswith(f"different: {file}: line {line}")
+    assert text.endswith(f"{column} is {before} in {run} and 0.25 in {folder}\n")
+
+
+def test_any_byte_that_differs_is_told(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A byte in each file, and each file deleted: one line that names the file."""
+    rng = random.Random(3)
+    folder = copied(run, tmp_path / "run")
+    names = [n for n in everything(run) if n not in ("evoros.log", "status.json", "manifest.json")]
+    assert len(names) > 30
+    for name in names:
+        whole = (folder / name).read_bytes()
+        at = rng.randrange(len(whole))
+        other = bytes([whole[at] ^ (1 << rng.randrange(8))])
+        (folder / name).write_bytes(whole[:at] + other + whole[at + 1 :])
+        if name != "config.yaml":  # a comment or a blank may differ
+            check_told(name, compared(run, folder, capsys))
+        (folder / name).unlink()
+        if not name.startswith("figures"):  # they can be drawn at any time
+            check_told(name, compared(run, folder, capsys))
+        (folder / name).write_bytes(whole)
+    assert compared(run, folder, capsys)[0] == DONE
+
+
+def check_told(name: str, answer: tuple[int, str]) -> None:
+    status, text = answer
+    assert status in (DIFFERENT, INPUT), name
+    assert name in text
+    assert text.count("\n") == 1
+
+
+def test_sweeps_are_compared_by_the_paths_of_their_jobs(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for study in ("a", "b"):
+        for seed in ("1", "2"):
+            (tmp_path / study).mkdir(exist_ok=True)
+            copied(run, tmp_path / study / seed)
+    status, text = compared(tmp_path / "a", tmp_path / "b", capsys)
+    assert status == DONE
+    assert text.startswith("equal: 2 folders, ")
+    (tmp_path / "b" / "2").rename(tmp_path / "b" / "3")
+    assert compared(tmp_path / "a", tmp_path / "b", capsys) == (
+        DIFFERENT,
+        f"different: 2: there is none in {tmp_path / 'b'}\n",
+    )
+
+
+def test_an_unfinished_run_lacks_missions(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = copied(run, tmp_path / "run")
+    cut(folder, (run / "missions.csv").stat().st_size - 3)
+    status, text = compared(run, folder, capsys)
+    assert status == DIFFERENT
+    assert "the mission generation 1, design " in text
+    assert text.endswith(f"is only in {run}\n")
+
+
+@pytest.mark.parametrize(
+    "names", [["nix", "nix"], ["."], [".", ".", "."], [".", "."], ["RUN", ".."]]
+)
+def test_what_cannot_be_compared_is_one_line(
+    names: list[str],
+    run: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "empty").mkdir()
+    copied(run, tmp_path / "run")
+    monkeypatch.chdir(tmp_path / "empty")
+    assert evoros_compare([str(run) if name == "RUN" else name for name in names]) == INPUT
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert evoros_compare(["--help"]) == DONE
+    assert evoros_compare([]) == INPUT
+    assert capsys.readouterr().out.count("evoros-compare A B") == 2
