@@ -7,13 +7,14 @@ the main thread, because ``${hydra:...}`` refers to global state; then each has 
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING
 
 from evoros.base.console import DONE
+from evoros.base.errors import EvorosError
 from evoros.base.log import LOGGER, log_for_job
 
 if TYPE_CHECKING:
@@ -58,13 +59,19 @@ class SharedPool:
             KeyboardInterrupt: ``close`` was called, which interrupts all jobs that have it open.
         """
         try:
-            yield self._start(executor)
+            yield self.start(executor)
         except Exception:
             if self._stopping:  # calls were cancelled, and new ones refused
                 raise KeyboardInterrupt from None
             raise
 
-    def _start(self, executor: "Executor") -> "Pool":
+    @property
+    def workers(self) -> int:
+        """The workers of the pool; one if it has not been started."""
+        return 1 if self._pool is None else self._pool.workers
+
+    def start(self, executor: "Executor") -> "Pool":
+        """Start the pool if it has not been started; see ``Executor.open`` for what it raises."""
         with self._lock:
             if self._stopping:
                 raise KeyboardInterrupt
@@ -117,7 +124,7 @@ class Sweep:
                 return
             self._use_executor(work.executor)
             LOGGER.info("%s: begins", folder)
-            if self._workers > 1:
+            if self._workers != 1:
                 self._running[self._threads.submit(self._run, folder, work)] = folder
                 return
             result = self._run(folder, work)  # in this thread, where a debugger has the terminal
@@ -152,7 +159,7 @@ class Sweep:
 
     @property
     def _workers(self) -> int:
-        return self._pool.executor.workers if self._pool.executor else 1
+        return self._pool.workers
 
     def _use_executor(self, executor: "Executor") -> None:
         """Replace the pool if the executor is another: two pools would compete for the cores."""
@@ -160,6 +167,8 @@ class Sweep:
             self._wait(0)
             self._pool.close()
             self._pool = SharedPool(executor)
+        with suppress(EvorosError):  # the job tries again, and ends by the error
+            self._pool.start(executor)
 
     def _run(self, folder: Path, work: "Work") -> JobResult:
         with log_for_job(str(folder)), self._display.job() as display:

@@ -1,15 +1,14 @@
 """What a worker runs in one call: several short missions, or one long one."""
 
-import hashlib
 import pickle
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache
 from time import perf_counter
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.executor.payload import KEPT, Shared
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
 from evoros.mission.rollout import run_mission
@@ -23,18 +22,12 @@ CALL_S = 0.1
 
 So a call takes hardly longer than its last mission, to which the executor's time limit applies.
 """
+CALLS_PER_S = 250
+"""Calls of many workers are longer, so that the main process need not answer more of them [1/s]."""
 
 
-@dataclass(frozen=True)
-class PackedScenario:
-    """A pickled scenario. It travels with every call, because any worker may be a fresh one."""
-
-    digest: bytes  # a worker compares these 32 bytes and not megabytes
-    content: bytes = field(compare=False, repr=False)
-
-
-@lru_cache(maxsize=16)
-def pack(scenario: Scenario) -> PackedScenario:
+@lru_cache(maxsize=KEPT)
+def pack(scenario: Scenario) -> Shared:
     """Pickle a scenario, once for all its missions.
 
     Raises:
@@ -47,27 +40,32 @@ def pack(scenario: Scenario) -> PackedScenario:
             f"the experiment cannot be sent to worker processes ({error}); define every class at "
             f"the top of a module, and keep open files and the like out of descriptions"
         ) from error
-    return PackedScenario(hashlib.sha256(content).digest(), zlib.compress(content, 1))
+    return Shared.of(zlib.compress(content, 1))
 
 
-@lru_cache(maxsize=16)
-def _unpack(packed: PackedScenario) -> Scenario:
+@lru_cache(maxsize=KEPT)
+def _unpack(packed: Shared) -> Scenario:
     """Unpickle a scenario, once in each worker process."""
     scenario: Scenario = pickle.loads(zlib.decompress(packed.content))
     return scenario
 
 
+def call_time(workers: int) -> float:
+    """Return the time [s] after which none of so many workers starts another mission of a call."""
+    return max(CALL_S, workers / CALLS_PER_S)
+
+
 def run_for_outcomes(
-    packed: PackedScenario, missions: Sequence[Mission], keep: bool = False
+    packed: Shared, missions: Sequence[Mission], seconds: float, keep: bool
 ) -> list[CallResult]:
-    """Run missions in order until ``CALL_S`` is over; return the outcomes of those that ran.
+    """Run missions in order until the time [s] is over; return the outcomes of those that ran.
 
     With ``keep``, their trajectories are returned, too.
 
     Raises:
         PilotLost: a mission lost its pilot.
     """
-    scenario, end = _unpack(packed), perf_counter() + CALL_S
+    scenario, end = _unpack(packed), perf_counter() + seconds
     results = [run_mission(scenario, missions[0])]
     for mission in missions[1:]:
         if perf_counter() > end:
@@ -76,6 +74,6 @@ def run_for_outcomes(
     return [(outcome, trajectory if keep else None) for outcome, trajectory in results]
 
 
-def run_for_trajectory(packed: PackedScenario, mission: Mission) -> Array:
+def run_for_trajectory(packed: Shared, mission: Mission) -> Array:
     """Run one mission and return its trajectory, (rows, columns + sensors)."""
     return run_mission(_unpack(packed), mission)[1]

@@ -5,15 +5,17 @@ takes milliseconds.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from concurrent.futures import CancelledError, Future
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
+from queue import Empty, SimpleQueue
 from typing import Any, Protocol, TypeVar
 
 from evoros.base.arrays import Array
 from evoros.base.errors import EvorosError, LaunchError, PilotLost, RunStopped, WorkerLost
-from evoros.evolution.calls import CallResult, pack, run_for_outcomes, run_for_trajectory
+from evoros.evolution.calls import CallResult, call_time, pack, run_for_outcomes, run_for_trajectory
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import LOST, Outcome
@@ -26,6 +28,8 @@ MissionResult = tuple[Mission, Outcome]
 
 CALLS_PER_WORKER = 3
 """Calls submitted ahead for each worker: enough that none waits, few to lose."""
+NEW_WORKERS_S = 1.0
+"""Workers that join while all calls are long get some after this time [s]."""
 BLOCK = 10_000
 """Missions dispatched at a time: memory stays flat, and at the end of a block no worker waits
 longer than one mission takes."""
@@ -60,7 +64,6 @@ class Dispatcher:
     """Runs missions in an open pool."""
 
     pool: Pool
-    workers: int  # of the pool
     lost: str  # a mission that crashes or hangs: STOP the run, or WORST
     keep_log: Callable[[Mission, str], None] = _discard_log  # of a mission that lost its pilot
     keep_trajectory: Callable[[Scenario, Mission, Array], None] | None = None
@@ -98,7 +101,7 @@ class Dispatcher:
         Raises:
             RunStopped: a mission crashed or hung despite its retries, and ``lost`` is ``STOP``.
         """
-        batch = _Batch(scenario, self.pool, self.workers, list(reversed(missions)))
+        batch = _Batch(scenario, self.pool, list(reversed(missions)))
         batch.keeps = self.keep_trajectory is not None
         try:
             while batch.submit():
@@ -154,38 +157,43 @@ class _Batch:
 
     scenario: Scenario
     pool: Pool
-    workers: int
     waiting: list[Mission]
     alone: list[Mission] = field(default_factory=list)  # from calls that failed
     calls: dict[Future[list[CallResult]], list[Mission]] = field(default_factory=dict)
+    finished: SimpleQueue[Future[list[CallResult]]] = field(default_factory=SimpleQueue)
     size: int = 1  # how many missions a call has time for, as far as known
     keeps: bool = False  # whether calls return trajectories
 
     def submit(self) -> bool:
         """Keep the workers busy; return whether any call is running."""
-        while (self.alone or self.waiting) and len(self.calls) < self.workers * CALLS_PER_WORKER:
-            missions = self._pop_missions()
-            packed = pack(self.scenario)
-            future = self.pool.submit(run_for_outcomes, packed, missions, self.keeps)
+        workers = max(1, self.pool.workers)  # the first may be on its way
+        packed, seconds = pack(self.scenario), call_time(workers)
+        while (self.alone or self.waiting) and len(self.calls) < workers * CALLS_PER_WORKER:
+            missions = self._pop_missions(workers)
+            future = self.pool.submit(run_for_outcomes, packed, missions, seconds, self.keeps)
             self.calls[future] = missions
+            future.add_done_callback(self.finished.put)
             if future.done():  # the pool is this process: record before the next mission starts
                 break
         return bool(self.calls)
 
-    def _pop_missions(self) -> list[Mission]:
+    def _pop_missions(self, workers: int) -> list[Mission]:
         if self.alone:
             return [self.alone.pop()]
         if self.scenario.is_live:
             return [self.waiting.pop()]  # so that the executor's attempts are those at one mission
         # A share of what is left, so that at the end all workers have about as much to do.
-        share = len(self.waiting) // (2 * self.workers)
+        share = len(self.waiting) // (2 * workers)
         return [self.waiting.pop() for _ in range(max(1, min(self.size, share)))]
 
     def collect(self, dispatcher: Dispatcher) -> tuple[list[MissionResult], EvorosError | None]:
-        """Wait for calls to finish; return their results, and the error that ends the run."""
+        """Wait for calls to finish; return their results, and the error that ends the run.
+
+        Nothing has finished if ``NEW_WORKERS_S`` are over.
+        """
         results: list[MissionResult] = []
         first_error: EvorosError | None = None
-        for future in wait(self.calls, return_when=FIRST_COMPLETED).done:
+        for future in self._await_finished():
             missions = self.calls.pop(future)
             error = _error_of(future)
             if len(missions) > 1 and error is not None:
@@ -204,6 +212,14 @@ class _Batch:
             if error is None:
                 self._adapt_size(missions, len(outputs))
         return results, first_error
+
+    def _await_finished(self) -> list[Future[list[CallResult]]]:
+        found = []
+        with suppress(Empty):
+            found.append(self.finished.get(timeout=NEW_WORKERS_S))
+            while True:
+                found.append(self.finished.get_nowait())
+        return found
 
     def _adapt_size(self, missions: Sequence[Mission], finished: int) -> None:
         """Grow calls that had time for all their missions; put the unfinished ones back."""

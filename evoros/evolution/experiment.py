@@ -63,7 +63,7 @@ class Experiment:
     simulator: Simulator
     fitness: Annotated[Fitness, instance_of(Fitness, "a fitness (score and worst)")]
     optimizer: Annotated[Optimizer, instance_of(Optimizer, "an optimizer (generations and start)")]
-    executor: Annotated[Executor, instance_of(Executor, "an executor (workers and open)")]
+    executor: Annotated[Executor, instance_of(Executor, "an executor (open)")]
     seed: Annotated[int, WHOLE] = 0
     trials: Annotated[int, COUNT] = 1  # missions of a design in each world
     draws: Annotated[str, one_of(*POLICIES)] = "generation"  # where missions share random draws

@@ -24,9 +24,8 @@ def evolve(
         InputError: the journal is of another run, or a part refuses what it is given.
         RunStopped: a mission crashed or hung, and the experiment stops at that.
     """
-    workers, lost = experiment.executor.workers, experiment.lost_missions
     keep = journal.keep_trajectory if experiment.record == ALL else None
-    dispatcher = Dispatcher(pool, workers, lost, journal.keep_log, keep)
+    dispatcher = Dispatcher(pool, experiment.lost_missions, journal.keep_log, keep)
     scores = Scores(experiment, journal, observer, dispatcher)
     search = experiment.start_search()
     for number in range(generations):

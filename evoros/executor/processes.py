@@ -1,7 +1,6 @@
 """Runs calls in worker processes on this machine, and survives calls that crash or hang."""
 
 import os
-import pickle
 import queue
 import signal
 import sys
@@ -14,10 +13,11 @@ from threading import Lock, Thread
 from typing import Annotated, Any
 
 from evoros.base.checks import POSITIVE, WHOLE, Rule, checked, is_whole
-from evoros.base.errors import InputError, PilotLost, WorkerLost
 from evoros.base.threads import ONE_THREAD
+from evoros.executor.attempts import Limits, settle
+from evoros.executor.payload import Call, pack_call
 from evoros.executor.protocol import Pool
-from evoros.executor.worker_handle import NoAnswerError, Worker
+from evoros.executor.worker_handle import Worker
 
 
 def _null_or_whole(minimum: int) -> Rule:
@@ -56,6 +56,11 @@ class Processes:
     def __post_init__(self) -> None:
         object.__setattr__(self, "workers", self.workers or available_cores())
 
+    @property
+    def limits(self) -> Limits:
+        """What a call may cost."""
+        return Limits(self.time_limit_s, self.retries, self.calls_per_worker)
+
     @contextmanager
     def open(self) -> Iterator[Pool]:
         """Start the workers. Leaving the context kills every worker with its children.
@@ -81,8 +86,7 @@ def available_cores() -> int:
 
 @dataclass(frozen=True, eq=False)
 class _QueuedCall:
-    name: str
-    payload: bytes
+    call: Call
     future: "Future[Any]" = field(default_factory=Future)
 
 
@@ -97,6 +101,16 @@ class _WorkerPool:
         )  # a future, because threads wait for it and for an answer
         self._lock = Lock()  # so that no call is submitted after close
         self._threads = [Thread(target=self._serve, daemon=True) for _ in range(settings.workers)]
+
+    @property
+    def workers(self) -> int:
+        """The number of worker processes."""
+        return self._settings.workers
+
+    @property
+    def shares_files(self) -> bool:
+        """The processes are on this machine."""
+        return True
 
     def start(self) -> None:
         # Ctrl-C reaches every process in the terminal, but only the main process handles it.
@@ -117,14 +131,7 @@ class _WorkerPool:
             InputError: the function or an argument does not pickle.
             RuntimeError: the pool is closed.
         """
-        name = getattr(function, "__qualname__", None) or repr(function)
-        try:
-            call = _QueuedCall(name, pickle.dumps((function, args)))
-        except Exception as error:  # whatever a user's __reduce__ raises
-            raise InputError(
-                f"{name}: cannot be sent to a worker process ({error}); define functions and "
-                f"classes at the top of a module that can be imported, or use executor=serial"
-            ) from error
+        call = _QueuedCall(pack_call(function, args))
         with self._lock:
             if self._closing.done():
                 raise RuntimeError("this pool is closed")
@@ -145,7 +152,7 @@ class _WorkerPool:
             thread.join()
 
     def _serve(self) -> None:
-        worker = Worker(self._closing, self._settings.time_limit_s, self._settings.calls_per_worker)
+        worker = self._settings.limits.start_worker(self._closing)
         try:
             with suppress(OSError, RuntimeError):  # the first call tries again and reports it
                 worker.start()
@@ -155,35 +162,13 @@ class _WorkerPool:
         finally:
             worker.stop()
 
-    def _finish(self, call: _QueuedCall, worker: Worker) -> None:
+    def _finish(self, queued: _QueuedCall, worker: Worker) -> None:
         try:
-            returned, value = self._attempt(call, worker)
+            answer = self._settings.limits.attempt(queued.call, worker)
         except BaseException as error:  # for the caller; this thread must go on
-            returned, value = False, error
-        if returned:
-            call.future.set_result(value)
+            queued.future.set_exception(error)
         else:
-            call.future.set_exception(value)
-
-    def _attempt(self, call: _QueuedCall, worker: Worker) -> tuple[bool, Any]:
-        """Attempt the call until it is answered, as often as the settings allow.
-
-        Returns whether it returned, and what it returned or raised.
-        """
-        attempts = self._settings.retries + 1
-        for left in reversed(range(attempts)):
-            try:
-                returned, value = pickle.loads(worker.answer(call.payload))
-            except NoAnswerError as error:
-                if not left:
-                    times = "once" if attempts == 1 else f"{attempts} times, the last time"
-                    raise WorkerLost(
-                        f"{call.name}: lost {times} because {error.reason}; {error.fix}"
-                    ) from error
-                continue
-            if returned or not isinstance(value, PilotLost) or not left:
-                break
-        return returned, value
+            settle(queued.future, answer)
 
 
 @contextmanager

@@ -9,12 +9,28 @@ from typing import Any, Protocol, runtime_checkable
 class Pool(Protocol):
     """The workers of an open executor; ``submit`` is that of ``concurrent.futures.Executor``."""
 
+    @property
+    def workers(self) -> int:
+        """The number of calls that run at the same time, now; those of a cluster come and go."""
+        ...
+
+    @property
+    def shares_files(self) -> bool:
+        """Whether the workers see the files of this process under the same paths.
+
+        If not, this process draws its figures itself.
+        """
+        ...
+
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
         """Call ``function(*args)`` in a worker; function and arguments must pickle.
 
         The future raises the exception of the function, or WorkerLost if the call crashed its
         process or hung, also when it was retried. A function that raises PilotLost is
-        retried in the same way.
+        retried in the same way. RunStopped says that there are no
+        workers any more, whatever the call.
+
+        A ``Shared`` argument travels once to each worker.
         """
         ...
 
@@ -23,11 +39,11 @@ class Pool(Protocol):
 class Executor(Protocol):
     """Runs calls in workers. No result may depend on the choice of executor."""
 
-    @property
-    def workers(self) -> int:
-        """The number of calls that run at the same time."""
-        ...
-
     def open(self) -> AbstractContextManager[Pool]:
-        """Start the workers. Leaving the context ends all of them, whatever they are doing."""
+        """Start the workers. Leaving the context ends all calls, whatever they are doing.
+
+        Raises:
+            InputError: the executor cannot be used, whatever is done outside.
+            RunStopped: there are no workers, and once there are the run can go on.
+        """
         ...

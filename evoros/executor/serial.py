@@ -17,11 +17,6 @@ class Serial:
     call that hangs goes on forever, and one that crashes the process ends the run.
     """
 
-    @property
-    def workers(self) -> int:
-        """One, the main process."""
-        return 1
-
     @contextmanager
     def open(self) -> Iterator[Pool]:
         """Open the pool; there is nothing to start or to end."""
@@ -29,6 +24,8 @@ class Serial:
 
 
 class _MainProcess:
+    workers, shares_files = 1, True
+
     def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
         """Call ``function(*args)``; returns a finished future."""
         future: Future[Any] = Future()

@@ -8,6 +8,7 @@ process was busy.
 
 import os
 import signal
+from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import suppress
 from multiprocessing.context import SpawnContext, SpawnProcess
@@ -15,6 +16,7 @@ from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
 
+from evoros.executor.payload import MISSING, Answer, Call, Shared
 from evoros.executor.worker_main import prepare, run_call
 
 START_LIMIT_S = 120.0
@@ -46,11 +48,16 @@ class Worker:
     """A process that is replaced when a call crashes it or hangs. Only one thread uses it."""
 
     def __init__(
-        self, closing: "Future[None]", time_limit_s: float, calls_per_process: int | None
+        self,
+        closing: "Future[None]",
+        time_limit_s: float,
+        calls_per_process: int | None,
+        folders: Sequence[str] = (),
     ) -> None:
         self._closing = closing
         self._time_limit_s = time_limit_s
         self._calls_per_process = calls_per_process
+        self._folders = folders
         self._answered = 0
         self._spawn = _Spawn()
         self._pool: Any = None
@@ -66,10 +73,10 @@ class Worker:
         if self._pool is None or not self._pool.active:
             self.stop()
             self._pool = ProcessPool(1, context=self._spawn)
-        self._leader = self._pool.schedule(prepare, timeout=START_LIMIT_S)
+        self._leader = self._pool.schedule(prepare, (self._folders,), timeout=START_LIMIT_S)
 
-    def answer(self, payload: bytes) -> bytes:
-        """Send the pickled call to the process; returns the answer of ``worker_main.run_call``.
+    def answer(self, call: Call) -> Answer:
+        """Send the call to the process; returns the answer of ``worker_main.run_call``.
 
         Raises:
             NoAnswerError: the process crashed or hung.
@@ -79,7 +86,9 @@ class Worker:
             self.stop()
         try:
             self._await_start()
-            answer = self._attempt(payload)
+            answer = self._attempt(call, ())
+            if answer.kind == MISSING:
+                answer = self._attempt(call, call.shared)
         except NoAnswerError:
             self._kill_group()  # Pebble has replaced the process, or its pool is broken
             raise
@@ -119,11 +128,11 @@ class Worker:
                 "if __name__ == '__main__'",
             ) from error
 
-    def _attempt(self, payload: bytes) -> bytes:
+    def _attempt(self, call: Call, contents: Sequence[Shared]) -> Answer:
         limit = self._time_limit_s
         try:
-            attempt = self._pool.schedule(run_call, (payload,), timeout=limit)
-            answer: bytes = self._result(attempt, limit)
+            attempt = self._pool.schedule(run_call, (call.payload, contents), timeout=limit)
+            answer: Answer = self._result(attempt, limit)
             return answer
         except TimeoutError as error:
             raise NoAnswerError(

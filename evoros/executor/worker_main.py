@@ -1,4 +1,4 @@
-"""The code that runs inside a worker process of ``Processes``."""
+"""The code that runs inside a worker process, at the other end of ``worker_handle.Worker``."""
 
 import fcntl
 import os
@@ -6,15 +6,31 @@ import pickle
 import signal
 import sys
 import traceback
+from collections.abc import Sequence
 from multiprocessing import connection, parent_process
 from threading import Thread
 from types import FrameType
 
-from evoros.base.errors import EvorosError
+from evoros.base.errors import EvorosError, PilotLost
+from evoros.executor.payload import (
+    MISSING,
+    PILOT_LOST,
+    RAISED,
+    RETURNED,
+    Answer,
+    Kept,
+    MissingError,
+    Shared,
+    unpack_call,
+)
+
+_KEPT = Kept()
 
 
-def prepare() -> int:
+def prepare(folders: Sequence[str] = ()) -> int:
     """Make sure that this process can be ended; the first call in a worker. Returns its id.
+
+    ``folders`` have the user's modules, if they are not on the path of the process above.
 
     The process leads a group, so that programs that a call starts, such as an autopilot, end with
     it.
@@ -27,30 +43,35 @@ def prepare() -> int:
     signal.signal(signal.SIGINT, _do_nothing)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     _end_with_main_process()
+    sys.path[:0] = folders
     return os.getpid()
 
 
-def run_call(payload: bytes) -> bytes:
-    """Run the pickled call; returns the pickled (True, result) or (False, exception).
+def run_call(payload: bytes, contents: Sequence[Shared] = ()) -> Answer:
+    """Run the pickled call; ``contents`` are kept for this call and later ones.
 
     The pickling happens here and not in the pool. So a class that this process cannot import, or
     an exception that cannot be unpickled, is an error of this one call.
     """
-    returned = True
+    _KEPT.add(contents)
+    kind = RETURNED
     try:
-        function, args = pickle.loads(payload)
+        function, args = unpack_call(payload, _KEPT)
         value = function(*args)
+    except MissingError:
+        return Answer(MISSING)
     except BaseException as error:
         # The traceback does not pickle; a note appears in the traceback of the main process.
         error.add_note(f"In the worker process:\n{traceback.format_exc()}")
-        returned, value = False, error
+        kind = PILOT_LOST if isinstance(error, PilotLost) else RAISED
+        value = error
     try:
-        answer = pickle.dumps((returned, value))
-        if not returned:
-            pickle.loads(answer)  # fails if __init__ takes more than the exception's args
-        return answer
+        content = pickle.dumps(value)
+        if kind != RETURNED:
+            pickle.loads(content)  # fails if __init__ takes more than the exception's args
+        return Answer(kind, content)
     except Exception as problem:
-        return pickle.dumps((False, _unpicklable(value, problem)))
+        return Answer(RAISED, pickle.dumps(_unpicklable(value, problem)))
 
 
 def _do_nothing(number: int, frame: FrameType | None) -> None:

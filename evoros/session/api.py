@@ -168,8 +168,7 @@ class Evaluator:
         missions = [
             experiment.plan.evaluation(generation, i, design) for i, design in enumerate(designs)
         ]
-        workers, lost = experiment.executor.workers, experiment.lost_missions
-        batches = Dispatcher(self._pool, workers, lost).run(
+        batches = Dispatcher(self._pool, experiment.lost_missions).run(
             experiment.scenario, list(chain.from_iterable(missions))
         )
         return missions, {mission.key: outcome for batch in batches for mission, outcome in batch}

@@ -63,18 +63,18 @@ class Evaluation:
         with EvaluationRecord(self.path, experiment, self.designs) as record:
             status = Status(record, display, record.describe)
             with status.track(self.messages):
-                amount = f"{len(self.designs)} designs, {experiment.trials} trials"
-                log_start(self.path, amount, experiment)
                 display.start(1)
                 display.begin(0, record.wanted, record.known)
                 with opener(self.executor) as pool:
+                    amount = f"{len(self.designs)} designs, {experiment.trials} trials"
+                    log_start(self.path, amount, experiment, pool)
                     report_drive(experiment, pool)
                     if not record.known:
                         first = next(record.list_missions())
                         report_repeatability(experiment.scenario, first, pool)
-                    workers, lost = self.executor.workers, experiment.lost_missions
                     keep = record.keep_trajectory if experiment.record == ALL else None
-                    dispatcher = Dispatcher(pool, workers, lost, record.keep_log, keep)
+                    lost = experiment.lost_missions
+                    dispatcher = Dispatcher(pool, lost, record.keep_log, keep)
                     dispatcher.run_missing(
                         experiment.scenario, record.list_missions(), record, status.mission
                     )

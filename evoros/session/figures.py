@@ -7,7 +7,7 @@ import io
 import shutil
 from collections.abc import Mapping, Sequence
 from concurrent.futures import CancelledError
-from contextlib import ExitStack, redirect_stdout
+from contextlib import AbstractContextManager, ExitStack, nullcontext, redirect_stdout
 from logging import WARNING
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from evoros.base.arrays import Array
 from evoros.base.checks import Rule
 from evoros.base.errors import InputError, single_line
 from evoros.base.log import LOGGER, collect_messages, detach
+from evoros.executor.processes import Processes, available_cores
 from evoros.executor.protocol import Pool
 
 if TYPE_CHECKING:
@@ -56,7 +57,22 @@ def draw_figures(run: Path, names: Sequence[str], pool: Pool) -> None:
 
     An error in drawing becomes a warning of one line and changes nothing else.
     """
-    calls = {name: pool.submit(draw, run, name) for name in names if not has_figure(run, name)}
+    missing = [name for name in names if not has_figure(run, name)]
+    if missing:
+        here = nullcontext(pool) if pool.shares_files else _start_processes(len(missing))
+        with here as drawing:
+            _draw_missing(run, missing, drawing)
+    present = [name for name in names if has_figure(run, name)]
+    if present:
+        LOGGER.info("figures in %s: %s", run / FIGURES, ", ".join(present))
+
+
+def _start_processes(figures: int) -> AbstractContextManager[Pool]:
+    return Processes(min(figures, available_cores())).open()
+
+
+def _draw_missing(run: Path, names: Sequence[str], pool: Pool) -> None:
+    calls = {name: pool.submit(draw, run, name) for name in names}
     for name, call in calls.items():
         try:
             warnings = call.result()
@@ -66,9 +82,6 @@ def draw_figures(run: Path, names: Sequence[str], pool: Pool) -> None:
             warnings = [f"it cannot be drawn ({type(error).__name__}: {single_line(error)})"]
         for warning in warnings:
             LOGGER.warning("%s: %s: %s", run / FIGURES, name, warning)
-    present = [name for name in names if has_figure(run, name)]
-    if present:
-        LOGGER.info("figures in %s: %s", run / FIGURES, ", ".join(present))
 
 
 def discard_figures(run: Path, names: Sequence[str]) -> None:

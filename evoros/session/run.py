@@ -54,9 +54,9 @@ class Session:
             discard_figures(record.path, figures)
         observer = _RunObserver(record, display, generations)
         with record, observer.status.track(self.messages):
-            log_start(record.path, f"{generations} generations", self.experiment)
             display.start(generations)
             with opener(self.executor) as pool:
+                log_start(record.path, f"{generations} generations", self.experiment, pool)
                 report_drive(self.experiment, pool)
                 self._report_repeatability(pool)
                 last = evolve(self.experiment, record, observer, generations, pool)

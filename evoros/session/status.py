@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from evoros.base.log import LOGGER, log_to_file
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation, Observer
+from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
 from evoros.mission.plan import describe
@@ -105,7 +106,7 @@ class Status:
             self.write(FINISHED)
 
 
-def log_start(folder: Path, amount: str, experiment: Experiment) -> None:
+def log_start(folder: Path, amount: str, experiment: Experiment, pool: Pool) -> None:
     """Log the first line of a run or an evaluation; ``amount`` says how much there is to do."""
     LOGGER.info(
         "%s: %s, seed %d, worlds %s, %d workers",
@@ -113,5 +114,5 @@ def log_start(folder: Path, amount: str, experiment: Experiment) -> None:
         amount,
         experiment.seed,
         ", ".join(experiment.world),
-        experiment.executor.workers,
+        pool.workers,
     )

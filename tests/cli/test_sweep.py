@@ -44,6 +44,7 @@ class Cores:
     """An executor that counts how often it was opened, and ends what waits when it is closed."""
 
     workers: int
+    shares_files: bool = True
     opened: int = 0
     given: list["Future[Any]"] = field(default_factory=list)
     closed: threading.Event = field(default_factory=threading.Event)

@@ -85,4 +85,4 @@ def test_an_experiment_that_does_not_pickle_is_refused_before_anything_is_flown(
     middle = np.full(experiment.space.size, 0.5)
     missions = experiment.plan.selection(0, 0, experiment.space.decode(middle))
     with experiment.executor.open() as pool, pytest.raises(InputError, match="cannot be sent"):
-        list(Dispatcher(pool, 1, "stop").run(scenario, missions))
+        list(Dispatcher(pool, "stop").run(scenario, missions))

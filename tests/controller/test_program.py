@@ -252,7 +252,7 @@ def test_a_lost_mission_is_flown_as_often_as_the_executor_says(
     missions = [mission(experiment, place) for place in (0.1, 0.2, 0.3, 0.4)]
     logs = {}
     with Processes(workers=1, retries=2).open() as pool:
-        worst = Dispatcher(pool, 1, WORST, lambda lost, log: logs.update({lost.key: log}))
+        worst = Dispatcher(pool, WORST, lambda lost, log: logs.update({lost.key: log}))
         results = [result for results in worst.run(scenario, missions) for result in results]
         assert (tmp_path / "tally").read_text().count("started") == 3 * len(missions)
         assert {lost.key: "these are the\nlast words\n" for lost in missions} == logs
@@ -260,7 +260,7 @@ def test_a_lost_mission_is_flown_as_often_as_the_executor_says(
         for _, outcome in results:
             assert outcome.ended == LOST
             assert re.search(reason, outcome.reason)
-        stop = Dispatcher(pool, 1, STOP)
+        stop = Dispatcher(pool, STOP)
         where = r"^the mission of design 10 in maze, generation 0, trial 0: python"
         with pytest.raises(RunStopped, match=where + rf"\S* {reason}"):
             list(stop.run(scenario, missions[:1]))

@@ -51,7 +51,7 @@ def missions(designs: int = 20) -> tuple[Mission, ...]:
 
 def flown(executor: Executor, scenario: Scenario, lost: str = STOP) -> dict[MissionKey, Outcome]:
     with executor.open() as pool:
-        batches = list(Dispatcher(pool, executor.workers, lost).run(scenario, missions()))
+        batches = list(Dispatcher(pool, lost).run(scenario, missions()))
     pairs = [pair for batch in batches for pair in batch]
     assert len(pairs) == len(missions())  # none twice
     return {mission.key: outcome for mission, outcome in pairs}
@@ -124,6 +124,8 @@ class Watched:
     """A pool in this process that finishes calls when told, or at once; notes their sizes."""
 
     at_once: bool = False
+    workers: int = 1
+    shares_files: bool = True
     calls: list[tuple["Future[Any]", Callable[..., Any], tuple[Any, ...]]] = field(
         default_factory=list
     )
@@ -149,6 +151,8 @@ class Broken:
     """A pool whose every call ends as told."""
 
     error: Exception
+    workers: int = 1
+    shares_files: bool = True
 
     def submit(self, function: Any, /, *args: Any) -> "Future[Any]":
         future: Future[Any] = Future()
@@ -196,7 +200,7 @@ def test_a_fault_that_stops_the_run_is_that_of_one_mission() -> None:
             recorded: list[tuple[Mission, Outcome]] = []
             said = "^the trap: must" if what == "refuse" else "the mission of design 13 in "
             error = InputError if what == "refuse" else RunStopped
-            batches = Dispatcher(pool, 1, STOP).run(trapped(what, 13), missions())
+            batches = Dispatcher(pool, STOP).run(trapped(what, 13), missions())
             with pytest.raises(error, match=said):
                 recorded.extend(pair for batch in batches for pair in batch)
             designs = [mission.design_id for mission, _ in recorded]
@@ -225,26 +229,26 @@ def test_lost_missions_stop_or_are_the_worst() -> None:
     scenario = experiment().scenario
     for error in (WorkerLost("it hung"), ValueError("no\nluck")):
         with pytest.raises(RunStopped, match=r"design 4 in \w+, generation 3, trial 0: "):
-            list(Dispatcher(Broken(error), 1, STOP).run(scenario, wanted))
+            list(Dispatcher(Broken(error), STOP).run(scenario, wanted))
         rows: dict[MissionKey, int] = {}
         keep = partial(note_rows, rows)
-        dispatcher = Dispatcher(Broken(error), 1, WORST, keep_trajectory=keep)
+        dispatcher = Dispatcher(Broken(error), WORST, keep_trajectory=keep)
         (*batches,) = dispatcher.run(scenario, wanted)
         assert rows == {mission.key: 0 for mission in wanted}
         outcomes = [outcome for batch in batches for _, outcome in batch]
         assert {outcome.ended for outcome in outcomes} == {LOST}
         assert {outcome.progress for outcome in outcomes} == {0.0}
         assert len(outcomes) == len(wanted)
-        tracks = Dispatcher(Broken(error), 1, WORST).run_for_trajectories(scenario, wanted)
+        tracks = Dispatcher(Broken(error), WORST).run_for_trajectories(scenario, wanted)
         assert [len(track) for track in tracks] == [0] * len(wanted)
         with pytest.raises(RunStopped):
-            Dispatcher(Broken(error), 1, STOP).run_for_trajectories(scenario, wanted)
+            Dispatcher(Broken(error), STOP).run_for_trajectories(scenario, wanted)
 
 
 @pytest.mark.parametrize("error", [InputError("bad"), SimulationError("odd"), CancelledError()])
 def test_errors_of_ours_are_never_recorded_as_lost(error: Exception) -> None:
     with pytest.raises(type(error)):
-        list(Dispatcher(Broken(error), 1, WORST).run(experiment().scenario, missions()))
+        list(Dispatcher(Broken(error), WORST).run(experiment().scenario, missions()))
 
 
 # ---- what is run at all
@@ -280,9 +284,9 @@ def test_missions_that_are_recorded_are_not_run_again(
     monkeypatch.setattr(dispatch, "BLOCK", block)
     memory, scenario = Memory(), harmless(99)
     known = [mission for i, mission in enumerate(missions()) if i % 3 == 0]
-    for results in Dispatcher(Watched(at_once=True), 1, STOP).run(scenario, known):
+    for results in Dispatcher(Watched(at_once=True), STOP).run(scenario, known):
         memory.record(results)
-    dispatcher = Dispatcher(Watched(at_once=True), 1, STOP)
+    dispatcher = Dispatcher(Watched(at_once=True), STOP)
     dispatcher.run_missing(scenario, iter(missions()), memory, memory.notify)
     assert set(memory.outcomes) == {mission.key for mission in missions()}
     assert set(memory.reported) == set(memory.outcomes) - {mission.key for mission in known}
@@ -297,7 +301,7 @@ def test_missions_that_are_recorded_are_not_run_again(
 def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     pool = Watched(at_once=True)
     monkeypatch.setattr(calls, "CALL_S", 1e9)
-    list(Dispatcher(pool, 1, STOP).run(experiment().scenario, missions()))
+    list(Dispatcher(pool, STOP).run(experiment().scenario, missions()))
     assert pool.sizes[0] == 1
     assert max(pool.sizes) >= 7
     assert len(pool.sizes) < len(missions()) / 2
@@ -307,25 +311,42 @@ def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.Monk
 
     pool = Watched(at_once=True)
     monkeypatch.setattr(calls, "CALL_S", 0.0)
-    list(Dispatcher(pool, 1, STOP).run(experiment().scenario, missions()))
+    list(Dispatcher(pool, STOP).run(experiment().scenario, missions()))
     assert max(pool.sizes[1:]) <= 2  # it tries once more whether there is time now
     assert len(pool.sizes) == len(missions())
 
 
 @pytest.mark.parametrize("workers", [1, 3])
 def test_only_a_few_calls_are_submitted_ahead(workers: int) -> None:
-    pool = Watched()
-    batch = dispatch._Batch(experiment().scenario, pool, workers, list(missions()))
+    pool = Watched(workers=workers)
+    batch = dispatch._Batch(experiment().scenario, pool, list(missions()))
     while batch.submit():
         assert len(pool.calls) <= workers * CALLS_PER_WORKER
         pool.finish()
-        batch.collect(Dispatcher(pool, workers, STOP))
+        batch.collect(Dispatcher(pool, STOP))
     assert pool.most == workers * CALLS_PER_WORKER
+
+
+def test_calls_ahead_follow_the_number_of_workers() -> None:
+    pool = Watched(workers=0)  # none has joined, but the first may find a call
+    batch = dispatch._Batch(experiment().scenario, pool, list(missions()))
+    for workers, calls_out in ((0, 1), (1, 1), (2, 2), (5, 5), (1, 5)):  # none is called back
+        pool.workers = workers
+        assert batch.submit()
+        assert len(pool.calls) == calls_out * CALLS_PER_WORKER
+
+
+def test_many_workers_get_longer_calls_and_few_get_the_shortest() -> None:
+    times = [calls.call_time(workers) for workers in (1, 2, 8, 64, 512, 4096)]
+    assert times == sorted(times)
+    assert times[:2] == [calls.CALL_S] * 2
+    for workers in (64, 512, 4096):
+        assert workers / calls.call_time(workers) <= calls.CALLS_PER_S
 
 
 def test_what_runs_in_this_process_is_recorded_before_the_next_call_begins() -> None:
     pool = Watched(at_once=True)
-    batches = Dispatcher(pool, 2, STOP).run(experiment().scenario, missions())
+    batches = Dispatcher(pool, STOP).run(experiment().scenario, missions())
     for number, _ in zip(range(1, 6), batches, strict=False):
         assert len(pool.sizes) == number
 
@@ -355,7 +376,7 @@ def unpack() -> Counted:
 def test_the_task_is_packed_once_and_unpacked_once() -> None:
     scenario = replace(experiment().scenario, failure=Counted())
     for _ in range(2):
-        assert len(list(Dispatcher(Watched(at_once=True), 1, STOP).run(scenario, missions()))) > 2
+        assert len(list(Dispatcher(Watched(at_once=True), STOP).run(scenario, missions()))) > 2
     assert COUNT == {"packed": 1, "unpacked": 1}
 
 

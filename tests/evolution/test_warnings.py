@@ -318,7 +318,7 @@ def test_a_simulator_without_fault_gives_no_warning() -> None:
 class OnePool:
     """Calls at once, or fails."""
 
-    workers = 1
+    workers, shares_files = 1, True
 
     def __init__(self, error: Exception | None = None) -> None:
         self.error = error

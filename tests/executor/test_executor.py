@@ -34,8 +34,8 @@ def test_each_configuration_builds_an_executor_that_computes(path: Path) -> None
     executor = instantiate(configuration, _convert_="all")
     assert isinstance(executor, Executor)
     assert {"_target_", *vars(executor)} == set(configuration)
-    assert executor.workers >= 1
     with executor.open() as pool:
+        assert pool.workers >= 1
         assert pool.submit(square, 7).result() == 49
         with pytest.raises(ZeroDivisionError):
             pool.submit(divmod, 1, 0).result()

@@ -1,0 +1,131 @@
+"""The user's own Python modules, sent to workers that do not see their folders."""
+
+import importlib.machinery
+import io
+import sys
+import sysconfig
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Lock
+
+from evoros.base.errors import InputError
+from evoros.executor.payload import Shared
+
+MAX_BYTES = 64 * 2**20
+"""Of all modules together; more are a folder that holds something else besides."""
+_OURS = ("evoros", "analysis", "__main__")
+_NEVER = ("__pycache__",)
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+
+
+class UserModules:
+    """The modules that this process has imported from folders of the user, with those beside them.
+
+    Their files are read once: a run goes on with the code that it began with.
+    """
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._known = 0  # number of all imported modules when the archive was made
+        self._files: dict[str, bytes] = {}  # by name in the archive
+        self._folders: list[Path] = []
+        self._archive: Shared | None = None
+
+    def pack(self) -> Shared | None:
+        """Return the archive of all modules imported by now; None if there are none.
+
+        Raises:
+            InputError: they are too large to be sent, or cannot be read.
+        """
+        with self._lock:
+            if len(sys.modules) != self._known:
+                self._known = len(sys.modules)
+                before = len(self._files)
+                self._add_new()
+                if len(self._files) != before:
+                    self._archive = self._write()
+            return self._archive
+
+    def _add_new(self) -> None:
+        for folder, file in sorted(set(_list_files())):
+            if folder not in self._folders:
+                self._folders.append(folder)
+            name = f"{self._folders.index(folder)}/{file.relative_to(folder).as_posix()}"
+            if name in self._files:
+                continue
+            try:
+                self._files[name] = file.read_bytes()
+            except OSError as error:
+                raise InputError(
+                    f"{file}: must be readable, because workers get it ({error.strerror}); "
+                    f"change its permissions or move it out of {folder}"
+                ) from error
+            if sum(map(len, self._files.values())) > MAX_BYTES:
+                raise InputError(
+                    f"{folder}: the modules to be sent to workers must have at most "
+                    f"{MAX_BYTES >> 20} MiB, and {file} exceeds that; move your own modules into "
+                    f"a folder of their own"
+                )
+
+    def _write(self) -> Shared:
+        buffer = io.BytesIO()
+        with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, content in sorted(self._files.items()):
+                archive.writestr(zipfile.ZipInfo(name, _EPOCH), content)
+        return Shared.of(buffer.getvalue())
+
+
+def unpack_modules(archive: bytes, folder: Path) -> list[str]:
+    """Unpack an archive into an empty folder; returns the folders to import from."""
+    with zipfile.ZipFile(io.BytesIO(archive)) as packed:
+        packed.extractall(folder)
+    return [str(each) for each in sorted(folder.iterdir(), key=lambda path: int(path.name))]
+
+
+def _list_files() -> Iterator[tuple[Path, Path]]:
+    """Yield each folder of the path from which modules of the user came, and each file to send."""
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        top = name.partition(".")[0]
+        if file is None or top in _OURS or _is_installed(Path(file)):
+            continue
+        for entry in sys.path:
+            folder = Path(entry or ".").resolve()
+            if (folder / name.replace(".", "/")).with_suffix(".py") == Path(file).resolve():
+                yield from ((folder, each) for each in _list_beside(folder))
+            elif (folder / name.replace(".", "/") / "__init__.py") == Path(file).resolve():
+                pass
+            else:
+                continue
+            if (folder / top).is_dir():
+                yield from ((folder, each) for each in _list_package(folder / top))
+            break
+
+
+def _list_beside(folder: Path) -> Iterator[Path]:
+    """Yield the modules at the top of a folder, one of which may import another later."""
+    for path in folder.glob("*.py"):
+        if path.stem not in sys.stdlib_module_names and path.is_file():
+            yield path
+
+
+def _list_package(folder: Path) -> Iterator[Path]:
+    """Yield all files of a package, which may read those that are no modules."""
+    for path in folder.iterdir():
+        if path.name.startswith(".") or path.name in _NEVER:
+            continue
+        if path.is_dir() and not path.is_symlink():
+            yield from _list_package(path)
+        elif path.is_file():
+            yield path
+
+
+def _is_installed(file: Path) -> bool:
+    if file.suffix not in importlib.machinery.SOURCE_SUFFIXES:
+        return True
+    if {"site-packages", "dist-packages"} & set(file.parts):
+        return True
+    return any(
+        file.is_relative_to(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib")
+    )

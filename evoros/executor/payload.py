@@ -1,0 +1,120 @@
+"""Calls and answers as bytes. What many calls share travels once to each process."""
+
+import hashlib
+import pickle
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from threading import Lock
+from typing import Any, NamedTuple
+
+from evoros.base.errors import InputError
+
+KEPT = 16
+"""Shared contents that a process keeps, the least recently used ones go first."""
+
+MISSING, RETURNED, RAISED, PILOT_LOST = range(4)
+"""Kinds of answers; to a call whose shared contents are ``MISSING`` they are sent with it again."""
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Bytes that are an argument of many calls.
+
+    As an argument by itself it is sent by its digest, and with its content only to a process that
+    has not kept it.
+    """
+
+    digest: bytes  # SHA-256; a process compares these 32 bytes and not megabytes
+    content: bytes = field(compare=False, repr=False)
+
+    @classmethod
+    def of(cls, content: bytes) -> "Shared":
+        """Share the content."""
+        return cls(hashlib.sha256(content).digest(), content)
+
+
+@dataclass(frozen=True)
+class Call:
+    """A pickled call; ``shared`` are those of its arguments that the bytes name by digest."""
+
+    name: str
+    payload: bytes = field(repr=False)
+    shared: tuple[Shared, ...] = ()
+
+
+class Answer(NamedTuple):
+    """What a process answers: the pickled result or exception, or nothing if it is ``MISSING``."""
+
+    kind: int
+    content: bytes = b""
+
+
+class MissingError(Exception):
+    """A process has not kept what a call shares with others."""
+
+
+class Kept:
+    """The shared contents of a process."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[bytes, Shared] = OrderedDict()
+        self._lock = Lock()
+
+    def add(self, contents: Sequence[Shared]) -> None:
+        """Keep contents."""
+        with self._lock:
+            for each in contents:
+                self._kept[each.digest] = each
+                self._kept.move_to_end(each.digest)
+            while len(self._kept) > KEPT:
+                self._kept.popitem(last=False)
+
+    def get(self, digest: bytes) -> Shared:
+        """Return what has been kept.
+
+        Raises:
+            MissingError: it has not.
+        """
+        with self._lock:
+            try:
+                self._kept.move_to_end(digest)
+            except KeyError:
+                raise MissingError from None
+            return self._kept[digest]
+
+
+@dataclass(frozen=True)
+class _Reference:
+    """Stands for a shared argument in a pickled call."""
+
+    digest: bytes
+
+
+def pack_call(function: Callable[..., Any], args: Sequence[Any]) -> Call:
+    """Pickle a call.
+
+    Raises:
+        InputError: the function or an argument does not pickle.
+    """
+    name = getattr(function, "__qualname__", None) or repr(function)
+    shared = tuple(arg for arg in args if isinstance(arg, Shared))
+    sent = tuple(_Reference(arg.digest) if isinstance(arg, Shared) else arg for arg in args)
+    try:
+        return Call(name, pickle.dumps((function, sent)), shared)
+    except Exception as error:  # whatever a user's __reduce__ raises
+        raise InputError(
+            f"{name}: cannot be sent to a worker process ({error}); define functions and "
+            f"classes at the top of a module that can be imported, or use executor=serial"
+        ) from error
+
+
+def unpack_call(payload: bytes, kept: Kept) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+    """Unpickle a call.
+
+    Raises:
+        MissingError: ``kept`` lacks what it shares.
+    """
+    function, sent = pickle.loads(payload)
+    args = (kept.get(arg.digest) if isinstance(arg, _Reference) else arg for arg in sent)
+    return function, tuple(args)
