@@ -96,6 +96,13 @@ def meet(mine: str, other: str) -> bool:
     return wait_until(lambda: bool(noted(other)), 120)
 
 
+def kill_worker(tally: str) -> None:
+    """Kill the worker of the cluster whose process this is."""
+    note(tally)
+    os.kill(os.getppid(), signal.SIGKILL)
+    time.sleep(LONG_S)
+
+
 # What calls leave behind, and the processes of this machine.
 
 

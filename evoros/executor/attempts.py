@@ -1,13 +1,23 @@
 """Attempts at a call in a worker process, whichever executor the process belongs to."""
 
 import pickle
+from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any
 
+from evoros.base.checks import Rule, is_whole
 from evoros.base.errors import WorkerLost
 from evoros.executor.payload import PILOT_LOST, RAISED, RETURNED, Answer, Call
 from evoros.executor.worker_handle import NoAnswerError, Worker
+
+
+def null_or_whole(minimum: int) -> Rule:
+    """The rule for a number that may be left out."""
+    return Rule(
+        f"a whole number of at least {minimum}, or null",
+        lambda v: v is None or (is_whole(v) and v >= minimum),
+    )
 
 
 @dataclass(frozen=True)
@@ -18,9 +28,12 @@ class Limits:
     retries: int
     calls_per_worker: int | None
 
-    def start_worker(self, closing: "Future[None]") -> Worker:
-        """Return the handle on a worker process, which starts at its first call."""
-        return Worker(closing, self.time_limit_s, self.calls_per_worker)
+    def start_worker(self, closing: "Future[None]", folders: Sequence[str] = ()) -> Worker:
+        """Return the handle on a worker process, which starts at its first call.
+
+        It imports from ``folders`` first.
+        """
+        return Worker(closing, self.time_limit_s, self.calls_per_worker, folders)
 
     def attempt(self, call: Call, worker: Worker) -> Answer:
         """Attempt the call until it is answered, as often as the settings allow.

@@ -126,6 +126,4 @@ def _is_installed(file: Path) -> bool:
         return True
     if {"site-packages", "dist-packages"} & set(file.parts):
         return True
-    return any(
-        file.is_relative_to(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib")
-    )
+    return any(file.is_relative_to(sysconfig.get_path(name)) for name in ("stdlib", "platstdlib"))

@@ -12,19 +12,12 @@ from multiprocessing import resource_tracker
 from threading import Lock, Thread
 from typing import Annotated, Any
 
-from evoros.base.checks import POSITIVE, WHOLE, Rule, checked, is_whole
+from evoros.base.checks import POSITIVE, WHOLE, checked
 from evoros.base.threads import ONE_THREAD
-from evoros.executor.attempts import Limits, settle
+from evoros.executor.attempts import Limits, null_or_whole, settle
 from evoros.executor.payload import Call, pack_call
 from evoros.executor.protocol import Pool
 from evoros.executor.worker_handle import Worker
-
-
-def _null_or_whole(minimum: int) -> Rule:
-    return Rule(
-        f"a whole number of at least {minimum}, or null",
-        lambda v: v is None or (is_whole(v) and v >= minimum),
-    )
 
 
 @dataclass(frozen=True)
@@ -47,10 +40,10 @@ class Processes:
         InputError: a value breaks its rule.
     """
 
-    workers: Annotated[int, _null_or_whole(0)] = 0
+    workers: Annotated[int, null_or_whole(0)] = 0
     time_limit_s: Annotated[float, POSITIVE] = 600.0  # wall clock, of one attempt at one call
     retries: Annotated[int, WHOLE] = 1  # at a call that crashed, hung or raised PilotLost
-    calls_per_worker: Annotated[int | None, _null_or_whole(1)] = None
+    calls_per_worker: Annotated[int | None, null_or_whole(1)] = None
     """Calls until a fresh process takes over; None: no limit."""
 
     def __post_init__(self) -> None:

@@ -35,14 +35,13 @@ def prepare(folders: Sequence[str] = ()) -> int:
     The process leads a group, so that programs that a call starts, such as an autopilot, end with
     it.
     """
-    os.setpgid(0, 0)
+    end_with_main_process()
     # The default action needs no interpreter, so it also ends C code that never returns.
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     # Only the main process reacts to Ctrl-C. Programs that a call starts would inherit SIG_IGN or
     # a blocked signal, but not a handler, and some of them must be ended by SIGINT.
     signal.signal(signal.SIGINT, _do_nothing)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    _end_with_main_process()
     sys.path[:0] = folders
     return os.getpid()
 
@@ -88,8 +87,12 @@ def _unpicklable(value: object, problem: Exception) -> EvorosError:
     return error
 
 
-def _end_with_main_process() -> None:
-    """Make this process die as soon as the main process is gone, whatever either of them does."""
+def end_with_main_process() -> None:
+    """Make this process and its group die as soon as the process that started it is gone.
+
+    Whatever either of them does; it becomes the leader of the group.
+    """
+    os.setpgid(0, 0)
     main = parent_process()
     assert main is not None, "not a worker process"
     sentinel = main.sentinel  # a pipe whose other end only the main process holds

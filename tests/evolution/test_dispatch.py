@@ -311,6 +311,7 @@ def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.Monk
 
     pool = Watched(at_once=True)
     monkeypatch.setattr(calls, "CALL_S", 0.0)
+    monkeypatch.setattr(calls, "CALLS_PER_S", np.inf)
     list(Dispatcher(pool, STOP).run(experiment().scenario, missions()))
     assert max(pool.sizes[1:]) <= 2  # it tries once more whether there is time now
     assert len(pool.sizes) == len(missions())

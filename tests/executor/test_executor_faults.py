@@ -1,4 +1,4 @@
-"""Worker processes under real faults: calls that crash, hang, raise or do not pickle."""
+"""Real faults in workers, of this machine and of a cluster: calls that crash, hang, raise ..."""
 
 import os
 import signal
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from dask_cases import cluster
 from executor_calls import (
     HomeOnly,
     ParticularError,
@@ -27,21 +28,35 @@ from executor_calls import (
 )
 
 from evoros.base.errors import EvorosError, InputError, WorkerLost
+from evoros.executor.dask import Dask
 from evoros.executor.processes import Processes
-from evoros.executor.protocol import Pool
+from evoros.executor.protocol import Executor, Pool
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
 
 
 @pytest.fixture(scope="module")
-def pool() -> Iterator[Pool]:
-    with Processes(workers=2, retries=1, time_limit_s=60).open() as pool:
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    with cluster(tmp_path_factory.mktemp("cluster"), workers=2) as started:
+        yield started.address
+
+
+def executor(name: str, request: pytest.FixtureRequest, time_limit_s: float) -> Executor:
+    limits: dict[str, Any] = {"retries": 1, "time_limit_s": time_limit_s}
+    if name == "dask":
+        return Dask(request.getfixturevalue("scheduler"), **limits)
+    return Processes(2, **limits)
+
+
+@pytest.fixture(scope="module", params=["processes", "dask"])
+def pool(request: pytest.FixtureRequest) -> Iterator[Pool]:
+    with executor(request.param, request, 60).open() as pool:
         yield pool
 
 
 @pytest.fixture
-def no_process_left() -> Iterator[None]:
-    before = set(children())  # the workers of ``pool``
+def no_process_left(scheduler: str) -> Iterator[None]:
+    before = set(children())  # the workers of ``pool``, and the cluster
     yield
     assert set(children()) <= before
 
@@ -62,8 +77,11 @@ FAULTS: dict[str, tuple[Callable[..., Any], tuple[object, ...], str]] = {
 
 
 @pytest.mark.usefixtures("no_process_left")
-def test_faults_cost_only_the_calls_that_have_them(tmp_path: Path) -> None:
-    with Processes(workers=2, time_limit_s=4, retries=1).open() as pool:
+@pytest.mark.parametrize("name", ["processes", "dask"])
+def test_faults_cost_only_the_calls_that_have_them(
+    name: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    with executor(name, request, 4).open() as pool:
         healthy, faulty = [], {}
         for number, (name, (function, arguments, _)) in enumerate(FAULTS.items()):
             healthy.append(pool.submit(square, number))

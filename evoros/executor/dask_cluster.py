@@ -1,0 +1,88 @@
+"""Connects to a dask cluster, or starts one on this machine."""
+
+import logging
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import dask
+from distributed import Client, LocalCluster
+
+from evoros.base.errors import RunStopped, single_line
+from evoros.executor.dask_transport import CONNECT_S, DaskTransport
+from evoros.executor.worker_main import end_with_main_process
+
+LOCAL_SETTINGS = {
+    "distributed.scheduler.worker-ttl": "60s",  # a worker that is stopped is replaced
+    "distributed.worker.memory.terminate": False,  # its calls run in processes of their own
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.target": False,
+}
+LOOPBACK = "127.0.0.1"
+
+
+@contextmanager
+def silence() -> Iterator[None]:
+    """Keep dask's own messages off the terminal: what they mean is reported in one line."""
+    names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
+    before = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="distributed")
+        try:
+            yield
+        finally:
+            for name, level in before.items():
+                logging.getLogger(name).setLevel(level)
+
+
+@contextmanager
+def start_cluster(workers: int) -> Iterator[str]:
+    """Start a cluster of worker processes on this machine; yields its scheduler's address."""
+    with (
+        tempfile.TemporaryDirectory(prefix="evoros-dask-") as folder,
+        dask.config.set(LOCAL_SETTINGS),
+        LocalCluster(  # type: ignore[no-untyped-call]
+            n_workers=workers,
+            threads_per_worker=1,
+            host=LOOPBACK,
+            dashboard_address=None,
+            worker_dashboard_address=None,
+            memory_limit=0,
+            local_directory=folder,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        connect(cluster.scheduler_address) as transport,
+    ):
+        transport.run_everywhere(end_with_main_process)
+        yield cluster.scheduler_address
+
+
+@contextmanager
+def connect(address: str) -> Iterator[DaskTransport]:
+    """Connect to a scheduler.
+
+    Raises:
+        RunStopped: nobody answers.
+    """
+    try:
+        client: Any = Client(  # type: ignore[no-untyped-call]
+            address, timeout=CONNECT_S, set_as_default=False, name="evoros"
+        )
+    except (OSError, TimeoutError, ValueError, ImportError) as error:
+        raise RunStopped(
+            f"executor.address: no dask scheduler answers at {address} ({single_line(error)}); "
+            f"start one there (dask scheduler) or correct the address"
+        ) from error
+    transport = DaskTransport(client, address)
+    try:
+        transport.start()
+        yield transport
+    finally:
+        transport.close()
+        with suppress(Exception):  # the scheduler may be gone
+            client.close(timeout=5)

@@ -1,0 +1,243 @@
+"""Carries calls by dask.distributed."""
+
+import asyncio
+import uuid
+from collections.abc import Callable, Coroutine
+from concurrent.futures import Future
+from contextlib import suppress
+from dataclasses import dataclass
+from threading import Event, Lock, Thread
+from typing import Any
+
+from distributed import KilledWorker, get_worker
+from distributed.client import FutureCancelledError
+
+from evoros.base.errors import RunStopped, WorkerLost, single_line
+from evoros.base.log import LOGGER
+from evoros.executor import node
+from evoros.executor.remote import RawAnswer
+
+CONNECT_S = 10.0
+"""A scheduler that has not answered by then is reported [s]."""
+ANSWER_S = 60.0
+"""One that has answered before gets longer [s]: it may be busy."""
+LOOK_S = 0.5
+"""The main process asks that often which workers there are [s]."""
+ALONE_S = 10.0
+"""Calls that no worker takes are reported after this time [s]."""
+
+
+def _ignore(loop: object, context: dict[str, Any]) -> None:
+    """Drop errors of dask's own coroutines, which nobody waits for when calls are cancelled."""
+    LOGGER.debug("dask: %s", context.get("exception") or context.get("message"))
+
+
+def answer(wanted: dict[str, str], request: bytes) -> RawAnswer:
+    """Run a call in a worker; see ``node.answer``."""
+    return (*node.answer(wanted, request), get_worker().address)
+
+
+class DaskTransport:
+    """Sends each call as a task of its own."""
+
+    def __init__(self, client: Any, address: str) -> None:
+        self._client = client
+        self._address = address
+        self._loop: asyncio.AbstractEventLoop = client.loop.asyncio_loop
+        self._loop.set_exception_handler(_ignore)
+        self._threads: dict[str, int] = {}  # of each worker, by its address
+        self._excluded: set[str] = set()
+        self._out: set[_Sending] = set()  # only the loop's thread uses it
+        self._lock = Lock()
+        self._closing = Event()
+        self._lost: RunStopped | None = None
+        self._watcher = Thread(target=self._watch, daemon=True)
+
+    def start(self) -> None:
+        """Learn which workers there are, and begin to follow them.
+
+        Raises:
+            RunStopped: the scheduler does not answer.
+        """
+        self._look()
+        if self._lost is not None:
+            raise self._lost
+        self._watcher.start()
+
+    @property
+    def workers(self) -> int:
+        """The threads of all workers that fit."""
+        return sum(n for address, n in self._threads.items() if address not in self._excluded)
+
+    def send(
+        self, name: str, wanted: dict[str, str], request: bytes, node: str | None
+    ) -> "Future[RawAnswer]":
+        """See ``Transport``.
+
+        Raises:
+            RunStopped: the connection to the scheduler is lost.
+        """
+        if self._lost is not None:
+            raise self._lost
+        sending = _Sending(name, wanted, request, self._choose(node))
+        return asyncio.run_coroutine_threadsafe(self._deliver(sending), self._loop)
+
+    def exclude(self, node: str, reason: str) -> None:
+        """See ``Transport``."""
+        with self._lock:
+            if node not in self._excluded:
+                self._excluded.add(node)
+                LOGGER.warning("the dask worker %s gets no missions: %s", node, reason)
+        if not self.workers:
+            raise RunStopped(
+                f"executor: no worker of the dask scheduler at {self._address} fits; {node}: "
+                f"{reason}"
+            )
+
+    def stop(self, pool: str) -> None:
+        """See ``Transport``."""
+        if self._lost is None:
+            self.run_everywhere(node.stop, pool)
+
+    def run_everywhere(self, function: Any, *args: Any) -> None:
+        """Call a function in all workers, whatever they are doing, if they answer in time."""
+        call = self._client.run(function, *args, on_error="ignore", asynchronous=True)
+        with suppress(Exception):
+            self._await(call, CONNECT_S)
+
+    def close(self) -> None:
+        """Forget all calls."""
+        self._closing.set()
+        if self._watcher.ident is not None:
+            self._watcher.join()
+        self._cancel_all()
+
+    def _choose(self, node: str | None) -> list[str] | None:
+        """Return the workers that a call should go to; None: any."""
+        if node is not None:
+            return [node]
+        if not self._excluded:
+            return None
+        return [address for address in self._threads if address not in self._excluded] or None
+
+    async def _deliver(self, sending: "_Sending") -> RawAnswer:
+        """Submit a call and wait for its answer; this does not depend on other calls."""
+        self._out.add(sending)
+        try:
+            while True:
+                if self._lost is not None:
+                    raise self._lost
+                try:
+                    return await self._attempt(sending)
+                except asyncio.CancelledError:
+                    if not sending.stranded:
+                        raise
+                    sending.stranded, sending.nodes = False, None
+        except KilledWorker as error:
+            raise WorkerLost(
+                f"{sending.name}: lost {error.allowed_failures + 1} times or more because its "
+                f"dask worker ended; read what {error.last_worker.address} printed, and give "
+                f"workers more memory if theirs ran out"
+            ) from error
+        except (asyncio.CancelledError, FutureCancelledError) as error:
+            if isinstance(error, FutureCancelledError) and not self._closing.is_set():
+                self._lose("the connection broke")
+            if self._lost is not None:
+                raise self._lost from error
+            raise asyncio.CancelledError from error
+        finally:
+            self._out.discard(sending)
+
+    async def _attempt(self, sending: "_Sending") -> RawAnswer:
+        task = self._client.submit(
+            answer,
+            sending.wanted,
+            sending.request,
+            key=f"evoros-{uuid.uuid4().hex}",
+            pure=False,
+            workers=sending.nodes,
+            allow_other_workers=sending.nodes is not None,
+        )
+        sending.waiting = asyncio.ensure_future(self._client.gather(task, asynchronous=True))
+        found: RawAnswer = await sending.waiting
+        return found
+
+    def _watch(self) -> None:
+        """Follow which workers there are, and notice when the scheduler is lost."""
+        alone_s = 0.0
+        while self._lost is None and not self._closing.wait(LOOK_S):
+            self._look()
+            before, alone_s = alone_s, alone_s + LOOK_S if self._out and not self.workers else 0.0
+            if before < ALONE_S <= alone_s:
+                LOGGER.warning(
+                    "executor: no worker for missions has joined the dask scheduler at %s; waiting "
+                    "for one (dask worker %s)",
+                    self._address,
+                    self._address,
+                )
+
+    def _look(self) -> None:
+        """Ask the scheduler for its workers."""
+        try:
+            found = self._await(self._client.nthreads(asynchronous=True), ANSWER_S)
+        except Exception as error:
+            if not self._closing.is_set():
+                self._lose(single_line(error) or type(error).__name__)
+            return
+        self._threads = dict(found)
+        self._in_loop(self._free_stranded)
+
+    def _free_stranded(self) -> None:
+        """Submit calls anew whose workers have all left.
+
+        A scheduler without any worker keeps such a call for them, also when others have joined.
+        """
+        for sending in self._out:
+            if sending.nodes and self._threads.keys().isdisjoint(sending.nodes):
+                sending.stranded = True
+                sending.cancel()
+
+    def _await(self, coroutine: Coroutine[Any, Any, Any], limit_s: float) -> Any:
+        async def limited() -> Any:
+            return await asyncio.wait_for(coroutine, limit_s)
+
+        return asyncio.run_coroutine_threadsafe(limited(), self._loop).result(limit_s + CONNECT_S)
+
+    def _lose(self, reason: str) -> None:
+        """End all calls, and refuse new ones."""
+        with self._lock:
+            if self._lost is not None:
+                return
+            self._lost = RunStopped(
+                f"executor: the dask scheduler at {self._address} ended or cannot be reached any "
+                f"more ({reason}); start it and its workers again, or choose another executor"
+            )
+        self._cancel_all()
+
+    def _cancel_all(self) -> None:
+        def cancel() -> None:
+            for sending in self._out:
+                sending.cancel()
+
+        self._in_loop(cancel)
+
+    def _in_loop(self, function: Callable[[], None]) -> None:
+        with suppress(RuntimeError):  # the loop is closed, and nothing waits any more
+            self._loop.call_soon_threadsafe(function)
+
+
+@dataclass(eq=False)
+class _Sending:
+    """A call that is on its way, to certain workers or to any."""
+
+    name: str
+    wanted: dict[str, str]
+    request: bytes
+    nodes: list[str] | None
+    waiting: asyncio.Future[Any] | None = None
+    stranded: bool = False
+
+    def cancel(self) -> None:
+        """Stop waiting."""
+        if self.waiting is not None:
+            self.waiting.cancel()

@@ -1,0 +1,178 @@
+"""The main process's side of a pool whose workers are on other machines, whatever carries calls.
+
+``node`` has the other side.
+"""
+
+import pickle
+import uuid
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Future
+from dataclasses import dataclass, field
+from threading import Lock
+from typing import Any, Protocol
+
+from evoros.base.errors import EvorosError
+from evoros.executor.attempts import Limits, settle
+from evoros.executor.environment import ARITHMETIC, describe_environment
+from evoros.executor.modules import UserModules
+from evoros.executor.node import REFUSED, Request
+from evoros.executor.payload import MISSING, Answer, Call, Shared, pack_call
+
+RawAnswer = tuple[int, bytes, str]
+"""What ``node.answer`` returns, kind and content, and the worker's name."""
+
+
+class Transport(Protocol):
+    """Carries requests to workers."""
+
+    @property
+    def workers(self) -> int:
+        """The number of calls that its workers run at the same time, now."""
+        ...
+
+    def send(
+        self, name: str, wanted: dict[str, str], request: bytes, node: str | None
+    ) -> "Future[RawAnswer]":
+        """Let a worker run ``node.answer(wanted, request)``, preferably the one named ``node``.
+
+        The future raises WorkerLost if the call ``name`` ends its worker again and again, and
+        RunStopped if there are no workers any more.
+        """
+        ...
+
+    def exclude(self, node: str, reason: str) -> None:
+        """Give a worker that does not fit no further calls, and log the reason.
+
+        Raises:
+            RunStopped: no worker is left.
+        """
+        ...
+
+    def stop(self, pool: str) -> None:
+        """Let the workers end the calls of a pool."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class _Sent:
+    """A call that is on its way."""
+
+    call: Call
+    modules: Shared | None
+    future: "Future[Any]" = field(default_factory=Future)
+
+    @property
+    def contents(self) -> tuple[Shared, ...]:
+        """What a worker may lack."""
+        return self.call.shared if self.modules is None else (*self.call.shared, self.modules)
+
+
+class RemotePool:
+    """Sends calls by a transport, and sends those again that a worker could not begin."""
+
+    def __init__(self, transport: Transport, limits: Limits, shares_files: bool) -> None:
+        self.shares_files = shares_files
+        self._transport, self._limits = transport, limits
+        self._name = uuid.uuid4().hex
+        self._wanted = dict(describe_environment())
+        self._modules = UserModules()
+        self._lock = Lock()
+        self._out: set[_Sent] = set()
+        self._closed = False
+
+    @property
+    def workers(self) -> int:
+        """The number of calls that run at the same time, now."""
+        return self._transport.workers
+
+    def submit(self, function: Callable[..., Any], /, *args: Any) -> "Future[Any]":
+        """Call ``function(*args)`` in a worker.
+
+        Raises:
+            InputError: the function or an argument does not pickle.
+            RuntimeError: the pool is closed.
+        """
+        sent = _Sent(pack_call(function, args), self._modules.pack())
+        with self._lock:
+            if self._closed:
+                raise RuntimeError("this pool is closed")
+            self._out.add(sent)
+        self._send(sent, (), None)
+        return sent.future
+
+    def close(self) -> None:
+        """End all calls; their futures raise CancelledError."""
+        with self._lock:
+            self._closed = True
+            out, self._out = self._out, set()
+        for sent in out:
+            _cancel(sent.future)
+        self._transport.stop(self._name)
+
+    def _send(self, sent: _Sent, contents: tuple[Shared, ...], node: str | None) -> None:
+        call, modules = sent.call, sent.modules
+        request = Request(
+            self._name,
+            self._limits,
+            None if modules is None else modules.digest,
+            call.name,
+            call.payload,
+            tuple(each.digest for each in call.shared),
+            contents,
+        )
+        try:
+            raw = self._transport.send(call.name, self._wanted, pickle.dumps(request), node)
+        except EvorosError as error:
+            self._finish(sent, error)
+            return
+        sent.future.add_done_callback(lambda done: raw.cancel() if done.cancelled() else None)
+        raw.add_done_callback(lambda done: self._receive(sent, done))
+
+    def _receive(self, sent: _Sent, raw: "Future[RawAnswer]") -> None:
+        if raw.cancelled():
+            self._finish(sent, CancelledError())
+            return
+        error = raw.exception()
+        if error is not None:
+            self._finish(sent, error)
+            return
+        kind, content, node = raw.result()
+        if kind == MISSING:
+            self._send(sent, sent.contents, node)
+        elif kind == REFUSED:
+            try:
+                self._transport.exclude(node, _explain(content.decode()))
+            except EvorosError as problem:
+                self._finish(sent, problem)
+            else:
+                self._send(sent, (), None)
+        else:
+            self._finish(sent, Answer(kind, content))
+
+    def _finish(self, sent: _Sent, end: Answer | BaseException) -> None:
+        with self._lock:
+            if sent not in self._out:
+                return
+            self._out.remove(sent)
+        if not sent.future.set_running_or_notify_cancel():
+            return
+        if isinstance(end, Answer):
+            settle(sent.future, end)
+        else:
+            sent.future.set_exception(end)
+
+
+def _cancel(future: "Future[Any]") -> None:
+    if not future.cancel():
+        return
+    future.set_running_or_notify_cancel()
+
+
+def _explain(differences: str) -> str:
+    fix = "install there what the main process has"
+    if ARITHMETIC in differences:
+        fix = (
+            "results would differ in their last digits; use machines with equal processors and C "
+            "library, or set GLIBC_TUNABLES so that they compute alike"
+        )
+    return f"{differences} as here; {fix}"

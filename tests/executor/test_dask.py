@@ -1,0 +1,249 @@
+"""A dask cluster under real faults: workers killed, stopped, added and unfit; a dead scheduler."""
+
+import os
+import signal
+import socket
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from dask_cases import Cluster, cluster, freeze
+from executor_calls import (
+    alive,
+    kill_worker,
+    noted,
+    process_id,
+    sleep_long,
+    square,
+    threads_of_numpy,
+    wait_until,
+)
+from helpers import TINY, content, resume, start, tiny, wait_for_missions
+
+from evoros.base.console import DONE, STOPPED
+from evoros.base.errors import InputError, RunStopped, WorkerLost
+from evoros.base.threads import ONE_THREAD
+from evoros.executor.dask import Dask
+from evoros.executor.environment import describe_environment
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="stops processes by signals")
+
+LIMIT_S = 120.0
+SLOWLY = ("simulator.pause_s=0.05", "executor=dask", "hydra.run.dir=run")
+GENERATIONS = "optimizer.generations=6"
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """A run in one process."""
+    run = tmp_path_factory.mktemp("whole") / "run"
+    assert tiny(run, GENERATIONS) == DONE
+    return content(run)
+
+
+@pytest.fixture(scope="module")
+def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    with cluster(tmp_path_factory.mktemp("cluster"), workers=2) as running:
+        yield running
+
+
+def test_workers_lost_stopped_and_added_in_mid_run_change_nothing(
+    whole: dict[str, str], tmp_path: Path
+) -> None:
+    """Nor do the folders of the user's parts, which no worker sees."""
+    with cluster(tmp_path, workers=3) as unsteady:
+        run = start([*TINY, GENERATIONS, *SLOWLY, unsteady.key], tmp_path)
+        wait_for_missions(tmp_path / "run", 6)
+        unsteady.workers[0].kill()
+        freeze(unsteady.workers[1])
+        wait_for_missions(tmp_path / "run", 10)
+        unsteady.add_worker()
+        _, errors = run.communicate(timeout=LIMIT_S)
+        assert run.returncode == DONE, errors
+    assert "Traceback" not in errors
+    assert content(tmp_path / "run") == whole
+
+
+def test_a_killed_scheduler_stops_the_run_in_one_line_and_another_goes_on_with_it(
+    whole: dict[str, str], tmp_path: Path
+) -> None:
+    with cluster(tmp_path, workers=2) as first:
+        run = start([*TINY, GENERATIONS, *SLOWLY, first.key], tmp_path)
+        wait_for_missions(tmp_path / "run", 8)
+        assert first.scheduler is not None
+        first.scheduler.kill()
+        _, errors = run.communicate(timeout=LIMIT_S)
+        assert run.returncode == STOPPED
+        last = errors.splitlines()[-1]
+        assert f"the dask scheduler at {first.address} ended or cannot be reached" in last
+        assert "to continue type: evoros resume=run" in last
+        assert not any(sign in errors for sign in ("Traceback", "distributed"))
+        first.end()
+        first.start(workers=1)
+        assert resume(tmp_path / "run", first.key) == DONE
+    assert content(tmp_path / "run") == whole
+
+
+def test_a_run_in_a_cluster_of_its_own_is_the_same_and_listens_on_loopback_only(
+    whole: dict[str, str], tmp_path: Path
+) -> None:
+    run = start([*TINY, GENERATIONS, *SLOWLY, "executor.workers=2"], tmp_path)
+    wait_for_missions(tmp_path / "run", 4)
+    family = descendants(run.pid)
+    addresses = {address for pid in (run.pid, *family) for address in listening(pid)}
+    assert addresses
+    assert addresses == {"0100007F"}  # 127.0.0.1, as the kernel writes it
+    _, errors = run.communicate(timeout=LIMIT_S)
+    assert run.returncode == DONE, errors
+    assert content(tmp_path / "run") == whole
+    assert wait_until(lambda: not any(map(alive, family)), LIMIT_S)
+
+
+def test_a_cluster_of_its_own_ends_with_a_killed_main_process(tmp_path: Path) -> None:
+    """Even a worker that is stopped."""
+    run = start([*TINY, *SLOWLY, "executor.workers=2"], tmp_path)
+    wait_for_missions(tmp_path / "run", 4)
+    family = descendants(run.pid)
+    frozen = [pid for pid in family if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    assert len(frozen) == 4  # two workers, and the process of each
+    for pid in frozen:
+        os.kill(pid, signal.SIGSTOP)
+    run.kill()
+    run.communicate(timeout=LIMIT_S)
+    assert wait_until(lambda: not any(map(alive, family)), LIMIT_S)
+
+
+def test_nobody_at_the_address_is_told_in_one_line(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    run = start([*TINY, *SLOWLY, f"executor.address=tcp://127.0.0.1:{port}"], tmp_path)
+    _, errors = run.communicate(timeout=LIMIT_S)
+    assert run.returncode == STOPPED
+    (line,) = errors.splitlines()
+    assert f"executor.address: no dask scheduler answers at tcp://127.0.0.1:{port}" in line
+    assert "to continue type: evoros resume=run" in line
+    assert tiny(tmp_path / "other") == DONE
+    assert resume(tmp_path / "run", "executor=serial") == DONE
+    assert content(tmp_path / "run") == content(tmp_path / "other")
+
+
+UNLIKE = "-AVX2,-FMA,-FMA4,-AVX512F"
+
+
+def test_workers_with_other_software_get_no_calls(
+    started: Cluster, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Each is told once, and a worker that fits does all of it."""
+    other = tmp_path / "other"
+    package = other / "numba-0.0.1.dist-info"
+    package.mkdir(parents=True)
+    (package / "METADATA").write_text("Metadata-Version: 2.1\nName: numba\nVersion: 0.0.1\n")
+    with cluster(tmp_path, workers=0) as mixed:
+        mixed.add_worker({"PYTHONPATH": str(other)})
+        with Dask(mixed.address).open() as pool:
+            assert wait_until(lambda: pool.workers == 1, LIMIT_S)
+            with pytest.raises(RunStopped, match=r"no worker .* fits.*numba 0\.0\.1 and not"):
+                pool.submit(square, 2).result(LIMIT_S)
+        mixed.add_worker()
+        with Dask(mixed.address).open() as pool:
+            assert wait_until(lambda: pool.workers == 2, LIMIT_S)
+            calls = [pool.submit(square, n) for n in range(20)]
+            assert [call.result(LIMIT_S) for call in calls] == [n * n for n in range(20)]
+    told = [r.getMessage() for r in caplog.records if "gets no missions" in r.getMessage()]
+    assert 1 <= len(told) <= 2  # one a pool; the second may have sent it nothing
+    assert all(describe_environment()["numba"] in line and "\n" not in line for line in told)
+
+
+def test_a_call_that_kills_its_workers_is_found_and_costs_no_other(tmp_path: Path) -> None:
+    tally = str(tmp_path / "tally")
+    with cluster(tmp_path, workers=0) as nannied:
+        for _ in range(2):
+            nannied.add_worker(None, "--nanny")
+        with Dask(nannied.address).open() as pool:
+            healthy = [pool.submit(square, n) for n in range(4)]
+            killer = pool.submit(kill_worker, tally)
+            with pytest.raises(WorkerLost, match="kill_worker: lost 4 times or more") as loss:
+                killer.result(LIMIT_S)
+            assert [call.result(LIMIT_S) for call in healthy] == [0, 1, 4, 9]
+            assert pool.submit(square, 5).result(LIMIT_S) == 25
+    assert "\n" not in str(loss.value)
+    assert 4 <= len(noted(tally)) <= 8
+
+
+def test_the_number_of_workers_follows_the_cluster(tmp_path: Path) -> None:
+    with cluster(tmp_path, workers=0) as growing, Dask(growing.address).open() as pool:
+        assert pool.workers == 0
+        waiting = pool.submit(square, 3)
+        growing.add_worker()
+        assert waiting.result(LIMIT_S) == 9
+        growing.add_worker(None, "--nthreads", "3")
+        assert wait_until(lambda: pool.workers == 4, LIMIT_S)
+        growing.workers[1].terminate()
+        assert wait_until(lambda: pool.workers == 1, LIMIT_S)
+
+
+def test_leaving_a_cluster_ends_its_calls_and_leaves_the_workers(
+    started: Cluster, tmp_path: Path
+) -> None:
+    tally = str(tmp_path / "tally")
+    with Dask(started.address).open() as pool:
+        first = pool.submit(process_id).result(LIMIT_S)
+        pool.submit(sleep_long, tally)
+        assert wait_until(lambda: bool(noted(tally)), LIMIT_S)
+    assert wait_until(lambda: not any(map(alive, (first, *noted(tally)))), LIMIT_S)
+    with Dask(started.address).open() as pool:
+        assert pool.submit(square, 4).result(LIMIT_S) == 16
+        assert pool.submit(threads_of_numpy).result(LIMIT_S) == dict.fromkeys(ONE_THREAD, "1")
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"address": "host"}, "Dask.address: must be the address of a dask scheduler"),
+        ({"address": ""}, "Dask.address: must be"),
+        ({"address": 8786}, "Dask.address: must be"),
+        ({"address": "tcp://a:1", "workers": 2}, "executor.workers: must be null with an address"),
+        ({"workers": -1}, "Dask.workers: must be a whole number of at least 0, or null"),
+        ({"time_limit_s": 0}, "Dask.time_limit_s: must be a number greater than 0"),
+        ({"retries": 0.5}, "Dask.retries: must be"),
+    ],
+)
+def test_a_bad_value_is_refused_in_one_line(values: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        Dask(**values)  # type: ignore[arg-type]
+    assert said in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def descendants(pid: int) -> list[int]:
+    """All living processes below one, the nearest first."""
+    parents: dict[int, int] = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        parents[int(stat.parent.name)] = int(fields[1])
+    found, level = [], [pid]
+    while level:
+        level = [child for child, parent in parents.items() if parent in level]
+        found += level
+    return found
+
+
+def listening(pid: int) -> set[str]:
+    """The addresses on which a process listens."""
+    sockets = set()
+    for link in Path(f"/proc/{pid}/fd").glob("*"):
+        try:
+            sockets.add(os.readlink(link).removeprefix("socket:[").rstrip("]"))
+        except FileNotFoundError:
+            continue
+    found = set()
+    for table in ("tcp", "tcp6"):
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
+            columns = line.split()
+            if columns[3] == "0A" and columns[9] in sockets:
+                found.add(columns[1].partition(":")[0])
+    return found
