@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import evoros
-from evoros.config.compose import compose
+from evoros.config.compose import compose, parse
 from evoros.config.configuration import Configuration
-from evoros.config.jobs import Job, Jobs
+from evoros.config.jobs import SWEEPER, Job, Jobs
 from evoros.config.options import parse_options
 
 SMALL = [
@@ -23,7 +23,11 @@ LIMIT = "world.yard.course.time_limit_s=5"
 def composed(line: str, *more: str) -> Iterator[Configuration]:
     """The configurations of the jobs that a command runs."""
     options = parse_options([*shlex.split(line, comments=True)[1:], *more])
-    for job in Jobs(options.overrides, options.multirun, options.config_dir):
+    jobs = Jobs(options.overrides, options.multirun, options.config_dir)
+    if SWEEPER in jobs.plugins:  # it chooses the swept values, and jobs do not exist before
+        given = [text for text in options.overrides if not parse([text])[0].is_sweep_override()]
+        yield compose(given, options.config_dir)
+    for job in jobs:
         assert isinstance(job, Job), job
         yield job.config
 

@@ -5,7 +5,7 @@ from datetime import timedelta
 from pathlib import Path
 
 from evoros.base.console import INPUT
-from evoros.cli.sweep import JobResult
+from evoros.cli.reporting import JobResult
 from evoros.session.overview import Overview, survey
 from evoros.storage.discovery import natural_key
 

@@ -8,7 +8,6 @@ the main thread, because ``${hydra:...}`` refers to global state; then each has 
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING
 from evoros.base.console import DONE
 from evoros.base.errors import EvorosError
 from evoros.base.log import LOGGER, log_for_job
+from evoros.cli.reporting import JobResult
 
 if TYPE_CHECKING:
     from evoros.cli.progress import SweepProgress
@@ -25,15 +25,6 @@ if TYPE_CHECKING:
 
 MAX_THREADS = 1000
 """More jobs at the same time than any number of workers needs."""
-
-
-@dataclass(frozen=True)
-class JobResult:
-    """How a job ended: its exit status, and why it ended; the message is empty if it finished."""
-
-    status: int
-    message: str = ""
-    kept: bool = False  # it was complete before
 
 
 def jobs_at_once(workers: int) -> int:

@@ -5,6 +5,7 @@ Every error is an InputError of one line (``messages.py``).
 
 import sys
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 from hydra import compose as hydra_compose
@@ -59,15 +60,9 @@ def compose_with_hydra(
     Raises:
         InputError: as in ``compose``.
     """
-    extra = []
-    if config_dir is not None:
-        path = str(add_config_dir(config_dir)).replace("\\", "\\\\").replace("'", "\\'")
-        extra = [f"hydra.searchpath=['file://{path}']"]
-    GlobalHydra.instance().clear()
+    extra = [] if config_dir is None else [search_path(config_dir)]
     try:
-        with initialize_config_dir(
-            str(bundled_folder("conf")), "evoros", version_base=HYDRA_VERSION
-        ):
+        with initialize():
             config = hydra_compose(
                 primary, overrides=[*extra, *overrides], return_hydra_config=True
             )
@@ -77,6 +72,30 @@ def compose_with_hydra(
     except Exception as error:  # Hydra also raises ValueError, TypeError, AssertionError ...
         raise InputError(describe_error(error)) from error
     return config
+
+
+def initialize() -> AbstractContextManager[None]:
+    """Make ``conf/`` the folder of Hydra's global state until the context is left."""
+    GlobalHydra.instance().clear()
+    context: AbstractContextManager[None] = initialize_config_dir(
+        str(bundled_folder("conf")), "evoros", version_base=HYDRA_VERSION
+    )
+    return context
+
+
+def search_path(config_dir: str | Path) -> str:
+    """The override that adds a user's configuration folder; its modules become importable.
+
+    Raises:
+        InputError: there is no such folder.
+    """
+    return f"hydra.searchpath=[{quote(f'file://{add_config_dir(config_dir)}')}]"
+
+
+def quote(text: str) -> str:
+    """Quote a text for Hydra's grammar of overrides."""
+    escaped = text.replace("\\", "\\\\").replace("'", "\\'")
+    return f"'{escaped}'"
 
 
 def parse(overrides: Sequence[str]) -> list[Override]:

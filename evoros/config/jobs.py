@@ -18,6 +18,8 @@ from evoros.config.compose import compose_with_hydra, parse, text_of
 from evoros.config.configuration import Configuration, freeze
 from evoros.config.folder_names import job_name
 
+PLUGINS = LAUNCHER, SWEEPER = "launcher", "sweeper"
+"""The groups of Hydra's plugins that start and choose jobs."""
 EVALUATE = "evaluate"
 """The primary configuration of evaluations; it alone has the key ``designs``."""
 
@@ -43,7 +45,7 @@ class Jobs:
     """The jobs of one command: one, or the product of all values of a sweep.
 
     ``primary`` is the command's own file of conf/; ``sweep`` is the folder of the sweep, None for a
-    single job.
+    single job. ``plugins`` has the launcher and the sweeper that take evoros's place, if any.
 
     Raises:
         InputError: what all jobs have in common cannot be composed.
@@ -56,15 +58,17 @@ class Jobs:
         config_dir: str | Path | None,
         primary: str = "config",
     ) -> None:
+        self.typed, self.config_dir, self.primary = tuple(overrides), config_dir, primary
         parsed = parse(overrides)
         swept = [text_of(override) for override in parsed if override.is_sweep_override()]
         common = [text_of(override) for override in parsed if not override.is_sweep_override()]
         self._base = compose_with_hydra(common, config_dir, primary=primary)
-        self._config_dir, self._primary = config_dir, primary
+        self.plugins = _find_plugins(self._base)
         self._overrides: list[tuple[str, ...]] = []
         self.sweep: Path | None = None
         if multirun or self._base.hydra.mode == RunMode.MULTIRUN:
-            self._overrides = self._expand(parsed)
+            if SWEEPER not in self.plugins:
+                self._overrides = self._expand(parsed)
             self.sweep = _shorten(Path(self._base.hydra.sweep.dir))
         elif swept:
             raise InputError(f"{swept[0]}: several values make a sweep, which needs -m; add -m")
@@ -83,28 +87,46 @@ class Jobs:
     def __len__(self) -> int:
         return 1 if self.sweep is None else len(self._overrides)
 
+    @property
+    def minimizes(self) -> bool:
+        """Whether the chosen sweeper looks for the lowest value."""
+        direction = self._base.hydra.sweeper.get("direction")
+        return str(getattr(direction, "name", direction)) == "minimize"
+
     def __iter__(self) -> Iterator[Job | RefusedJob]:
         """Each job as it is composed, or its error."""
         if self.sweep is None:
-            yield self._job(self._base, _shorten(Path(self._base.hydra.run.dir)), ())
+            yield compose_job(self._base, Path(self._base.hydra.run.dir), (), self.primary)
             return
         used: set[str] = set()
         for number, overrides in enumerate(self._overrides):
             try:
-                config = compose_with_hydra(overrides, self._config_dir, number, self._primary)
+                config = compose_with_hydra(overrides, self.config_dir, number, self.primary)
                 name = str(config.hydra.sweep.subdir)
                 if name.casefold() in used:  # different values can look alike as names
                     name = f"{name}_{number}"
                 used.add(name.casefold())
-                job = self._job(config, self.sweep / name, overrides)
+                job = compose_job(config, self.sweep / name, overrides, self.primary)
             except EvorosError as error:
                 own = [text for text in overrides if not text.startswith("hydra")]
                 yield RefusedJob(self.sweep / job_name(own), error)
             else:
                 yield job
 
-    def _job(self, config: DictConfig, folder: Path, overrides: tuple[str, ...]) -> Job:
-        return Job(freeze(config, split_designs=self._primary == EVALUATE), folder, overrides)
+
+def compose_job(config: DictConfig, folder: Path, overrides: tuple[str, ...], primary: str) -> Job:
+    """Make a job of a composed configuration.
+
+    Raises:
+        InputError: a reference ``${...}`` leads nowhere.
+    """
+    return Job(freeze(config, split_designs=primary == EVALUATE), _shorten(folder), overrides)
+
+
+def _find_plugins(config: DictConfig) -> dict[str, str]:
+    """The names of a launcher and a sweeper that are none of Hydra's own."""
+    chosen = {name: config.hydra.runtime.choices.get(f"hydra/{name}") for name in PLUGINS}
+    return {name: str(each) for name, each in chosen.items() if each not in (None, "basic")}
 
 
 def _expand_values(override: Override) -> list[str]:

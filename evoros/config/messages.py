@@ -117,7 +117,11 @@ def _no_such_choice(error: MissingConfigException) -> str:
         match = re.match(r"In '(.*?)'", str(error))
         where = f" for the defaults of {match[1]}" if match else ""
         return f"{error.missing_cfg_file}: must be an existing file{where}; {HELP}"
-    return f"{group}: must be one of {choices}, not {name!r}; choose one of these"
+    fix = "choose one of these"
+    if group in ("hydra/launcher", "hydra/sweeper"):  # as the packages of all known plugins
+        package = f"hydra-{name.partition('_')[0]}-{group.rpartition('/')[2]}"
+        fix = f"install its plugin (pip install {package}), or {fix}"
+    return f"{group}: must be one of {choices}, not {name!r}; {fix}"
 
 
 def _flat(error: BaseException | None) -> str:

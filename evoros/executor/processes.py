@@ -1,5 +1,6 @@
 """Runs calls in worker processes on this machine, and survives calls that crash or hang."""
 
+import multiprocessing
 import os
 import queue
 import signal
@@ -61,7 +62,7 @@ class Processes:
         Futures that are not finished by then raise CancelledError. The workers also die with the
         main process, however that ends.
         """
-        with _one_thread_each(), _importable_main_script():
+        with _one_thread_each(), _importable_main_script(), _known_start_method():
             pool = _WorkerPool(self)
             try:
                 pool.start()
@@ -179,6 +180,20 @@ def _one_thread_each() -> Iterator[None]:
             os.environ.pop(name, None)
             if value is not None:
                 os.environ[name] = value
+
+
+@contextmanager
+def _known_start_method() -> Iterator[None]:
+    """Hide a start method that joblib has set in its processes: a spawned worker cannot find it."""
+    before = multiprocessing.get_start_method(allow_none=True)
+    if before is None or before in multiprocessing.get_all_start_methods():
+        yield
+        return
+    multiprocessing.set_start_method("spawn", force=True)
+    try:
+        yield
+    finally:
+        multiprocessing.set_start_method(before, force=True)
 
 
 @contextmanager

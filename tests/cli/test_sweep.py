@@ -26,10 +26,11 @@ from evoros.base.log import (
     log_for_job,
     log_to_file,
 )
-from evoros.cli.command import _begin_all
 from evoros.cli.progress import SweepProgress
+from evoros.cli.reporting import JobResult
 from evoros.cli.run import evoros
-from evoros.cli.sweep import JobResult, Sweep, jobs_at_once
+from evoros.cli.sweep import Sweep, jobs_at_once
+from evoros.cli.sweeping import begin_all
 from evoros.config.jobs import Job
 from evoros.executor.processes import Processes
 from evoros.executor.protocol import Executor, Pool
@@ -267,7 +268,7 @@ def test_a_job_that_was_waiting_for_its_turn_has_not_begun() -> None:
 
     jobs: Any = [Job(None, Path(name)) for name in "abc"]  # type: ignore[arg-type]
     signals: Any = SimpleNamespace(last=None)
-    assert _begin_all(evoros, jobs, Waiting(), signals) == 2  # type: ignore[arg-type]
+    assert begin_all(evoros, jobs, Waiting(), signals) == 2  # type: ignore[arg-type]
 
 
 # ---- messages

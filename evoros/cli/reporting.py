@@ -1,0 +1,76 @@
+"""How commands report the ends of jobs: messages, summaries and exit statuses."""
+
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED, print_result
+from evoros.base.errors import EvorosError, InputError, RunStopped, single_line
+from evoros.base.log import LOGGER
+from evoros.cli.signals import Signals
+
+if TYPE_CHECKING:
+    from evoros.cli.command import Command
+
+WORST_FIRST = (INTERRUPTED, INPUT, STOPPED, DONE)
+"""Exit statuses, the worst first: a sweep ends with the worst of its jobs."""
+
+
+@dataclass(frozen=True)
+class JobResult:
+    """How a job ended: its exit status, and why it ended; the message is empty if it finished."""
+
+    status: int
+    message: str = ""
+    kept: bool = False  # it was complete before
+
+
+def explain_end(
+    config_dir: str | None, signals: Signals, folder: Path, error: BaseException
+) -> JobResult:
+    """The result of a job that raised, with the command that resumes it."""
+    from evoros.storage.layout import LOG
+
+    hint = _resume_hint(folder, config_dir)
+    if isinstance(error, KeyboardInterrupt):
+        message, status = signals.explain()
+        return JobResult(status, message + hint)
+    if isinstance(error, EvorosError):
+        shown = hint if isinstance(error, RunStopped) else ""
+        return JobResult(status_of(error), f"{error}{shown}")
+    # An error in the user's own part, a full disk, or a bug of evoros.
+    message = single_line(f"{type(error).__name__}: {error}")
+    log = folder / LOG
+    traceback = f" (traceback in {log})" if log.exists() else ""
+    return JobResult(STOPPED, f"{message}{traceback}{hint}")
+
+
+def _resume_hint(folder: Path, config_dir: str | None) -> str:
+    """What to type to go on; empty if the folder has not been made."""
+    from evoros.storage.layout import MISSIONS, resume_command
+
+    if not (folder / MISSIONS).exists():
+        return ""
+    option = f" --config-dir {shlex.quote(config_dir)}" if config_dir else ""
+    return f"; to continue type: {resume_command(folder)}{option}"
+
+
+def report_result(command: "Command", in_sweep: bool, folder: Path, result: JobResult) -> int:
+    """Print the summary of a finished job, or report why it ended; returns its exit status."""
+    if result.message:
+        name = f"{folder.name}: " if in_sweep else ""
+        return report_error(command, f"{name}{result.message}", result.status)
+    print_result(command.summarize(folder))
+    return result.status
+
+
+def report_error(command: "Command", message: str, status: int) -> int:
+    """Report in one line why a command or a job ended; returns the exit status."""
+    LOGGER.error("%s: %s", command.name, single_line(message))
+    return status
+
+
+def status_of(error: EvorosError) -> int:
+    """Return the exit status of an error."""
+    return INPUT if isinstance(error, InputError) else STOPPED

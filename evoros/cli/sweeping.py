@@ -1,0 +1,136 @@
+"""Sweeps of a command: by evoros itself, or by the launchers and sweepers of Hydra."""
+
+import shlex
+import sys
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from evoros.base.console import DONE, INTERRUPTED, STOPPED, print_result
+from evoros.base.errors import EvorosError, RunStopped
+from evoros.base.log import LOGGER, log_everything
+from evoros.cli.reporting import (
+    WORST_FIRST,
+    JobResult,
+    explain_end,
+    report_error,
+    report_result,
+    status_of,
+)
+from evoros.cli.signals import Signals
+from evoros.cli.sweep import Sweep
+
+if TYPE_CHECKING:
+    from evoros.cli.command import Command
+    from evoros.config.jobs import Job, Jobs
+    from evoros.session.work import Work
+
+
+def run_sweep(command: "Command", jobs: "Jobs", config_dir: str | None, signals: Signals) -> int:
+    """Run all jobs of a sweep in one pool, and return the worst exit status."""
+    from evoros.cli.progress import SweepProgress
+
+    build = partial(build_job, command, config_dir)
+    explain = partial(explain_end, config_dir, signals)
+    report = partial(report_result, command, True)
+    with log_everything(), SweepProgress(sys.stderr.isatty(), len(jobs)) as display:
+        sweep = Sweep(build, explain, report, display)
+        begun = begin_all(command, jobs, sweep, signals)
+    statuses = [] if signals.last is None else [signals.explain()[1]]
+    if begun < len(jobs):
+        statuses.append(STOPPED)
+    return _conclude(command, jobs, sweep.results, statuses)
+
+
+def run_by_plugins(
+    command: "Command", jobs: "Jobs", config_dir: str | None, signals: Signals
+) -> int:
+    """Let the chosen launcher and sweeper of Hydra run jobs; returns the worst exit status."""
+    from evoros.cli.launched import JobRunner
+    from evoros.config.jobs import SWEEPER
+    from evoros.config.launching import launch, search
+    from evoros.storage.discovery import folders_below
+
+    assert jobs.sweep is not None
+    run = JobRunner(
+        partial(build_job, command, config_dir), partial(explain_end, config_dir, Signals())
+    )
+    errors: dict[Path, EvorosError | None]
+    try:
+        with log_everything():
+            for plugin, name in jobs.plugins.items():
+                LOGGER.info("%s: hydra/%s=%s starts the jobs", jobs.sweep, plugin, name)
+            if SWEEPER in jobs.plugins:
+                search(jobs, run)
+                errors = dict.fromkeys(folders_below(jobs.sweep))
+            else:
+                errors = launch(jobs, run)
+    except (KeyboardInterrupt, RunStopped):
+        _explain_repeating(command, jobs)
+        raise
+    results = []
+    for folder, error in errors.items():
+        result = JobResult(DONE) if error is None else JobResult(status_of(error), str(error))
+        if result.message:
+            report_error(command, f"{folder.name}: {result.message}", result.status)
+        results.append((folder, result))
+    return _conclude(command, jobs, results, [])
+
+
+def _conclude(
+    command: "Command",
+    jobs: "Jobs",
+    results: Sequence[tuple[Path, JobResult]],
+    others: Sequence[int],
+) -> int:
+    """Print the table of a sweep and how to go on; return the worst exit status."""
+    from evoros.cli.job_table import format_jobs
+
+    print_result(format_jobs(results))
+    statuses = [DONE, *others, *(result.status for _, result in results)]
+    if STOPPED in statuses or INTERRUPTED in statuses:
+        _explain_repeating(command, jobs)
+    return next(status for status in WORST_FIRST if status in statuses)
+
+
+def _explain_repeating(command: "Command", jobs: "Jobs") -> None:
+    LOGGER.error(
+        "%s: to go on with the jobs that are not finished, repeat the command with "
+        "hydra.sweep.dir=%s; it keeps what is complete",
+        command.name,
+        shlex.quote(str(jobs.sweep)),
+    )
+
+
+def build_job(command: "Command", config_dir: str | None, job: "Job") -> "Work | None":
+    """Build a job, or go on with it if its folder has been made; None if it is complete."""
+    from evoros.storage.layout import MISSIONS
+
+    if not (job.folder / MISSIONS).exists():
+        return command.create(job.config, job.folder)
+    executor = [text for text in job.overrides if text.startswith(("executor=", "executor."))]
+    return command.reopen(job.config, job.folder, executor, config_dir)
+
+
+def begin_all(command: "Command", jobs: "Jobs", sweep: Sweep, signals: Signals) -> int:
+    """Begin jobs until a signal comes, wait for them to end, and return how many began."""
+    from evoros.config.jobs import RefusedJob
+
+    begun = 0
+    try:
+        for job in jobs:
+            if isinstance(job, RefusedJob):
+                status = report_error(command, str(job.error), status_of(job.error))
+                sweep.skip(job.folder, JobResult(status, str(job.error)))
+            else:
+                sweep.begin(job)  # blocks until another job has ended if enough are running
+            begun += 1
+            if signals.last is not None:
+                break
+        sweep.finish()
+    except KeyboardInterrupt:  # each job that it stops reports how to resume it
+        pass
+    finally:
+        sweep.close()
+    return begun

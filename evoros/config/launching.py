@@ -1,0 +1,140 @@
+"""Lets launchers and sweepers of Hydra start the jobs, as ``hydra/launcher=joblib`` asks.
+
+evoros runs the jobs of a sweep itself (``jobs.py``) unless such a plugin is chosen.
+"""
+
+import copy
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hydra._internal.callbacks import Callbacks
+from hydra._internal.hydra import Hydra
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.core.plugins import Plugins
+from hydra.core.utils import JobReturn, JobStatus
+from hydra.types import HydraContext, RunMode
+from omegaconf import DictConfig, open_dict
+
+from evoros.base.errors import EvorosError, RunStopped, single_line
+from evoros.base.log import LOGGER
+from evoros.config.compose import add_config_dir, initialize, quote, search_path
+from evoros.config.jobs import Job, Jobs, compose_job
+
+RunJob = Callable[[Job], float]
+"""Runs a job in the process of a launcher and returns its fitness; it must pickle."""
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What Hydra calls for each job, maybe in another process or on another machine."""
+
+    run: RunJob
+    primary: str
+    config_dir: Path | None
+
+    def __call__(self, config: DictConfig) -> float:
+        if self.config_dir is not None:
+            add_config_dir(self.config_dir)
+        own: Any = HydraConfig.instance().cfg
+        whole = copy.deepcopy(config)
+        with open_dict(whole):
+            whole.hydra = own.hydra
+        folder = Path(own.hydra.runtime.output_dir)
+        overrides = tuple(map(str, own.hydra.overrides.task))
+        return self.run(compose_job(whole, folder, overrides, self.primary))
+
+
+def launch(jobs: Jobs, run: RunJob) -> dict[Path, EvorosError | None]:
+    """Let the chosen launcher run the jobs of a sweep, and wait for it.
+
+    Returns each job's folder, and the error of a job that failed.
+
+    Raises:
+        RunStopped: the launcher itself failed.
+    """
+    composed = list(jobs)
+    ready = [job for job in composed if isinstance(job, Job)]
+    ended: dict[Path, EvorosError | None] = {
+        job.folder: job.error for job in composed if not isinstance(job, Job)
+    }
+    if not ready:
+        return ended
+    with _start(jobs, "launcher") as hydra:
+        own = [text for text in jobs.typed if text.startswith("hydra")]
+        config = hydra.compose_config(
+            jobs.primary,
+            [*own, *_places(jobs)],
+            run_mode=RunMode.MULTIRUN,
+            with_log_configuration=False,
+        )
+        launcher = Plugins.instance().instantiate_launcher(
+            hydra_context=HydraContext(hydra.config_loader, Callbacks(config)),
+            task_function=_create_task(jobs, run),
+            config=config,
+        )
+        returned = launcher.launch([_overrides_of(job) for job in ready], 0)
+    errors = map(_find_error, returned)
+    return ended | dict(zip((job.folder for job in ready), errors, strict=True))
+
+
+def search(jobs: Jobs, run: RunJob) -> None:
+    """Let the chosen sweeper choose jobs and run them by the chosen launcher.
+
+    Raises:
+        RunStopped: the sweeper failed, or it gave up because too many jobs did.
+    """
+    if jobs.minimizes:
+        LOGGER.warning(
+            "hydra.sweeper.direction=minimize: looks for the lowest fitness; for the highest, add "
+            "hydra.sweeper.direction=maximize"
+        )
+    with _start(jobs, "sweeper") as hydra:
+        hydra.multirun(jobs.primary, _create_task(jobs, run), [*jobs.typed, *_places(jobs)], False)
+
+
+@contextmanager
+def _start(jobs: Jobs, plugin: str) -> Iterator[Hydra]:
+    """Start Hydra for a plugin, whose errors become one line."""
+    try:
+        with initialize():
+            hydra = GlobalHydra.instance().hydra
+            assert hydra is not None
+            yield hydra
+    except EvorosError:
+        raise
+    except Exception as error:  # plugins raise anything
+        raise RunStopped(
+            f"hydra/{plugin}={jobs.plugins[plugin]}: {type(error).__name__}: {single_line(error)}; "
+            f"correct its keys (hydra.{plugin}), or leave it out: evoros runs sweeps itself"
+        ) from error
+
+
+def _create_task(jobs: Jobs, run: RunJob) -> _Task:
+    folder = None if jobs.config_dir is None else add_config_dir(jobs.config_dir)
+    return _Task(run, jobs.primary, folder)
+
+
+def _places(jobs: Jobs) -> list[str]:
+    """The folders of the sweep and of the user, which the processes of a launcher need, too."""
+    places = [f"hydra.sweep.dir={quote(str(jobs.sweep))}"]
+    if jobs.config_dir is not None:
+        places.append(search_path(jobs.config_dir))
+    return places
+
+
+def _overrides_of(job: Job) -> list[str]:
+    own = [text for text in job.overrides if not text.startswith("hydra")]
+    return [*own, f"hydra.sweep.subdir={quote(job.folder.name)}"]
+
+
+def _find_error(result: JobReturn) -> EvorosError | None:
+    if result.status == JobStatus.COMPLETED:
+        return None
+    error: Any = result._return_value  # the public property would also print it
+    if isinstance(error, EvorosError):
+        return error
+    return RunStopped(f"{type(error).__name__}: {single_line(error)}")

@@ -1,0 +1,102 @@
+"""Sweeps whose jobs the real launchers and sweepers of Hydra start."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+from helpers import TINY, content, everything
+
+from evoros.base.console import DONE, INPUT, STOPPED
+from evoros.cli.run import evoros
+
+OPTIONS = (*TINY, "executor=serial", "optimizer.generations=2")
+
+
+def launch(folder: Path, *more: str) -> int:
+    return evoros(["-m", *OPTIONS, f"hydra.sweep.dir={folder}", *more])
+
+
+def runs_of(sweep: Path) -> dict[str, dict[str, str]]:
+    """What must be the same for every launcher, by the seed of the run."""
+    return {run.name.rpartition("-")[2]: content(run) for run in sweep.glob("experiment-*")}
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
+    sweep = tmp_path_factory.mktemp("own") / "sweep"
+    assert launch(sweep, "seed=0,1") == DONE
+    return runs_of(sweep)
+
+
+@pytest.mark.parametrize(
+    "launcher", ["joblib", pytest.param("submitit_local", marks=pytest.mark.slow)]
+)
+def test_a_launcher_makes_the_same_folders_and_a_bad_job_stops_no_other(
+    launcher: str,
+    own: dict[str, dict[str, str]],
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """And the command can be repeated."""
+    sweep, chosen = tmp_path / "a sweep", f"hydra/launcher={launcher}"
+    assert launch(sweep, "seed=0,-2,1", chosen) == INPUT
+    assert runs_of(sweep) == own
+    before = everything(sweep)
+    shutil.rmtree(next(sweep.glob("*seed-1")))
+    assert launch(sweep, "seed=0,1", chosen) == DONE
+    assert runs_of(sweep) == own
+    kept = {name for name in before if "seed-0" in name}
+    assert {name: everything(sweep)[name] for name in kept} == {name: before[name] for name in kept}
+    err = capfd.readouterr().err
+    assert err.count("seed: must be a whole number of at least 0, not -2") == 1
+    assert "Traceback" not in err
+
+
+def test_a_sweeper_sees_the_validated_fitness_of_the_champion(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sweep = tmp_path / "sweep"
+    options = ["hydra/sweeper=optuna", "hydra.sweeper.n_trials=3", "hydra.sweeper.sampler.seed=1"]
+    space = "optimizer.mutation_probability=interval(0.05,0.9)"
+    assert launch(sweep, *options, space, "hydra.sweeper.direction=maximize") == DONE
+    validated = {
+        json.loads(path.read_text())["best_validated_fitness"]
+        for path in sweep.glob("*/status.json")
+    }
+    assert len(validated) > 1
+    results = yaml.safe_load((sweep / "optimization_results.yaml").read_text())
+    assert results["best_value"] == max(validated)
+    assert "looks for the lowest" not in capsys.readouterr().err
+
+
+def test_a_sweeper_that_looks_for_the_worst_is_noted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["hydra/sweeper=optuna", "hydra.sweeper.n_trials=1", "seed=choice(-1,-2)"]
+    assert launch(tmp_path / "sweep", *options) == INPUT
+    err = capsys.readouterr().err
+    assert "for the highest, add hydra.sweeper.direction=maximize" in err
+    assert "evoros: seed: must be a whole number" in err
+
+
+@pytest.mark.skipif(shutil.which("srun") is not None, reason="needs a system without Slurm")
+def test_a_launcher_that_cannot_work_says_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert launch(tmp_path / "sweep", "seed=0,1", "hydra/launcher=submitit_slurm") == STOPPED
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "srun" in line]
+    assert line.startswith("evoros: hydra/launcher=submitit_slurm: ")
+    assert "evoros runs sweeps itself" in line
+
+
+@pytest.mark.parametrize(
+    ("choice", "package"),
+    [("launcher=rq", "hydra-rq-launcher"), ("sweeper=ax", "hydra-ax-sweeper")],
+)
+def test_a_plugin_that_is_not_installed_is_named(
+    choice: str, package: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert launch(tmp_path / "sweep", "seed=0,1", f"hydra/{choice}") == INPUT
+    assert f"pip install {package}" in capsys.readouterr().err
