@@ -43,7 +43,7 @@ from evoros.base.checks import (
     one_of,
     sequence_of,
 )
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.base.errors import InputError, LaunchError, PilotLost, SimulationError, WorkerLost
 from evoros.base.intervals import INTERVAL, Interval, bounds
 from evoros.bridge.process import OutsideProcess, start_process

@@ -4,14 +4,14 @@ import hashlib
 import os
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dis import get_instructions
 from functools import cache
 from inspect import isfunction
 from pathlib import Path
 from threading import Lock
-from typing import Any, TypeVar
+from typing import Any
 
 import numba
 import numpy as np
@@ -21,11 +21,10 @@ from numba.core.caching import FunctionCache
 from numba.core.errors import NumbaError, NumbaExperimentalFeatureWarning
 from numba.extending import intrinsic, register_jitable
 
+from evoros.base.compilable import take_waiting
 from evoros.base.disk import sync
 from evoros.base.log import LOGGER
 from evoros.base.resources import PACKAGE
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Types of arguments: float, integer, arrays of one and two dimensions, random generator.
 F8, I8 = types.float64, types.int64
@@ -78,12 +77,6 @@ class CompiledRule(types.WrapperAddressProtocol):  # type: ignore[misc]
 
 class NotCompilable(Exception):
     """The reason why a rule can only be interpreted."""
-
-
-def compilable(function: Function) -> Function:
-    """Decorate a function that rules call, so that numba compiles it together with them."""
-    jitable: Function = register_jitable(function)
-    return jitable
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -144,6 +137,8 @@ def compile_function(function: Any, signature: Any, on_disk: bool) -> Any:
 
     What cannot be loaded, for example after a loss of power, is discarded and compiled anew.
     """
+    for waiting in take_waiting():
+        register_jitable(waiting)
     try:
         dispatcher = njit(signature, cache=on_disk, **NJIT_OPTIONS)(function)
     except NumbaError:

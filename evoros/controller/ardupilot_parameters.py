@@ -1,9 +1,9 @@
 """The parameters of ArduPilot Rover that follow from the robot and the mission."""
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from evoros.base import elementary
 from evoros.base.errors import InputError
 from evoros.controller.protocol import Briefing
 from evoros.controller.range_finders import (
@@ -41,7 +41,7 @@ def derive_parameters(briefing: Briefing, given: Mapping[str, Any]) -> dict[str,
             f"controller.parameters.WP_SPEED: must be greater than 0, not {speed:g}; set it to the "
             f"speed on the route [m/s], for example 0.3"
         )
-    curvature = drive.turn_ratio * math.tan(drive.steering_limit) / drive.wheelbase_m
+    curvature = drive.turn_ratio * elementary.tan(drive.steering_limit) / drive.wheelbase_m
     derived = {
         "WP_SPEED": speed,
         # The throttle in proportion to the speed, so that all of it is the greatest speed.

@@ -7,9 +7,10 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.random import Generator
 
+from evoros.base import elementary
 from evoros.base.arrays import SPEED, YAW, Array, X, Y
 from evoros.base.checks import TEXT, checked
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.base.errors import InputError
 from evoros.robot.model import Robot
 from evoros.sensor.imu import Imu
@@ -86,25 +87,28 @@ class DeadReckoning:
         axle = parameters[_AXLE_X]
         if own[_STARTED] == 0.0:
             own[_STARTED] = 1.0
-            own[_X] = values[X] + axle * math.cos(values[YAW])
-            own[_Y] = values[Y] + axle * math.sin(values[YAW])
+            sin, cos = elementary.sin_cos(values[YAW])
+            own[_X] = values[X] + axle * cos
+            own[_Y] = values[Y] + axle * sin
             own[_YAW] = values[YAW]
             own[_TIME] = time
         own[_SPEED], own[_RATE] = find_rates(parameters, memory, own[_SPEED], own[_RATE])
         half = 0.5 * own[_RATE] * (time - own[_TIME])
         chord = own[_SPEED] * (time - own[_TIME])
         if abs(half) > 1e-6:
-            chord = chord * math.sin(half) / half
-        own[_X] += chord * math.cos(own[_YAW] + half)
-        own[_Y] += chord * math.sin(own[_YAW] + half)
+            chord = chord * elementary.sin(half) / half
+        sin, cos = elementary.sin_cos(own[_YAW] + half)
+        own[_X] += chord * cos
+        own[_Y] += chord * sin
         own[_YAW] += 2.0 * half
         if own[_YAW] > math.pi:
             own[_YAW] -= FULL_TURN
         elif own[_YAW] < -math.pi:
             own[_YAW] += FULL_TURN
         own[_TIME] = time
-        values[X] = own[_X] - axle * math.cos(own[_YAW])
-        values[Y] = own[_Y] - axle * math.sin(own[_YAW])
+        sin, cos = elementary.sin_cos(own[_YAW])
+        values[X] = own[_X] - axle * cos
+        values[Y] = own[_Y] - axle * sin
         values[YAW] = own[_YAW]
         values[SPEED] = own[_SPEED]
 

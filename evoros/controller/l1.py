@@ -12,6 +12,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.random import Generator
 
+from evoros.base import elementary
 from evoros.base.arrays import (
     DRIVE_SPEED,
     FROM_X,
@@ -28,7 +29,7 @@ from evoros.base.arrays import (
     Y,
 )
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.robot.model import Robot
 
 # The rule's parameters: a yaw rate [rad/s] becomes an output [deg], and LOCK makes it steering.
@@ -128,8 +129,9 @@ class L1:
         speed = max(float(state[SPEED]), STILL)
         yaw = float(state[YAW])
         axle = float(parameters[AXLE])
-        x = float(state[X]) + axle * math.cos(yaw) - float(leg[FROM_X])
-        y = float(state[Y]) + axle * math.sin(yaw) - float(leg[FROM_Y])
+        sin, cos = elementary.sin_cos(yaw)
+        x = float(state[X]) + axle * cos - float(leg[FROM_X])
+        y = float(state[Y]) + axle * sin - float(leg[FROM_Y])
         if math.isnan(math.sqrt(x * x + y * y) + yaw + speed):
             return False
         if time - float(memory[LAST_TIME]) > float(parameters[INTERRUPTION]):
@@ -169,15 +171,15 @@ def guide(
     else:
         left_of_leg = (aim_x * y - aim_y * x) / length
         sine = -left_of_leg / max(look_ahead, STILL)
-        nu1 = math.asin(min(max(sine, -CAPTURE), CAPTURE))
+        nu1 = elementary.asin(min(max(sine, -CAPTURE), CAPTURE))
         if abs(nu1) < CONVERGED:
             limit = float(parameters[CROSSTRACK_LIMIT])
             integral = float(memory[CROSSTRACK]) + float(parameters[CROSSTRACK_STEP]) * nu1
             memory[CROSSTRACK] = min(max(integral, -limit), limit)
         nu1 += float(memory[CROSSTRACK])
-    nu2 = (math.atan2(aim_y, aim_x) - yaw + math.pi) % TURN - math.pi
+    nu2 = (elementary.atan2(aim_y, aim_x) - yaw + math.pi) % TURN - math.pi
     nu = min(max(nu1 + nu2, -0.5 * math.pi), 0.5 * math.pi)
-    return float(parameters[K_L1]) * speed * speed / look_ahead * math.sin(nu)
+    return float(parameters[K_L1]) * speed * speed / look_ahead * elementary.sin(nu)
 
 
 @compilable

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.random import Generator
 
+from evoros.base import elementary
 from evoros.base.arrays import (
     DRIVE_SPEED,
     NO_MEMORY,
@@ -73,9 +74,9 @@ class Serpentine:
         command: Array,
     ) -> bool:
         """Decide always, except if the pose is silent (NaN): the last command stands then."""
-        bearing = math.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
+        bearing = elementary.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
         phase = float(parameters[FREQUENCY]) * time + float(parameters[PHASE])
-        error = bearing + float(parameters[AMPLITUDE]) * math.sin(phase) - float(state[YAW])
+        error = bearing + float(parameters[AMPLITUDE]) * elementary.sin(phase) - float(state[YAW])
         if math.isnan(error):
             return False
         error = (error + math.pi) % (2.0 * math.pi) - math.pi

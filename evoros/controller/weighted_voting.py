@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.random import Generator
 
+from evoros.base import elementary
 from evoros.base.arrays import DRIVE_SPEED, NO_MEMORY, STEERING, Array, RuleArrays
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_number
 from evoros.robot.model import Robot
@@ -123,4 +124,4 @@ class WeightedVoting:
 
 
 def _wrap(angle: float) -> float:
-    return math.atan2(math.sin(angle), math.cos(angle))
+    return elementary.atan2(*elementary.sin_cos(angle))

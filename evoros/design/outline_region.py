@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, TEXT, checked, one_of
 from evoros.base.errors import InputError
@@ -119,7 +120,7 @@ class BoundOutlineRegion:
         line = self._line(values["z_m"] + self.frame[2])
         (x, y), normal = line.at(values["arc"])
         x0, y0, _, yaw = self.frame
-        cos, sin = math.cos(yaw), math.sin(yaw)
+        sin, cos = elementary.sin_cos(yaw)
         dx, dy = x - x0, y - y0
         heading = normal - math.degrees(yaw) + values["yaw_deg"]
         position = (cos * dx + sin * dy, cos * dy - sin * dx, values["z_m"])

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
+from evoros.base import elementary
 from evoros.base.checks import NOT_NEGATIVE, TEXT, Rule, checked
 from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, Interval, bounds
@@ -77,7 +78,7 @@ class Region:
         corners = [
             (a, side * b) for a in bounds(self.x_m) for b in bounds(self.y_m) for side in sides
         ]
-        cos, sin = math.cos(yaw), math.sin(yaw)
+        sin, cos = elementary.sin_cos(yaw)
         in_frame = [(x + cos * a - sin * b, y + sin * a + cos * b) for a, b in corners]
         ranges = zip(robot.outline.min(axis=0), robot.outline.max(axis=0), strict=True)
         for axis, (minimum, maximum) in enumerate(ranges):
@@ -129,7 +130,7 @@ class BoundRegion:
         """Return the rectangle of the box from above."""
         x, y, yaw = self.frame
         (a, b), (c, d) = self.ranges["x_m"], self.ranges["y_m"]
-        cos, sin = math.cos(yaw), math.sin(yaw)
+        sin, cos = elementary.sin_cos(yaw)
         corners = tuple(
             (x + cos * p - sin * q, y + sin * p + cos * q)
             for p, q in ((a, c), (b, c), (b, d), (a, d))

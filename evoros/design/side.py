@@ -5,7 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
+from evoros.base.linear import product
 from evoros.design.protocol import Point
 
 SIDES = {"front": 0.0, "left": 90.0, "rear": 180.0, "right": -90.0, "all_around": 0.0}
@@ -55,13 +57,13 @@ def trace_side(outline: Array, side: str) -> SideLine:
     for a, b in zip(outline.tolist(), after.tolist(), strict=True):
         if a == b:
             continue
-        normal = math.degrees(math.atan2(a[0] - b[0], b[1] - a[1]))
+        normal = math.degrees(elementary.atan2(a[0] - b[0], b[1] - a[1]))
         turn = _wrap(normal - direction)
         if abs(turn) <= reach + _ROUNDING_DEG:
             edges.append((turn, a, b))
     if not edges:
         radians = math.radians(direction)
-        farthest = outline @ np.array([math.cos(radians), math.sin(radians)])
+        farthest = product(outline, np.array([elementary.cos(radians), elementary.sin(radians)]))
         x, y = outline[int(np.argmax(farthest))].tolist()
         return SideLine(((x, y),), (direction,))
     edges.sort(key=lambda edge: edge[0])

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.checks import NUMBER, POSITIVE, checked, invalid
 from evoros.drive.wheels import (
     ANGLE,
@@ -68,9 +69,9 @@ class Ackermann:
     @cached_property
     def steering_limit(self) -> float:
         """Full lock: the bicycle model's angle [rad] at which the inner wheel is at its limit."""
-        tangent = math.tan(self.steering_limit_rad)
+        tangent = elementary.tan(self.steering_limit_rad)
         length = self.wheelbase_m
-        return math.atan(length * tangent / (length + 0.5 * self.kingpin_track_m * tangent))
+        return elementary.atan(length * tangent / (length + 0.5 * self.kingpin_track_m * tangent))
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Angles [rad] of (left, right), rates [rad/s] of (front left, front right, rear ...).
@@ -82,13 +83,13 @@ class Ackermann:
         """
         fastest, lock, limit = self.max_speed_mps, self.steering_limit, self.steering_limit_rad
         rate = min(max(speed, -fastest), fastest) / self.wheel_radius_m
-        tangent = math.tan(min(max(steering, -lock), lock))
+        tangent = elementary.tan(min(max(steering, -lock), lock))
         curvature = tangent / self.wheelbase_m
         kingpin = 0.5 * self.kingpin_track_m * curvature
         stub = 0.5 * (self.front_track_m - self.kingpin_track_m) * curvature
         rear = 0.5 * self.rear_track_m * curvature
         left, right = 1.0 - kingpin, 1.0 + kingpin
-        angles = (math.atan(tangent / left), math.atan(tangent / right))
+        angles = (elementary.atan(tangent / left), elementary.atan(tangent / right))
         return (
             # Rounding may pass the limit by a bit.
             (min(max(angles[0], -limit), limit), min(max(angles[1], -limit), limit)),

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.drive.rolling import Wheel, group_shapes, measure_wheel
 from evoros.drive.wheels import CASTER_GAP_M, LEFT, UP, tolerated
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 
-ALIGNED = math.cos(math.radians(5.0))
+ALIGNED = elementary.cos(math.radians(5.0))
 """The cosine between two axes that are taken as the same."""
 
 CASTER = re.compile(r"caster|castor|swivel|omni|ball", re.IGNORECASE)

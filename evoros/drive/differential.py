@@ -1,10 +1,10 @@
 """Differential drive: two wheels on one axle, which turns by the difference of their speeds."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+from evoros.base import elementary
 from evoros.base.checks import NUMBER, POSITIVE, checked
 from evoros.drive.wheels import ANGLE, LINKS, PAIR, axle, check_caster, same_radius, wheel
 from evoros.formats.urdf.tree import Urdf
@@ -57,7 +57,7 @@ class Differential:
         is at most at its limit: a robot that is asked for too much keeps to its curve.
         """
         lock = self.steering_limit_rad
-        curvature = math.tan(min(max(steering, -lock), lock)) / self.wheelbase_m
+        curvature = elementary.tan(min(max(steering, -lock), lock)) / self.wheelbase_m
         side = self.speed_limit_offset_m * curvature
         fastest = self.max_speed_mps / (1.0 + abs(side))
         rate = min(max(speed, -fastest), fastest) / self.wheel_radius_m

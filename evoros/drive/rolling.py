@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
+from evoros.base.linear import length, product
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
@@ -49,20 +51,22 @@ def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
         shape, pose = shapes[0]
         if shape.kind == "sphere":
             return Wheel(np.array(pose.position), shape.size[0], 2.0 * shape.size[0], 0.0)
-        if shape.kind == "cylinder" and abs(float(pose.rotation[:, 2] @ axis)) > _ALONG:
+        if shape.kind == "cylinder" and abs(float(product(pose.rotation[:, 2], axis))) > _ALONG:
             return Wheel(np.array(pose.position), shape.size[0], shape.size[1], 0.0)
     points = np.concatenate([shape_points(shape, pose) for shape, pose in shapes])
     across = _normals(axis)
-    flat, along = points @ across.T, points @ axis
+    flat, along = product(points, across.T), product(points, axis)
     low, high = flat.min(axis=0), flat.max(axis=0)
     middle = (low + high) / 2
     radius = float(np.sqrt(((flat - middle) ** 2).sum(axis=1)).max())
     half = (along.min() + along.max()) / 2
     # A circle is as wide as its diameter in every direction.
     angles = np.arange(12) * (math.pi / 12)
-    widths = np.ptp(flat @ np.stack([np.cos(angles), np.sin(angles)]), axis=0)
+    widths = np.ptp(
+        product(flat, np.stack([elementary.cos_all(angles), elementary.sin_all(angles)])), axis=0
+    )
     roundness = 1.0 - float(widths.min()) / (2.0 * radius) if radius > 0 else 1.0
-    return Wheel(middle @ across + half * axis, radius, float(np.ptp(along)), roundness)
+    return Wheel(product(middle, across) + half * axis, radius, float(np.ptp(along)), roundness)
 
 
 def shape_points(shape: Shape, pose: Pose) -> Array:
@@ -78,20 +82,24 @@ def shape_points(shape: Shape, pose: Pose) -> Array:
         local = np.concatenate([rim - half, rim + half])
     else:
         polar = np.linspace(0.0, math.pi, 17)
-        rings = [_circle() * math.sin(a) + np.array([0.0, 0.0, math.cos(a)]) for a in polar]
+        rings = [
+            _circle() * elementary.sin(a) + np.array([0.0, 0.0, elementary.cos(a)]) for a in polar
+        ]
         local = shape.size[0] * np.concatenate(rings)
-    points: Array = local @ pose.rotation.T + pose.position
+    points: Array = product(local, pose.rotation.T) + pose.position
     return points
 
 
 def _circle() -> Array:
     angles = np.arange(_RIM) * (2.0 * math.pi / _RIM)
-    return np.stack([np.cos(angles), np.sin(angles), np.zeros(_RIM)], axis=1)
+    return np.stack(
+        [elementary.cos_all(angles), elementary.sin_all(angles), np.zeros(_RIM)], axis=1
+    )
 
 
 def _normals(axis: Array) -> Array:
     """Return two unit vectors (2, 3) across an axis."""
     helper = np.eye(3)[int(np.abs(axis).argmin())]
     first = np.cross(axis, helper)
-    first /= np.linalg.norm(first)
+    first /= length(first)
     return np.stack([first, np.cross(axis, first)])

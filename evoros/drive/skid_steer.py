@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import NUMBER, POSITIVE, Rule, checked, is_number
 from evoros.drive.wheels import (
@@ -100,7 +101,7 @@ class SkidSteer:
         are at most at their limit: a robot that is asked for too much keeps to its curve.
         """
         lock = self.steering_limit_rad
-        curvature = math.tan(min(max(steering, -lock), lock)) / self.wheelbase_m
+        curvature = elementary.tan(min(max(steering, -lock), lock)) / self.wheelbase_m
         side = 0.5 * self.track_m * self.wheel_separation_multiplier * curvature
         fastest = self.max_speed_mps / (1.0 + abs(side))
         rate = min(max(speed, -fastest), fastest) / self.wheel_radius_m

@@ -4,8 +4,11 @@ import logging
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from evoros.base.arrays import Array
 from evoros.base.checks import POSITIVE, Rule
+from evoros.base.linear import product
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.footprint import bottom_height
@@ -97,7 +100,7 @@ def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
         found = f"its centre is at {center[2]:g} m, its radius {radius:g} m"
         raise urdf.error(f"{rule}, but {found}", "correct the <origin> of its joints")
     tell_offset(urdf, center[2] - radius, f"wheel {link!r} is above the ground")
-    return urdf.poses[link].rotation @ shapes[0].pose.position + axle, radius
+    return product(urdf.poses[link].rotation, np.array(shapes[0].pose.position)) + axle, radius
 
 
 def axle(

@@ -5,7 +5,9 @@ from itertools import combinations
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.errors import InputError
+from evoros.base.linear import product
 from evoros.design.space import SensorDesign
 from evoros.evolution.agent import Agent
 from evoros.geometry.clearance import compute_clearances
@@ -63,6 +65,7 @@ def _check_homes(agents: Mapping[str, Agent], robot: Robot, world_name: str, wor
 
 def _touch(first: Robot, at: Sequence[float], second: Robot, there: Sequence[float]) -> bool:
     x, y, yaw = there
-    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    footprint = Footprint(second.outline @ turn.T + np.array([x, y]), 0.0)
+    sin, cos = elementary.sin_cos(yaw)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    footprint = Footprint(product(second.outline, turn.T) + np.array([x, y]), 0.0)
     return float(compute_clearances(first.outline, np.array([at]), [footprint])[0]) <= 0.0

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import CancelledError
 from typing import Any
 
+from evoros.base import elementary
 from evoros.base.errors import SimulationError, single_line
 from evoros.base.log import LOGGER
 from evoros.evolution.experiment import Experiment
@@ -165,7 +166,7 @@ def _advise(trial: TrialDrive, robot: Robot, speed: float) -> str:
     """Return what to correct if no finer step helps."""
     same, drive = "a finer step does not change that", robot.drive
     only_turn = not _describe(trial._replace(turn=0.0), math.inf)
-    push = speed * speed * math.tan(drive.steering_limit) / drive.wheelbase_m
+    push = speed * speed * elementary.tan(drive.steering_limit) / drive.wheelbase_m
     if only_turn and push > FIRM_GRIP_MPS2:
         return (
             f"{same}, because the tightest turn at {speed:g} m/s needs more friction than wheels "

@@ -7,8 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import Array, X, Y
 from evoros.base.errors import InputError
+from evoros.base.linear import product
 from evoros.base.rng import generator
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.layer_values import find_avoidance_range
@@ -81,8 +83,8 @@ def _find_seen(scenario: Scenario, itself: bool) -> Iterator[Sight]:
             continue
         reading = float(ranges[beams].min())
         if reading < min(limit, sensor.range_max_m):
-            lowest = float((sensor.rays() @ frame[:3, :3].T)[:, 2].min())
-            drop = math.degrees(math.asin(-lowest))
+            lowest = float((product(sensor.rays(), frame[:3, :3].T))[:, 2].min())
+            drop = math.degrees(elementary.asin(-lowest))
             yield Sight(mount, key, limit, reading, float(frame[2, 3]), drop)
 
 
@@ -102,7 +104,7 @@ def _read(robot: Robot, itself: bool) -> Array:
 
 def _describe_ground(sight: Sight) -> str:
     mount = sight.mount
-    level = math.degrees(math.asin(min(1.0, sight.height_m / sight.range_m)))
+    level = math.degrees(elementary.asin(min(1.0, sight.height_m / sight.range_m)))
     pitch = math.ceil(mount.pitch_deg + sight.drop_deg - level)
     return (
         f"a {mount.sensor} {sight.height_m:.3g} m above the ground with pitch "

@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evoros.base import elementary
 from evoros.base.arrays import (
     COMMAND_SIZE,
     DRIVE_SPEED,
@@ -82,7 +83,7 @@ def drive_trial(simulator: Simulator, robot: Robot, world: World, speed: float) 
     mounts = [Mount("plumb", link, x, y, height, 0.0, 0.0) for x, y in places]
     robot = robot.with_sensors(mounts, {"plumb": Plumb()})
     lock, drive = robot.drive.steering_limit, robot.drive
-    curvature = math.tan(lock) / drive.wheelbase_m
+    curvature = elementary.tan(lock) / drive.wheelbase_m
     fastest = drive.max_speed_mps / (1.0 + abs(curvature) * drive.speed_limit_offset_m)
     with simulator.open(robot, world) as simulation:
         driver = _Driver(simulation, simulator.time_step)
@@ -106,7 +107,7 @@ def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: 
         SimulationError: the engine refuses the robot.
     """
     lock, drive = robot.drive.steering_limit, robot.drive
-    curvature = math.tan(lock) / drive.wheelbase_m
+    curvature = elementary.tan(lock) / drive.wheelbase_m
     fastest = drive.max_speed_mps / (1.0 + abs(curvature) * drive.speed_limit_offset_m)
     with simulator.open(robot, world) as simulation:
         driver = _Driver(simulation, simulator.time_step)
@@ -122,7 +123,7 @@ def _measure_posture(simulation: Simulation, robot: Robot) -> tuple[float, float
     if not np.abs(errors).max() < READABLE_M:
         return 0.0, 0.0
     slope = math.hypot(errors[1] - errors[0], errors[2] - errors[0]) / ARM_M
-    return max(0.0, -float(errors[0])), math.degrees(math.atan(slope))
+    return max(0.0, -float(errors[0])), math.degrees(elementary.atan(slope))
 
 
 class _Driver:
@@ -164,7 +165,9 @@ class _Driver:
             return math.nan
         x, y = float(after[X] - before[X]), float(after[Y] - before[Y])
         heading = float(before[YAW]) + half
-        return (math.sin(heading) * x - math.cos(heading) * y) / (2.0 * math.sin(half))
+        return (elementary.sin(heading) * x - elementary.cos(heading) * y) / (
+            2.0 * elementary.sin(half)
+        )
 
     def _observe(self) -> Array:
         state = np.zeros(STATE_SIZE)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.geometry.footprint import Footprint, distances
 from evoros.world.course import Course
@@ -97,7 +98,7 @@ def suggest_course(
         home_x_m=round(float(home[0]), 2),
         home_y_m=round(float(home[1]), 2),
         home_z_m=height_m,
-        home_yaw_rad=round(math.atan2(first[1], first[0]), 3),
+        home_yaw_rad=round(elementary.atan2(first[1], first[0]), 3),
         waypoints=[[round(float(x), 2), round(float(y), 2)] for x, y in corners],
         acceptance_m=round(min(1.0, max(0.3, robot_radius_m)), 2),
         time_limit_s=60.0 * math.ceil(length / CRUISE_MPS / 60.0),
@@ -157,7 +158,9 @@ def _order_around(points: Array, loops: NDArray[np.int64]) -> NDArray[np.int64]:
     """Order each loop (n, k) by the bearing from its middle, from point 0 on: no legs cross."""
     places = points[loops]
     offsets = places - places.mean(axis=1, keepdims=True)
-    order = np.argsort(np.arctan2(offsets[:, :, 1], offsets[:, :, 0]), axis=1, kind="stable")
+    order = np.argsort(
+        elementary.atan2_all(offsets[:, :, 1], offsets[:, :, 0]), axis=1, kind="stable"
+    )
     first = np.argmin(order, axis=1)
     turns = (first[:, None] + np.arange(loops.shape[1])) % loops.shape[1]
     return np.take_along_axis(loops, np.take_along_axis(order, turns, axis=1), axis=1)

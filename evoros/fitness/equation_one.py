@@ -36,7 +36,8 @@ class EquationOne:
 
 def equation_one(outcome: Outcome) -> float:
     """Return Eq. 1 for one mission, 1..8."""
-    progress = (1.0 + outcome.progress) ** 2
+    progress = (1.0 + outcome.progress) * (1.0 + outcome.progress)
     if not outcome.completed:
         return progress
-    return progress + (2.0 - outcome.time_s / outcome.time_limit_s) ** 2
+    speed = 2.0 - outcome.time_s / outcome.time_limit_s
+    return progress + speed * speed

@@ -11,6 +11,7 @@ import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.base.linear import product
 from evoros.base.log import LOGGER
 from evoros.formats.mesh_cache import Found, load, store
 from evoros.formats.mesh_dae import Submesh, read_dae
@@ -77,7 +78,8 @@ def hull_of(shapes: Iterable[Shape]) -> Shape:
     from evoros.geometry.hull import make_hull, simplify  # with scipy, which takes long to import
 
     corners = [
-        np.array(shape.corners) @ shape.pose.rotation.T + shape.pose.position for shape in shapes
+        product(np.array(shape.corners), shape.pose.rotation.T) + shape.pose.position
+        for shape in shapes
     ]
     hull = make_hull(np.concatenate(corners))
     if hull is None:

@@ -14,8 +14,10 @@ import numpy as np
 from lxml import etree
 from lxml.etree import _Element as Element
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.base.linear import determinant, length, product
 
 _DEEPEST = 100  # nodes inside nodes; a file whose nodes contain each other has no end
 
@@ -111,8 +113,8 @@ class _Document:
         pieces = [np.empty((0, 3, 3))]
         for element in geometry.iterfind("{*}mesh/{*}*"):
             pieces += self._triangles(element)
-        triangles = np.concatenate(pieces) @ pose[:3, :3].T + pose[:3, 3]
-        if np.linalg.det(pose[:3, :3]) < 0:
+        triangles = product(np.concatenate(pieces), pose[:3, :3].T) + pose[:3, 3]
+        if determinant(pose[:3, :3]) < 0:
             triangles = triangles[:, ::-1]  # mirrored, so that faces would point inwards
         return Submesh((*names, *own), triangles)
 
@@ -201,10 +203,11 @@ def _transform(node: Element) -> Array:
 
 def _rotation(axis: Array, angle: float) -> Array:
     """Return the rotation (3, 3) about an axis by an angle [rad]."""
-    length = float(np.linalg.norm(axis))
-    if length == 0.0:
+    size = length(axis)
+    if size == 0.0:
         return np.eye(3)
-    x, y, z = axis / length
+    x, y, z = axis / size
     skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    turned: Array = np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * skew @ skew
+    sin, cos = elementary.sin_cos(angle)
+    turned: Array = np.eye(3) + sin * skew + product((1 - cos) * skew, skew)
     return turned

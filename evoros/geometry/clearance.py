@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
-from evoros.base.compilation import A1, A2, I8, compilable, compile_rule
+from evoros.base.compilable import compilable
+from evoros.base.compilation import A1, A2, I8, compile_rule
 from evoros.geometry.footprint import Footprint
 from evoros.geometry.outlines import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START, Outlines
 from evoros.geometry.polygon import polygon_distance, transform_polygon
@@ -126,7 +128,8 @@ def _clearance(
     """Return the minimum distance [m] to an obstacle at one pose; ``placed`` is overwritten."""
     x = pose[0]
     y = pose[1]
-    transform_polygon(outline, x, y, math.cos(pose[2]), math.sin(pose[2]), placed)
+    sin, cos = elementary.sin_cos(pose[2])
+    transform_polygon(outline, x, y, cos, sin, placed)
     smallest = math.inf
     for i in range(len(rows)):
         row = rows[i]

@@ -6,7 +6,7 @@ The functions run compiled and interpreted alike.
 import math
 
 from evoros.base.arrays import Array
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 
 EDGE_TOLERANCE_M = 1e-4
 """Corners that reach as far as the farthest within this belong to an edge that lies against the

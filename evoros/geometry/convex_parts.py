@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from evoros.base.arrays import Array
+from evoros.base.linear import product
 from evoros.geometry.cuts import cut
 from evoros.geometry.hull import MOST_CORNERS, Hull, hull_volume, make_hull, simplify
 from evoros.geometry.triangles import Indices, Surface, sample, split_by_points
@@ -164,8 +165,8 @@ def _candidates(piece: Piece) -> list[tuple[Array, float]]:
     for i in np.flatnonzero(lengths > 1e-12):
         normal = normals[i] / lengths[i]
         normal = normal * np.sign(normal[np.argmax(np.abs(normal))])
-        offset = float(corners[i, 0] @ normal)
-        sides = piece.hull.corners @ normal - offset
+        offset = float(product(corners[i, 0], normal))
+        sides = product(piece.hull.corners, normal) - offset
         if sides.min() < -1e-6 and sides.max() > 1e-6:
             _add(planes, normal, offset)
         if len(planes) >= tried:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
+from evoros.base.linear import product
 from evoros.geometry.triangles import Indices, Surface
 
 
@@ -14,7 +15,7 @@ def cut(surface: Surface, normal: Array, offset: float, capped: bool) -> list[Su
 
     ``capped`` closes the cuts of a closed surface.
     """
-    distance = surface.points @ normal - offset
+    distance = product(surface.points, normal) - offset
     distance[np.abs(distance) < 1e-6] = 0.0
     sides = []
     for sign in (1.0, -1.0):

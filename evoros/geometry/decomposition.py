@@ -85,7 +85,8 @@ def _visible_corner(ring: Ring, holes: Sequence[Ring], point: Point) -> int:
     edges = [(a, b) for r in (ring, *holes) for a, b in zip(r, [*r[1:], r[0]], strict=True)]
 
     def distance(i: int) -> float:
-        return (ring[i][0] - point[0]) ** 2 + (ring[i][1] - point[1]) ** 2
+        dx, dy = ring[i][0] - point[0], ring[i][1] - point[1]
+        return dx * dx + dy * dy
 
     for i in sorted(range(len(ring)), key=distance):
         before, after = ring[i - 1], ring[(i + 1) % len(ring)]

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
+from evoros.base.linear import product
 from evoros.geometry.polyhedron import clip_polyhedron, convex_polyhedron, placed_corners
 from evoros.geometry.shapes import Body, Pose, Shape
 
@@ -39,7 +41,7 @@ def project_shape(
         return Footprint(centre[None], shape.size[0])
     if shape.kind == "box":
         signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-        corners = signs * np.array(shape.size) / 2 @ pose.rotation.T
+        corners = product(signs * np.array(shape.size) / 2, pose.rotation.T)
         return Footprint(convex_hull(corners[:, :2]) + centre)
     radius, length = shape.size
     vertices, radius = _project_cylinder(radius, length, pose.rotation[:, 2])
@@ -79,7 +81,7 @@ def _project_cylinder(radius: float, length: float, axis: Array) -> tuple[Array,
         return convex_hull(np.array([reach, -reach])), radius
     along = axis[:2] / math.hypot(axis[0], axis[1])
     across = np.array([-along[1], along[0]])
-    disc = _circumscribe(radius * abs(float(axis[2])), radius) @ np.array([along, across])
+    disc = product(_circumscribe(radius * abs(float(axis[2])), radius), np.array([along, across]))
     return convex_hull(np.concatenate([disc + reach, disc - reach])), 0.0
 
 
@@ -91,8 +93,10 @@ def _circumscribe(along: float, across: float) -> Array:
     if along < _EXCESS * across:
         return np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (along, across)
     angles = np.arange(_ELLIPSE_CORNERS) * (2 * math.pi / _ELLIPSE_CORNERS)
-    grow = 1 / math.cos(math.pi / _ELLIPSE_CORNERS)
-    return grow * np.stack([along * np.cos(angles), across * np.sin(angles)], axis=1)
+    grow = 1 / elementary.cos(math.pi / _ELLIPSE_CORNERS)
+    return grow * np.stack(
+        [along * elementary.cos_all(angles), across * elementary.sin_all(angles)], axis=1
+    )
 
 
 def bottom_height(shape: Shape, pose: Pose) -> float:
@@ -103,7 +107,7 @@ def bottom_height(shape: Shape, pose: Pose) -> float:
     if shape.kind == "sphere":
         depth = shape.size[0]
     elif shape.kind == "box":
-        depth = float(np.abs(up) @ shape.size) / 2
+        depth = float(product(np.abs(up), np.array(shape.size))) / 2
     else:
         radius, length = shape.size
         depth = radius * math.hypot(up[0], up[1]) + length / 2 * abs(float(up[2]))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.geometry.footprint import Footprint, distances
 
 CELL_M = 1.0

@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
+from evoros.base.linear import principal_axes, product
 
 THICKNESS_M = 0.002  # of a flat hull
 SMALLEST_M = 0.001  # extent of a hull that counts
@@ -30,7 +32,7 @@ class Hull:
         depth = np.full(len(points), np.inf)
         for i in range(0, len(self.planes), 256):
             planes = self.planes[i : i + 256]
-            outside = points @ planes[:, :3].T + planes[:, 3]
+            outside = product(points, planes[:, :3].T) + planes[:, 3]
             np.minimum(depth, -outside.max(axis=1), out=depth)
         return depth
 
@@ -69,8 +71,8 @@ def _qhull(points: Array) -> ConvexHull | None:
 def _thicken(points: Array) -> Array:
     """Return the points on both sides of their plane, if they are flat."""
     centre = points.mean(axis=0)
-    _, axes = np.linalg.eigh((points - centre).T @ (points - centre))
-    width = float(np.ptp((points - centre) @ axes[:, 0]))
+    _, axes = principal_axes(product((points - centre).T, points - centre))
+    width = float(np.ptp(product(points - centre, axes[:, 0])))
     if width >= THICKNESS_M:
         return points
     away = axes[:, 0] * (THICKNESS_M - width) / 2
@@ -106,7 +108,7 @@ def _without_flat_corners(hull: Hull) -> Hull:
     """Return the hull without corners in the middle of a face or an edge, which cuts leave."""
     _, first = np.unique(np.round(hull.planes[:, :3], 5), axis=0, return_index=True)
     planes = hull.planes[first]
-    touched = np.abs(hull.corners @ planes[:, :3].T + planes[:, 3]) < 1e-6
+    touched = np.abs(product(hull.corners, planes[:, :3].T) + planes[:, 3]) < 1e-6
     corners = hull.corners[touched.sum(axis=1) >= 3]
     if len(corners) in (len(hull.corners), 0):
         return hull
@@ -119,7 +121,8 @@ def _extremes(points: Array, directions: Array) -> NDArray[np.integer]:
     """Return the indices of the points that are farthest in any of the directions."""
     columns = np.ascontiguousarray(points.T)
     farthest = [
-        (directions[i : i + 50] @ columns).argmax(axis=1) for i in range(0, len(directions), 50)
+        (product(directions[i : i + 50], columns)).argmax(axis=1)
+        for i in range(0, len(directions), 50)
     ]
     return np.unique(np.concatenate(farthest))
 
@@ -130,7 +133,9 @@ def _spread(count: int) -> Array:
     z = 1 - (2 * np.arange(count) + 1) / count
     angle = np.pi * (1 + np.sqrt(5)) * np.arange(count)
     radius = np.sqrt(1 - z * z)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+    return np.stack(
+        [radius * elementary.cos_all(angle), radius * elementary.sin_all(angle), z], axis=1
+    )
 
 
 _DIRECTIONS = np.array(

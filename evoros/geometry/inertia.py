@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.base.linear import product
 from evoros.geometry.polyhedron import solid_properties
 from evoros.geometry.shapes import Shape, Vector
 
@@ -44,7 +45,7 @@ def joint_moments(shapes: Sequence[Shape], mass: float) -> Vector:
     for shape, volume in zip(shapes, volumes, strict=True):
         share = mass * volume / sum(volumes)
         rotation = shape.pose.rotation
-        total += rotation @ _solid_tensor(shape, share) @ rotation.T
+        total += product(product(rotation, _solid_tensor(shape, share)), rotation.T)
         total += point_tensor(share, np.array(shape.pose.transform(solid_centre(shape))))
     xx, yy, zz = total.diagonal().tolist()
     return (xx, yy, zz)
@@ -57,8 +58,8 @@ def solid_volume(shape: Shape) -> float:
     if shape.kind == "box":
         return math.prod(shape.size)
     if shape.kind == "sphere":
-        return 4.0 / 3.0 * math.pi * shape.size[0] ** 3
-    return math.pi * shape.size[0] ** 2 * shape.size[1]
+        return 4.0 / 3.0 * math.pi * shape.size[0] * shape.size[0] * shape.size[0]
+    return math.pi * shape.size[0] * shape.size[0] * shape.size[1]
 
 
 def solid_centre(shape: Shape) -> Vector:
@@ -82,7 +83,7 @@ def point_tensor(mass: float, offset: Array) -> Array:
     By the parallel axis theorem this is what a body's tensor gains if it is taken about a point
     from which the centre of mass is ``offset`` away.
     """
-    tensor: Array = mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+    tensor: Array = mass * (product(offset, offset) * np.eye(3) - np.outer(offset, offset))
     return tensor
 
 

@@ -106,7 +106,7 @@ def _is_hull(piece: Piece, tolerance: float) -> bool:
         return piece.concavity <= tolerance
     # The area vectors of a closed surface cancel out; what is left points into the opening.
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
-    away = np.einsum("ij,ij->i", normals, corners.mean(axis=1) - hull.corners.mean(axis=0))
+    away = (normals * (corners.mean(axis=1) - hull.corners.mean(axis=0))).sum(axis=1)
     opening = -(normals * np.sign(away)[:, None]).sum(axis=0)
     size = float(np.sqrt((opening * opening).sum()))
     return abs(size - lacking) <= 0.02 * hull.area and float(opening[2]) < -0.7 * size

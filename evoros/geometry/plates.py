@@ -5,6 +5,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from evoros.base.arrays import Array
+from evoros.base.linear import length
 from evoros.geometry.triangles import Indices, Surface
 
 _FLAT = 1e-6  # [m] and [rad]: how far faces of one plane may be off it
@@ -19,7 +20,7 @@ def divide_into_polygons(surface: Surface) -> list[Array]:
     largest = np.abs(normals).argmax(axis=1)[:, None]
     normals *= np.sign(np.take_along_axis(normals, largest, axis=1))
     polygons: list[Array] = []
-    for group in _facets(surface.faces, normals, np.einsum("ij,ij->i", normals, corners[:, 0])):
+    for group in _facets(surface.faces, normals, (normals * corners[:, 0]).sum(axis=1)):
         loops = _merge(surface.points, surface.faces[group], normals[group[0]])
         polygons += [surface.points[loop] for loop in loops]
     return polygons
@@ -51,7 +52,7 @@ def _merge(points: Array, faces: Indices, normal: Array) -> list[list[int]]:
         loops[number] = loop
         owner |= dict.fromkeys(_edges_of(loop), number)
     inner = [(i, j) for i, j in owner if i < j and (j, i) in owner]
-    inner.sort(key=lambda edge: (-float(np.linalg.norm(points[edge[0]] - points[edge[1]])), edge))
+    inner.sort(key=lambda edge: (-length(points[edge[0]] - points[edge[1]]), edge))
     for i, j in inner:
         first, second = owner[i, j], owner[j, i]
         merged = _join(loops[first], loops[second], i, j)

@@ -6,7 +6,7 @@ The functions run compiled and interpreted alike.
 import math
 
 from evoros.base.arrays import Array
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 
 
 @compilable

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
+from evoros.base.linear import determinant, product
 from evoros.geometry.shapes import Vector
 
 _SAME_FACE = 9
@@ -77,13 +78,14 @@ def solid_properties(corners: tuple[Vector, ...]) -> tuple[float, Array, Array]:
     solid = convex_polyhedron(corners)
     inside = solid.corners.mean(axis=0)
     tetrahedra = solid.corners[solid.triangles] - inside  # each with its fourth corner ``inside``
-    volumes = np.linalg.det(tetrahedra) / 6.0
+    volumes = determinant(tetrahedra) / 6.0
     volume = float(volumes.sum())
-    centre = volumes @ tetrahedra.sum(axis=1) / 4.0 / volume
+    centre = product(volumes, tetrahedra.sum(axis=1)) / 4.0 / volume
     # The integral of x xT over a tetrahedron with a corner at the origin and sum s of its corners.
     sums = tetrahedra.sum(axis=1)
-    products = np.einsum("t,tij,tik->jk", volumes, tetrahedra, tetrahedra)
-    products += np.einsum("t,tj,tk->jk", volumes, sums, sums)
+    places = np.concatenate([tetrahedra, sums[:, None]], axis=1)
+    squares = (places[..., None] * places[..., None, :]).sum(axis=1)
+    products = (volumes[:, None, None] * squares).sum(axis=0)
     second = products / 20.0 - volume * np.outer(centre, centre)
     return volume, inside + centre, np.trace(second) * np.eye(3) - second
 
@@ -92,5 +94,7 @@ def placed_corners(
     corners: Sequence[Vector] | Array, rotation: Array, position: Sequence[float]
 ) -> Array:
     """Return corners (k, 3) [m] in the frame in which ``rotation`` and ``position`` are given."""
-    placed: Array = np.asarray(corners, dtype=np.float64) @ rotation.T + np.asarray(position)
+    placed: Array = product(np.asarray(corners, dtype=np.float64), rotation.T) + np.asarray(
+        position
+    )
     return placed

@@ -3,7 +3,7 @@
 import math
 
 from evoros.base.arrays import Array
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 
 # One obstacle for ray casting: a row of OBSTACLE_SIZE values, in the world's frame.
 KIND, AT_X, AT_Y, AT_Z, BOUND, ROTATION = range(6)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import (
     NOT_NEGATIVE,
@@ -19,6 +20,7 @@ from evoros.base.checks import (
     one_of,
     sequence_of,
 )
+from evoros.base.linear import product
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -47,9 +49,9 @@ class Pose:
     @classmethod
     def from_rpy(cls, position: Vector, roll: float, pitch: float, yaw: float) -> "Pose":
         """Create a pose with the rotation Rz(yaw) Ry(pitch) Rx(roll) [rad] of SDF and URDF."""
-        cr, sr = math.cos(roll / 2), math.sin(roll / 2)
-        cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
-        cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
+        sr, cr = elementary.sin_cos(roll / 2)
+        sp, cp = elementary.sin_cos(pitch / 2)
+        sy, cy = elementary.sin_cos(yaw / 2)
         return cls(
             position,
             (
@@ -105,7 +107,7 @@ class Pose:
 
     def transform(self, point: Vector) -> Vector:
         """Return a point [m] of this frame in the frame that this pose is given in."""
-        x, y, z = (self.rotation @ np.array(point) + self.position).tolist()
+        x, y, z = (product(self.rotation, np.array(point)) + self.position).tolist()
         return (x, y, z)
 
     @property
@@ -124,7 +126,7 @@ class Pose:
     def yaw(self) -> float:
         """The heading [rad] of the x axis in the horizontal plane."""
         x, y, z, w = self.quaternion
-        return math.atan2(2 * (x * y + z * w), 1 - 2 * (y * y + z * z))
+        return elementary.atan2(2 * (x * y + z * w), 1 - 2 * (y * y + z * z))
 
 
 def normalize(quaternion: Sequence[float]) -> Quaternion:

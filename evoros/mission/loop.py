@@ -26,7 +26,7 @@ from evoros.base.arrays import (
     X,
     Y,
 )
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.controller.protocol import StartedLayer
 from evoros.filter.protocol import FilterRule
 from evoros.simulator.protocol import AdvanceRule, ObserveRule, SenseRule

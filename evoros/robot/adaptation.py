@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from lxml.etree import _Element as Element
 
+from evoros.base.linear import length
 from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.candidates import CASTER
 from evoros.drive.differential import DifferentialDescription
@@ -115,7 +116,7 @@ def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
         for name, shapes in urdf.shapes.items()
         for shape in shapes
     ]
-    return float(np.linalg.norm(np.ptp(np.concatenate(points), axis=0)))
+    return length(np.ptp(np.concatenate(points), axis=0))
 
 
 def _complete_masses(

@@ -8,6 +8,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
+from evoros.base.linear import product
 from evoros.drive.rolling import shape_points
 from evoros.drive.wheels import CASTER_GAP_M, TOLERANCE_M
 from evoros.formats.urdf.elements import add_fixed_link, build_collision, set_inertial, set_origin
@@ -82,7 +83,7 @@ def _raise(collision: Element, link: Pose) -> bool:
     depth = -_gap(collision, link)
     if depth <= TOLERANCE_M / 2:
         return False
-    up = link.rotation.T @ np.array([0.0, 0.0, depth])
+    up = product(link.rotation.T, np.array([0.0, 0.0, depth]))
     origin = read_origin(collision)
     x, y, z = (np.array(origin.position) + up).tolist()
     set_origin(collision, Pose((x, y, z), origin.quaternion))

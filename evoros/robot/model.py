@@ -11,9 +11,11 @@ import numpy as np
 from lxml import etree
 from lxml.etree import _Element as Element
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import is_number
 from evoros.base.errors import InputError
+from evoros.base.linear import product
 from evoros.drive.protocol import Drive
 from evoros.formats.urdf.document import UrdfDocument
 from evoros.geometry.shapes import Pose, Shape
@@ -176,7 +178,7 @@ class Robot:
         poses = np.empty((len(self.mounts), 5))
         for i, mount in enumerate(self.mounts):
             x, y, z, yaw = self.sensor_links[mount.link]
-            cos, sin = math.cos(yaw), math.sin(yaw)
+            sin, cos = elementary.sin_cos(yaw)
             poses[i] = (
                 x + cos * mount.x_m - sin * mount.y_m,
                 y + sin * mount.x_m + cos * mount.y_m,
@@ -203,15 +205,20 @@ class Robot:
                 yaws.append(float(pose[3]))
             else:
                 middles = np.zeros((count, 3))
-                np.add.at(middles, sensor.channel_of(), sensor.rays() @ frame[:3, :3].T)
-                yaws += np.arctan2(middles[:, 1], middles[:, 0]).tolist()
+                np.add.at(middles, sensor.channel_of(), product(sensor.rays(), frame[:3, :3].T))
+                yaws += elementary.atan2_all(middles[:, 1], middles[:, 0]).tolist()
         return yaws
 
     def sensor_frames(self) -> Array:
         """Return the frames (n, 4, 4) [m], x along the beam, in the robot's frame."""
         frames = np.empty((len(self.mounts), 4, 4))
         for i, (x, y, z, yaw, pitch) in enumerate(self.sensor_poses().tolist()):
-            cy, sy, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
+            cy, sy, cp, sp = (
+                elementary.cos(yaw),
+                elementary.sin(yaw),
+                elementary.cos(pitch),
+                elementary.sin(pitch),
+            )
             frames[i] = (
                 (cy * cp, -sy, -cy * sp, x),
                 (sy * cp, cy, -sy * sp, y),

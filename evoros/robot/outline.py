@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.geometry.footprint import bottom_height, convex_hull, project_shape, top_height
 from evoros.geometry.shapes import Pose, Shape
@@ -30,7 +31,9 @@ class SolidShape:
 def compute_outline(solids: Iterable[tuple[Shape, Pose]]) -> Array:
     """Return the hull (k, 2) [m] of the footprints of shapes, with polygons around circles."""
     turn = np.arange(_CIRCLE_CORNERS) * (2.0 * math.pi / _CIRCLE_CORNERS)
-    disc = np.stack([np.cos(turn), np.sin(turn)], axis=1) / math.cos(math.pi / _CIRCLE_CORNERS)
+    disc = np.stack([elementary.cos_all(turn), elementary.sin_all(turn)], axis=1) / elementary.cos(
+        math.pi / _CIRCLE_CORNERS
+    )
     corners = []
     for shape, pose in solids:
         footprint = project_shape(shape, pose)

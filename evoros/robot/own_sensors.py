@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from evoros.base import elementary
 from evoros.formats.urdf.sensors import DescribedSensor, read_sensors
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.shapes import Pose
@@ -60,9 +61,9 @@ def _mount(described: DescribedSensor, urdf: Urdf, robot: Robot) -> tuple[OwnSen
 def _angles(pose: Pose) -> tuple[float, float, float]:
     """Return roll, pitch and yaw about fixed axes [rad]."""
     rotation = pose.rotation
-    pitch = math.atan2(-rotation[2, 0], math.hypot(rotation[0, 0], rotation[1, 0]))
-    roll = math.atan2(rotation[2, 1], rotation[2, 2])
-    return roll, pitch, math.atan2(rotation[1, 0], rotation[0, 0])
+    pitch = elementary.atan2(-rotation[2, 0], math.hypot(rotation[0, 0], rotation[1, 0]))
+    roll = elementary.atan2(rotation[2, 1], rotation[2, 2])
+    return roll, pitch, elementary.atan2(rotation[1, 0], rotation[0, 0])
 
 
 def _describe(sensor: OwnSensor, roll: float) -> Iterator[str]:

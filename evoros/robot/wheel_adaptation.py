@@ -7,6 +7,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
+from evoros.base.linear import length, product
 from evoros.drive.candidates import ALIGNED
 from evoros.drive.rolling import Wheel, group_shapes, measure_wheel
 from evoros.drive.wheels import LEFT, UP, tolerated
@@ -52,7 +53,7 @@ def adapt_wheel(elements: Element, urdf: Urdf, name: str, fixed: bool, notes: No
         notes.reshaped.append(joint.child)
     if joint.type != "continuous" or not np.array_equal(axis, joint.axis):
         _rewrite(elements, joint, "continuous", axis)
-    centre: Array = rotation @ wheel.centre + urdf.poses[joint.child].position
+    centre: Array = product(rotation, wheel.centre) + urdf.poses[joint.child].position
     return wheel._replace(centre=centre)
 
 
@@ -79,8 +80,8 @@ def _point_left(urdf: Urdf, joint: Joint, notes: Notes) -> Array:
 
 
 def _check_centre(urdf: Urdf, joint: Joint, wheel: Wheel, axis: Array) -> None:
-    beside = wheel.centre - float(wheel.centre @ axis) * axis
-    offset = float(np.linalg.norm(beside))
+    beside = wheel.centre - float(product(wheel.centre, axis)) * axis
+    offset = float(length(beside))
     if offset > tolerated(wheel.radius):
         problem = f"wheel {joint.child!r} must be centred on its joint, not {offset:g} m beside it"
         raise urdf.error(problem, "correct its <origin>")
@@ -92,7 +93,7 @@ def _is_plain(urdf: Urdf, joint: Joint, axis: Array) -> bool:
     if len(shapes) != 1 or len(group_shapes(urdf, joint.child)) != 1:
         return False
     if shapes[0].kind == "cylinder":
-        return abs(float(shapes[0].pose.rotation[:, 2] @ axis)) > _SAME
+        return abs(float(product(shapes[0].pose.rotation[:, 2], axis))) > _SAME
     return shapes[0].kind == "sphere"
 
 
@@ -101,7 +102,7 @@ def _reshape(elements: Element, urdf: Urdf, joint: Joint, wheel: Wheel, axis: Ar
     links = {str(link.get("name")): link for link in elements.findall("link")}
     for name in urdf.rigid_group(joint.child):
         set_collisions(links[name], ())
-    place = float(wheel.centre @ axis) * axis
+    place = float(product(wheel.centre, axis)) * axis
     pose = Pose.from_matrix(place.tolist(), _frame_along(axis))
     cylinder = Shape("cylinder", (wheel.radius, max(wheel.width, 1e-3)), pose)
     set_collisions(links[joint.child], (cylinder,))
@@ -111,7 +112,7 @@ def _frame_along(axis: Array) -> Array:
     """Return a right-handed rotation (3, 3) whose z axis is ``axis``."""
     helper = np.eye(3)[int(np.abs(axis).argmin())]
     x = np.cross(helper, axis)
-    x /= np.linalg.norm(x)
+    x /= length(x)
     return np.stack([x, np.cross(axis, x), axis], axis=1)
 
 

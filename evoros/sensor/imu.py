@@ -8,9 +8,10 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.random import Generator
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import POSITIVE, checked
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.protocol import BOX, MOTION, SIGNAL_SIZES, Channel
 from evoros.sensor.signals import GRAVITY, ORIENTATION, TURNING, VELOCITY
@@ -139,5 +140,5 @@ def turn_between(
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
     rate = 2.0 / elapsed
     if length >= _SMALL_RAD:
-        rate = rate * math.atan2(length, dw) / length
+        rate = rate * elementary.atan2(length, dw) / length
     return rate * dx, rate * dy, rate * dz

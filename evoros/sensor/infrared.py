@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.filter.protocol import FILTERS, Filter
@@ -52,8 +53,9 @@ class Infrared:
     def rays(self) -> Array:
         """(9, 3) unit vectors in the sensor's frame: x forward, z up."""
         half, turns = math.radians(self.fov_deg) / 2, 2.0 * math.pi * np.arange(RIM) / RIM
-        edge = np.full(RIM, math.cos(half)), math.sin(half) * np.cos(turns)
-        rim = np.column_stack((*edge, math.sin(half) * np.sin(turns)))
+        sin, cos = elementary.sin_cos(half)
+        edge = np.full(RIM, cos), sin * elementary.cos_all(turns)
+        rim = np.column_stack((*edge, sin * elementary.sin_all(turns)))
         return np.vstack(([1.0, 0.0, 0.0], rim / np.linalg.norm(rim, axis=1, keepdims=True)))
 
     def gazebo(self, name: str) -> str:

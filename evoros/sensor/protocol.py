@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol, TypeGuard, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import POSITIVE, Rule, invalid, is_number
 from evoros.filter.protocol import Filter, FilterRule
@@ -179,7 +180,7 @@ def sensor_bearings(sensor: RangeSensor) -> list[float]:
     """Return the bearing [rad] of the middle of each channel's rays in the sensor's frame."""
     middles = np.zeros((len(sensor.channels), 3))
     np.add.at(middles, sensor.channel_of(), sensor.rays())
-    bearings: list[float] = np.arctan2(middles[:, 1], middles[:, 0]).tolist()
+    bearings: list[float] = elementary.atan2_all(middles[:, 1], middles[:, 0]).tolist()
     return bearings
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import (
     COUNT,
@@ -61,7 +62,13 @@ class Sonar:
         half_space = math.radians(self.fov_deg) / 2 / max(spaces, 1)
         angles = np.arange(-spaces, spaces + 1, 2) * half_space
         a, b = (grid.ravel() for grid in np.meshgrid(angles, angles, indexing="ij"))
-        return np.column_stack((np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)))
+        return np.column_stack(
+            (
+                elementary.cos_all(a) * elementary.cos_all(b),
+                elementary.sin_all(a) * elementary.cos_all(b),
+                elementary.sin_all(b),
+            )
+        )
 
     def gazebo(self, name: str) -> str:
         """The SDF ``<sensor>`` called ``name``, which is its topic too.

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.base.linear import product
 from evoros.geometry.footprint import Footprint, contains, convex_hull, project_shape, top_height
 from evoros.geometry.shapes import Body, Pose, Shape, Vector
 from evoros.world.course import Course
@@ -56,7 +57,7 @@ def ground_height(bodies: Sequence[Body], point: Sequence[float]) -> float | Non
 
 def plane_normal(shape: Shape, pose: Pose) -> Array:
     """Return the unit normal (3,) in the world of a plane at ``pose``."""
-    normal: Array = pose.rotation @ np.array(shape.size) / np.linalg.norm(shape.size)
+    normal: Array = product(pose.rotation, np.array(shape.size)) / np.linalg.norm(shape.size)
     return normal
 
 
@@ -105,7 +106,7 @@ def _level_top(shape: Shape, pose: Pose) -> tuple[float, Footprint] | None:
     if shape.kind == "cylinder" and up[2] > 1 - _LEVEL:
         return top_height(shape, pose), project_shape(shape, pose)
     if shape.kind == "convex":
-        corners = np.array(shape.corners) @ pose.rotation.T + pose.position
+        corners = product(np.array(shape.corners), pose.rotation.T) + pose.position
         height = float(corners[:, 2].max())
         highest = convex_hull(corners[corners[:, 2] > height - 1e-3, :2])
         return None if len(highest) < 3 else (height, Footprint(highest))

@@ -101,7 +101,7 @@ def _friction_arm(areas: Sequence[Footprint], centre: Array) -> float:
     That is the ratio of the largest moment to the largest force of friction. Footprints carry by
     their corners or rims alike, as rigid bodies do in engines; even pressure would give about half.
     """
-    arms = [np.hypot(*(area.vertices - centre).T) for area in areas]
+    arms = [np.linalg.norm(area.vertices - centre, axis=1) for area in areas]
     rims = [area.radius for area in areas]
     points = [math.hypot(a, rim) for arm, rim in zip(arms, rims, strict=True) for a in arm.tolist()]
     return math.fsum(points) / len(points)

@@ -92,7 +92,7 @@ def _overlapping(shape: _Placed, others: Sequence[_Placed]) -> Iterator[_Placed]
     for other in others:
         ox, oy, circle = bounding_circle(other.area)
         near = reach + circle
-        if (ox - x) ** 2 + (oy - y) ** 2 >= near * near:
+        if (ox - x) * (ox - x) + (oy - y) * (oy - y) >= near * near:
             continue
         radius = shape.area.radius * _INNER + other.area.radius
         if polygon_distance(inner, other.area.vertices, radius) <= radius:

@@ -316,7 +316,7 @@ def test_a_new_process_finds_everything_on_disk(tmp_path: Path) -> None:
 
 
 HELPER = """
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 
 @compilable
 def increase(value: float) -> float:

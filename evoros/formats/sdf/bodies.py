@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.base.linear import principal_axes, product
 from evoros.formats.sdf.inertial import Inertia
 from evoros.formats.sdf.links import Link, Solid
 from evoros.formats.sdf.notes import Notes
@@ -70,16 +71,15 @@ def _combine(parts: Sequence[Inertia]) -> tuple[float, Pose, Vector | None]:
         return parts[0].mass, parts[0].pose, diagonal
     masses = np.array([part.mass for part in parts])
     mass = float(masses.sum())
-    centre = masses @ np.array([part.pose.position for part in parts]) / mass
+    centre = product(masses, np.array([part.pose.position for part in parts])) / mass
     total = np.zeros((3, 3))
     for part in parts:
         if part.moments is None:
             return mass, Pose(_to_vector(centre), parts[0].pose.quaternion), None
         rotation = part.pose.rotation
-        total += rotation @ part.moments @ rotation.T
+        total += product(product(rotation, part.moments), rotation.T)
         total += point_tensor(part.mass, np.array(part.pose.position) - centre)
-    principal, axes = np.linalg.eigh(total)
-    axes[:, 0] *= np.sign(np.linalg.det(axes))  # right-handed
+    principal, axes = principal_axes(total)
     return mass, Pose.from_matrix(_to_vector(centre), axes), _to_vector(principal)
 
 

@@ -4,6 +4,7 @@ import math
 
 from lxml.etree import _Element as Element
 
+from evoros.base import elementary
 from evoros.base.errors import InputError
 from evoros.formats.mesh import read_mesh
 from evoros.formats.sdf.heightmap import read_heightmap
@@ -117,8 +118,8 @@ def _read_ellipsoid(ellipsoid: Element, reading: Reading) -> tuple[Shape, ...]:
     for i in range(1, _SIDES // 2):
         latitude = math.pi * (i / (_SIDES // 2) - 0.5)
         for x, y in _circle():
-            radius = math.cos(latitude)
-            corners.append((a * radius * x, b * radius * y, c * math.sin(latitude)))
+            radius = elementary.cos(latitude)
+            corners.append((a * radius * x, b * radius * y, c * elementary.sin(latitude)))
     return (Shape("convex", (), corners=tuple(corners)),)
 
 
@@ -130,7 +131,7 @@ def _read_cone(cone: Element, reading: Reading) -> tuple[Shape, ...]:
 
 def _circle() -> list[tuple[float, float]]:
     angles = (2 * math.pi * i / _SIDES for i in range(_SIDES))
-    return [(math.cos(angle), math.sin(angle)) for angle in angles]
+    return [(elementary.cos(angle), elementary.sin(angle)) for angle in angles]
 
 
 _PRIMITIVES = {

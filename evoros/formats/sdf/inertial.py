@@ -7,6 +7,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
+from evoros.base.linear import principal_axes
 from evoros.formats.sdf.frames import Frames, Path
 from evoros.formats.sdf.notes import Notes
 from evoros.formats.strict_xml import find_child, read_numbers
@@ -83,7 +84,7 @@ def _read_moments(inertia: Element, notes: Notes) -> Array | None:
     tensor = symmetric_tensor(
         *(values.get(tag, 0.0) for tag in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
     )
-    if np.linalg.eigvalsh(tensor)[0] <= 0:
+    if principal_axes(tensor)[0][0] <= 0:
         problem = f"is not positive definite, so that no solid can have it: {_ASSUMED}"
         notes.add(inertia, problem, "moments impossible")
         return None

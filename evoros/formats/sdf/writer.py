@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import escape, quoteattr
 
+from evoros.base import elementary
 from evoros.formats.sdf.surfaces import encode_heights, format_obj, height_range, name_part
 from evoros.geometry.shapes import Body, Pose, Shape
 
@@ -141,10 +142,10 @@ def _compute_angles(pose: Pose) -> tuple[float, float, float]:
     """Return roll, pitch and yaw [rad] of the rotation Rz(yaw) Ry(pitch) Rx(roll)."""
     m = pose.rotation.tolist()
     flat = math.hypot(m[0][0], m[1][0])
-    pitch = math.atan2(-m[2][0], flat)
+    pitch = elementary.atan2(-m[2][0], flat)
     if flat < 1e-6:  # nose straight up or down: roll and yaw turn about the same axis
-        return 0.0, pitch, math.atan2(-m[0][1], m[1][1])
-    return math.atan2(m[2][1], m[2][2]), pitch, math.atan2(m[1][0], m[0][0])
+        return 0.0, pitch, elementary.atan2(-m[0][1], m[1][1])
+    return elementary.atan2(m[2][1], m[2][2]), pitch, elementary.atan2(m[1][0], m[0][0])
 
 
 def _format_rounded(length: float) -> str:

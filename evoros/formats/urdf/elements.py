@@ -1,21 +1,20 @@
 """Builds and changes elements of a URDF."""
 
-import math
 from collections.abc import Sequence
 
-import numpy as np
 from lxml import etree
 from lxml.etree import SubElement
 from lxml.etree import _Element as Element
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
+from evoros.base.linear import principal_axes
 from evoros.geometry.shapes import Pose, Shape
 
 
 def build_inertial(mass: float, centre: Array, tensor: Array) -> Element:
     """Build the ``<inertial>`` of a mass [kg], centre (3,) [m] and tensor (3, 3) [kg m2]."""
-    moments, axes = np.linalg.eigh(tensor)
-    axes[:, 2] *= math.copysign(1.0, float(np.linalg.det(axes)))  # right-handed
+    moments, axes = principal_axes(tensor)
     inertial = etree.Element("inertial")
     etree.SubElement(inertial, "mass", value=repr(mass))
     xx, yy, zz = (repr(moment) for moment in moments.tolist())
@@ -29,12 +28,12 @@ def set_origin(element: Element, pose: Pose) -> None:
     for origin in element.findall("origin"):
         element.remove(origin)
     rotation = pose.rotation
-    pitch = math.asin(min(max(-float(rotation[2, 0]), -1.0), 1.0))
+    pitch = elementary.asin(min(max(-float(rotation[2, 0]), -1.0), 1.0))
     if abs(rotation[2, 0]) < 1.0 - 1e-12:
-        roll = math.atan2(rotation[2, 1], rotation[2, 2])
-        yaw = math.atan2(rotation[1, 0], rotation[0, 0])
+        roll = elementary.atan2(rotation[2, 1], rotation[2, 2])
+        yaw = elementary.atan2(rotation[1, 0], rotation[0, 0])
     else:  # roll and yaw turn about the same axis
-        roll, yaw = 0.0, math.atan2(-rotation[0, 1], rotation[1, 1])
+        roll, yaw = 0.0, elementary.atan2(-rotation[0, 1], rotation[1, 1])
     xyz = " ".join(repr(float(coordinate)) for coordinate in pose.position)
     rpy = f"{roll!r} {pitch!r} {yaw!r}"
     element.insert(0, etree.Element("origin", xyz=xyz, rpy=rpy))

@@ -7,6 +7,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
+from evoros.base.linear import principal_axes
 from evoros.formats.strict_xml import element_error, find_child
 from evoros.formats.urdf.elements import set_inertial
 from evoros.formats.urdf.parts import read_origin, read_shapes, read_tensor, read_value
@@ -69,9 +70,9 @@ def _is_possible(inertial: Element, mass: float, extent_m: float) -> bool:
     inertia = find_child(inertial, "inertia")
     if inertia is None or any(inertia.get(name) is None for name in ("ixx", "iyy", "izz")):
         return False
-    low, middle, high = np.linalg.eigvalsh(read_tensor(inertia)).tolist()
+    low, middle, high = principal_axes(read_tensor(inertia))[0].tolist()
     return bool(
-        low > mass * _MIN_GYRATION_M**2
+        low > mass * _MIN_GYRATION_M * _MIN_GYRATION_M
         and low + middle >= high * (1.0 - 1e-9)
         and high <= mass * extent_m * extent_m
     )
@@ -81,7 +82,7 @@ def _assume_tensor(link: Element, mass: float) -> Array:
     """Return the tensor (3, 3) [kg m2] of a homogeneous box around the link's shapes."""
     shapes = read_shapes(link)
     if not shapes:
-        return mass * _DEFAULT_GYRATION_M**2 * np.eye(3)
+        return mass * _DEFAULT_GYRATION_M * _DEFAULT_GYRATION_M * np.eye(3)
     low, high = bounds_of((shape, shape.pose) for shape in shapes)
     return box_tensor(mass, high - low)
 

@@ -7,6 +7,7 @@ from lxml import etree
 from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
+from evoros.base.linear import product
 from evoros.formats.strict_xml import require_child
 from evoros.formats.urdf.elements import build_inertial, set_origin
 from evoros.formats.urdf.parts import read_origin, read_tensor, read_value
@@ -90,6 +91,6 @@ def _read_inertia(link: Element, pose: Pose) -> tuple[float, Array, Array]:
     inertial = require_child(link, "inertial")
     frame = pose @ read_origin(inertial)
     rotation = frame.rotation
-    tensor = rotation @ read_tensor(require_child(inertial, "inertia")) @ rotation.T
+    tensor = product(product(rotation, read_tensor(require_child(inertial, "inertia"))), rotation.T)
     mass = read_value(require_child(inertial, "mass"), "value")
     return mass, np.array(frame.position), tensor

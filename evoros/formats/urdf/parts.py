@@ -9,6 +9,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.base.linear import length, principal_axes
 from evoros.formats.strict_xml import element_error, quote, read_name, require_child
 from evoros.geometry.inertia import symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape
@@ -89,7 +90,7 @@ def check_inertia(link: Element) -> None:
         problem = f"must be greater than 0 kg, not {mass.get('value')}"
         raise element_error(mass, problem, "write a positive value")
     inertia = require_child(inertial, "inertia")
-    low, middle, high = np.linalg.eigvalsh(read_tensor(inertia))
+    low, middle, high = principal_axes(read_tensor(inertia))[0]
     if low <= 0 or low + middle < high * (1.0 - 1e-9):
         raise element_error(
             inertia,
@@ -132,11 +133,11 @@ def _read_end(joint: Element, tag: str, links: Collection[str]) -> str:
 def _read_axis(joint: Element) -> Array:
     element = joint.find("axis")
     axis = np.array([1.0, 0.0, 0.0] if element is None else read_values(element, "xyz", 3))
-    length = float(np.linalg.norm(axis))
-    if element is not None and length < 1e-9:
+    size = length(axis)
+    if element is not None and size < 1e-9:
         fix = "write the direction of the axis"
         raise element_error(element, "must not be of length 0", fix)
-    unit: Array = axis / length
+    unit: Array = axis / size
     return unit
 
 

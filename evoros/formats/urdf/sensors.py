@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from lxml.etree import _Element as Element
 
+from evoros.base import elementary
 from evoros.base.errors import InputError
 from evoros.formats.sdf.frames import read_pose
 from evoros.formats.strict_xml import (
@@ -98,7 +99,7 @@ def _read_cone(cone: Element) -> dict[str, float]:
         read_positive(require_child(cone, name), 1)[0] for name in ("min", "max", "radius")
     )
     _check_order(cone, low, high)
-    fov_deg = math.degrees(2.0 * math.atan(radius / high))
+    fov_deg = math.degrees(2.0 * elementary.atan(radius / high))
     return {"range_min_m": low, "range_max_m": high, "fov_deg": fov_deg}
 
 

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 from lxml.etree import _Element as Element
 
+from evoros.base import elementary
+from evoros.base.linear import principal_axes, product
 from evoros.formats.strict_xml import element_error, require_child
 from evoros.formats.urdf.elements import build_collision
 from evoros.formats.urdf.parts import read_origin, read_shape, read_tensor, read_value, read_values
@@ -138,8 +140,10 @@ def simplify(shape: Shape) -> Shape:
     turn = np.arange(_MAX_CORNERS) + 0.5
     height, angle = 1.0 - 2.0 * turn / _MAX_CORNERS, turn * math.pi * (1.0 + math.sqrt(5.0))
     ring = np.sqrt(1.0 - height * height)
-    directions = np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1)
-    kept = sorted(set((corners @ directions.T).argmax(axis=0).tolist()))
+    directions = np.stack(
+        [ring * elementary.cos_all(angle), ring * elementary.sin_all(angle), height], axis=1
+    )
+    kept = sorted(set((product(corners, directions.T)).argmax(axis=0).tolist()))
     return Shape("convex", (), shape.pose, corners=tuple(shape.corners[i] for i in kept))
 
 
@@ -167,8 +171,11 @@ def _ellipsoid(radii: list[float]) -> tuple[Vector, ...]:
         polar = math.pi * ring / _ELLIPSOID_RINGS
         for step in range(2 * _ELLIPSOID_RINGS):
             turn = math.pi * step / _ELLIPSOID_RINGS
-            x, y = math.sin(polar) * math.cos(turn), math.sin(polar) * math.sin(turn)
-            corners.append((a * x, b * y, c * math.cos(polar)))
+            x, y = (
+                elementary.sin(polar) * elementary.cos(turn),
+                elementary.sin(polar) * elementary.sin(turn),
+            )
+            corners.append((a * x, b * y, c * elementary.cos(polar)))
     return tuple(corners)
 
 
@@ -178,10 +185,9 @@ def _box_of_inertia(link: Element) -> Shape | None:
     if inertial is None:
         return None
     mass = read_value(require_child(inertial, "mass"), "value")
-    moments, axes = np.linalg.eigh(read_tensor(require_child(inertial, "inertia")))
+    moments, axes = principal_axes(read_tensor(require_child(inertial, "inertia")))
     if mass <= 0.0 or moments[0] <= 0.0:
         return None
     squares = 6.0 / mass * (moments.sum() - 2.0 * moments)
     size = tuple(np.sqrt(np.clip(squares, 1e-6, 1.0)).tolist())
-    axes[:, 2] *= math.copysign(1.0, float(np.linalg.det(axes)))
     return Shape("box", size, read_origin(inertial) @ Pose.from_matrix((0.0, 0.0, 0.0), axes))

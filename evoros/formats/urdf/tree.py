@@ -8,6 +8,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.base.linear import product
 from evoros.formats.strict_xml import element_error, local_tag, read_name
 from evoros.formats.urdf.parts import Joint, read_joint, read_shapes, read_visuals
 from evoros.geometry.shapes import Pose, Shape
@@ -56,7 +57,7 @@ class Urdf:
 
     def axis_of(self, joint: Joint) -> Array:
         """Return the joint's axis (3,) in the root's frame."""
-        axis: Array = self.poses[joint.child].rotation @ joint.axis
+        axis: Array = product(self.poses[joint.child].rotation, joint.axis)
         return axis
 
     def children_of(self, link: str) -> list[Joint]:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from evoros.base.linear import length
 from evoros.geometry.inertia import joint_moments
 from evoros.geometry.polyhedron import convex_polyhedron
 from evoros.geometry.shapes import Body, Pose, Shape
@@ -130,10 +131,10 @@ def _shape_arguments(
 
 def _upright(plane: Shape) -> Pose:
     """The frame whose z axis is a plane's normal."""
-    normal = np.array(plane.size) / np.linalg.norm(plane.size)
+    normal = np.array(plane.size) / length(np.array(plane.size))
     side = np.eye(3)[int(np.abs(normal).argmin())]
     x = np.cross(side, normal)
-    x /= np.linalg.norm(x)
+    x /= length(x)
     rotation = np.column_stack([x, np.cross(normal, x), normal])
     return Pose.from_matrix((0.0, 0.0, 0.0), rotation)
 

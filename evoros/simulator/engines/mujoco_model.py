@@ -1,6 +1,5 @@
 """Compiles the model of robots in a world for MuJoCo, and keeps those that were used last."""
 
-import math
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evoros.base import elementary
 from evoros.base.errors import SimulationError
 from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_bodies import (
@@ -184,4 +184,4 @@ def _gain(settings: Settings) -> float:
     """Share of its error that the steering makes up in one step."""
     if settings.steering_lag_s == 0.0:
         return 1.0
-    return -math.expm1(-settings.time_step / settings.steering_lag_s)
+    return -elementary.expm1(-settings.time_step / settings.steering_lag_s)

@@ -8,6 +8,7 @@ from lxml import etree
 from lxml.etree import _Element as Element
 
 from evoros.base.errors import SimulationError
+from evoros.base.linear import product
 from evoros.formats.strict_xml import require_child
 from evoros.formats.urdf.merging import merge_fixed_links
 from evoros.formats.urdf.parts import Joint, read_origin, read_tensor, read_value
@@ -104,7 +105,7 @@ def _set_inertia(body: Any, inertial: Element | None) -> None:
         return
     frame = read_origin(inertial)
     rotation = frame.rotation
-    t = rotation @ read_tensor(require_child(inertial, "inertia")) @ rotation.T
+    t = product(product(rotation, read_tensor(require_child(inertial, "inertia"))), rotation.T)
     body.mass, body.ipos = read_value(require_child(inertial, "mass"), "value"), frame.position
     body.fullinertia = [t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2]]
 

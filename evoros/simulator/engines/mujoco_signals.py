@@ -3,6 +3,7 @@
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.base.linear import product
 from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_bodies import GROUND
 from evoros.simulator.engines.mujoco_model import Model
@@ -30,7 +31,7 @@ class MujocoSignals:
         if self._signals.exist:
             rotation, position = root_frame(self._pose)
             # The turning is about the link's own axes.
-            motion = Motion(position, rotation, self._rates[:3], rotation @ self._rates[3:])
+            motion = Motion(position, rotation, self._rates[:3], product(rotation, self._rates[3:]))
             self._signals.fill(signals, motion, self._data.qpos[self._wheels])
 
     def feel(self) -> None:
@@ -41,7 +42,7 @@ class MujocoSignals:
         if not felt.any():
             return
         rotation, position = root_frame(self._pose)
-        points = ((contact.pos[felt] - position) @ rotation)[:, :2]
+        points = (product(contact.pos[felt] - position, rotation))[:, :2]
         pairs = contact.geom[felt]
         self._signals.touch(
             points[(pairs == pair).all(axis=1)] for pair in np.unique(pairs, axis=0)

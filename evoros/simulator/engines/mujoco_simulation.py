@@ -1,8 +1,8 @@
 """One mission in MuJoCo: observe, sense, advance."""
 
-import math
 from collections.abc import Sequence
 
+from evoros.base import elementary
 from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
 from evoros.base.errors import SimulationError
 from evoros.robot.model import Robot
@@ -55,14 +55,15 @@ class MujocoSimulation:
             self._check_warnings()
         x, y, _, qw, qx, qy, qz = self._pose.tolist()
         vx, vy, _, wx, wy, wz = self._rates.tolist()  # the turning is about the link's own axes
-        yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+        yaw = elementary.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
         state[X], state[Y], state[YAW] = x, y, yaw
         state[YAW_RATE] = (
             2.0 * (qx * qz - qw * qy) * wx
             + 2.0 * (qy * qz + qw * qx) * wy
             + (1.0 - 2.0 * (qx * qx + qy * qy)) * wz
         )
-        state[SPEED] = vx * math.cos(yaw) + vy * math.sin(yaw)
+        sin, cos = elementary.sin_cos(yaw)
+        state[SPEED] = vx * cos + vy * sin
         state[CONTACT] = self._touched
         self._touched = False
 

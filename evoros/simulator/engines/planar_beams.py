@@ -9,8 +9,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.robot.model import Robot
 from evoros.simulator.engines.rays import Beam
 
@@ -52,9 +53,9 @@ def _facing(robot: Robot, frames: Array, sums: Array) -> Iterator[float]:
     """Yield the yaw [rad] of each beam: that of a sensor with one channel, or of its rays' sum."""
     for part, frame in zip(robot.beam_layout, frames, strict=True):
         if part.stop - part.start == 1:
-            yield math.atan2(frame[1, 0], frame[0, 0])
+            yield elementary.atan2(frame[1, 0], frame[0, 0])
         else:
-            yield from (math.atan2(y, x) for x, y, _ in sums[part].tolist())
+            yield from (elementary.atan2(y, x) for x, y, _ in sums[part].tolist())
 
 
 def _free_ranges(height: Array, slopes: Array, first: Indices, farthest: Array) -> Array:
@@ -73,15 +74,18 @@ def _edges(rays: Array, first: Indices, yaws: Array) -> Array:
     They are zeros if the beam is not a wedge.
     """
     x, y = rays[:, 0], rays[:, 1]
-    angles = np.arctan2(y, x) - np.repeat(yaws, np.diff([*first, len(rays)]))
-    angles = np.arctan2(np.sin(angles), np.cos(angles))
+    angles = elementary.atan2_all(y, x) - np.repeat(yaws, np.diff([*first, len(rays)]))
+    angles = elementary.atan2_all(elementary.sin_all(angles), elementary.cos_all(angles))
     high, low = np.maximum.reduceat(angles, first), np.minimum.reduceat(angles, first)
-    wedges = np.minimum.reduceat(np.hypot(x, y), first) >= 1e-6
+    wedges = np.minimum.reduceat(np.sqrt(x * x + y * y), first) >= 1e-6
     wedges &= np.maximum(np.abs(high), np.abs(low)) < math.pi / 2
-    edges = np.array(
+    left, right = yaws + high, yaws + low
+    edges = np.column_stack(
         [
-            (-math.sin(left), math.cos(left), math.sin(right), -math.cos(right))
-            for left, right in zip((yaws + high).tolist(), (yaws + low).tolist(), strict=True)
+            -elementary.sin_all(left),
+            elementary.cos_all(left),
+            elementary.sin_all(right),
+            -elementary.cos_all(right),
         ]
     )
     return edges * wedges[:, None]
@@ -106,7 +110,7 @@ def _measure_spacing(rows: Array, rays: Array) -> tuple[float, float]:
     if len(rows) < 2 or not single.all():
         return 0.0, 0.0
     x, y, _ = rays[rows[:, FIRST_RAY].astype(np.int64)].T
-    bearings = np.unwrap(np.arctan2(y, x))
+    bearings = np.unwrap(elementary.atan2_all(y, x))
     spaces = np.diff(bearings)
     spacing = float(spaces.mean())
     even = spacing > 0.0 and np.abs(spaces - spacing).max() < _UNEVEN_RAD
@@ -123,7 +127,7 @@ def find_span(group: Array, x: float, y: float, radius: float) -> tuple[float, f
     squared = x * x + y * y
     if squared <= radius * radius:
         return 0.0, group[END_BEAM] - group[FIRST_BEAM]
-    half = math.asin(radius / math.sqrt(squared))
-    middle = math.atan2(y, x) - group[BEARING]
+    half = elementary.asin(radius / math.sqrt(squared))
+    middle = elementary.atan2(y, x) - group[BEARING]
     # A beam more on each side, against rounding.
     return (middle - half) / group[SPACING] - 1.0, (middle + half) / group[SPACING] + 1.0

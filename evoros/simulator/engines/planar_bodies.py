@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.geometry.footprint import bottom_height, project_shape, top_height
 from evoros.geometry.grid import Grid
 from evoros.geometry.outlines import Outlines

@@ -9,8 +9,9 @@ The contact sticks or slides by Coulomb's law (Lynch, Maekawa and Tanie, IROS 19
 
 import math
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.simulator.engines import planar_bodies as layout
 from evoros.simulator.engines.planar_bodies import memory_views, part_of, place_body
 
@@ -65,8 +66,9 @@ def move_body(
     turn = min(max(turn, -MAX_TURN), MAX_TURN)
     cos = poses[number, layout.BODY_COS]
     sin = poses[number, layout.BODY_SIN]
-    new_cos = cos * math.cos(turn) - sin * math.sin(turn)
-    new_sin = sin * math.cos(turn) + cos * math.sin(turn)
+    turn_sin, turn_cos = elementary.sin_cos(turn)
+    new_cos = cos * turn_cos - sin * turn_sin
+    new_sin = sin * turn_cos + cos * turn_sin
     length = math.sqrt(new_cos * new_cos + new_sin * new_sin)
     poses[number, layout.BODY_X] = x + force * nx - across * ny
     poses[number, layout.BODY_Y] = y + force * ny + across * nx

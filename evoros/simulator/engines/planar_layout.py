@@ -7,8 +7,9 @@ import math
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import STATE_SIZE, YAW, Array, X, Y
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.drive.protocol import Drive
 from evoros.robot.model import Robot
 from evoros.simulator.engines.planar_beams import FREE_RANGE, beam_rows, group_rows
@@ -119,7 +120,7 @@ def _limits(drive: Drive) -> tuple[float, ...]:
 
 def _gain(step: float, lag: float) -> float:
     """Share of an error that a first-order lag with this time constant makes up in one step."""
-    return -math.expm1(-step / lag) if lag > 0.0 else 1.0
+    return -elementary.expm1(-step / lag) if lag > 0.0 else 1.0
 
 
 def measure_sight(beams: Array) -> float:
@@ -129,5 +130,5 @@ def measure_sight(beams: Array) -> float:
     """
     if not len(beams):
         return 0.5
-    farthest = (np.hypot(beams[:, 0], beams[:, 1]) + beams[:, FREE_RANGE]).max()
+    farthest = (np.sqrt((beams[:, :2] * beams[:, :2]).sum(axis=1)) + beams[:, FREE_RANGE]).max()
     return math.ceil(2.0 * float(farthest)) / 2

@@ -5,7 +5,7 @@ the contacts push overlapping bodies apart, one after another, until no overlap 
 """
 
 from evoros.base.arrays import Array
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.geometry.contact import polygon_contact
 from evoros.geometry.grid import cell_at
 from evoros.simulator.engines import planar_bodies as layout

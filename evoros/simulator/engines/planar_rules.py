@@ -5,6 +5,7 @@ They give the same bits compiled and interpreted.
 
 import math
 
+from evoros.base import elementary
 from evoros.base.arrays import (
     CONTACT,
     DRIVE_SPEED,
@@ -17,7 +18,7 @@ from evoros.base.arrays import (
     X,
     Y,
 )
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.geometry.grid import cell_at
 from evoros.geometry.outlines import (
     CENTRE_X,
@@ -48,8 +49,7 @@ def observe(parameters: Array, memory: Array, state: Array) -> None:
 
 def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
     """Drive for ``duration`` [s]; a step into an obstacle is not made, and the robot stops."""
-    cos = math.cos(memory[YAW])
-    sin = math.sin(memory[YAW])
+    sin, cos = elementary.sin_cos(memory[YAW])
     for _ in range(round(duration / parameters[layout.TIME_STEP])):
         pose = predict(parameters, memory, command, cos, sin)
         if touches(parameters, memory, pose[0], pose[1], pose[3], pose[4]):
@@ -64,8 +64,7 @@ def advance_pushing(parameters: Array, memory: Array, command: Array, duration: 
 
     They are no obstacles as long as they can, by ``planar_pushing``.
     """
-    cos = math.cos(memory[YAW])
-    sin = math.sin(memory[YAW])
+    sin, cos = elementary.sin_cos(memory[YAW])
     for _ in range(round(duration / parameters[layout.TIME_STEP])):
         pose = predict(parameters, memory, command, cos, sin)
         x, y, _, new_cos, new_sin = pose
@@ -83,8 +82,7 @@ def advance_pushing(parameters: Array, memory: Array, command: Array, duration: 
 
 def advance_feeling(parameters: Array, memory: Array, command: Array, duration: float) -> None:
     """Drive as ``advance`` or ``advance_pushing``, and count what contact sensors feel."""
-    cos = math.cos(memory[YAW])
-    sin = math.sin(memory[YAW])
+    sin, cos = elementary.sin_cos(memory[YAW])
     pushes = len(block(parameters, layout.PUSHING)) > 0
     for _ in range(round(duration / parameters[layout.TIME_STEP])):
         pose = predict(parameters, memory, command, cos, sin)
@@ -119,7 +117,7 @@ def predict(
     yaw = memory[YAW]
     angle = layout.STEERING_ANGLE
     memory[angle] += parameters[layout.STEERING_GAIN] * (wanted - memory[angle])
-    curvature = math.tan(memory[angle]) / parameters[layout.WHEELBASE]
+    curvature = elementary.tan(memory[angle]) / parameters[layout.WHEELBASE]
     offset = parameters[layout.SPEED_LIMIT_OFFSET]
     fastest = parameters[layout.MAX_SPEED] / (1.0 + abs(curvature) * offset)
     target = min(max(command[DRIVE_SPEED], -fastest), fastest)
@@ -129,16 +127,16 @@ def predict(
     half = 0.5 * memory[YAW_RATE] * step
     chord = memory[SPEED] * step
     if abs(half) > 1e-6:
-        chord = chord * math.sin(half) / half
-    x = memory[X] + axle * cos + chord * math.cos(yaw + half)
-    y = memory[Y] + axle * sin + chord * math.sin(yaw + half)
+        chord = chord * elementary.sin(half) / half
+    chord_sin, chord_cos = elementary.sin_cos(yaw + half)
+    x = memory[X] + axle * cos + chord * chord_cos
+    y = memory[Y] + axle * sin + chord * chord_sin
     new_yaw = yaw + 2.0 * half
     if new_yaw > math.pi:
         new_yaw -= FULL_TURN
     elif new_yaw < -math.pi:
         new_yaw += FULL_TURN
-    new_cos = math.cos(new_yaw)
-    new_sin = math.sin(new_yaw)
+    new_sin, new_cos = elementary.sin_cos(new_yaw)
     return x - axle * new_cos, y - axle * new_sin, new_yaw, new_cos, new_sin
 
 

@@ -5,8 +5,9 @@ It gives the same bits compiled and interpreted.
 
 import math
 
+from evoros.base import elementary
 from evoros.base.arrays import YAW, Array, X, Y
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.geometry.grid import cell_at
 from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, FACE_SIZE, OBSTACLE_SIZE, cast_rays
 from evoros.simulator.engines import planar_bodies as bodies
@@ -74,8 +75,7 @@ def sense_obstacles(parameters: Array, memory: Array, ranges: Array) -> None:
     entries = block(parameters, layout.VISIBLE_ENTRIES)
     obstacles = block(parameters, layout.OBSTACLES).reshape((-1, OBSTACLE_SIZE))
     faces = block(parameters, layout.FACES).reshape((-1, FACE_SIZE))
-    cos = math.cos(memory[YAW])
-    sin = math.sin(memory[YAW])
+    sin, cos = elementary.sin_cos(memory[YAW])
     for entry in range(int(starts[cell]), int(starts[cell + 1])):
         obstacle = obstacles[int(entries[entry])]
         detect(obstacle, faces, x, y, cos, sin, groups, beams, rays, ranges)
@@ -98,8 +98,7 @@ def sense_bodies(parameters: Array, memory: Array, ranges: Array) -> None:
     rays = block(parameters, layout.RAYS).reshape((-1, 3))
     faces = part_of(pushing, bodies.FACES).reshape((-1, FACE_SIZE))
     _, _, _, _, sights = memory_views(pushing, memory[moving_memory(parameters) :])
-    cos = math.cos(memory[YAW])
-    sin = math.sin(memory[YAW])
+    sin, cos = elementary.sin_cos(memory[YAW])
     groups = block(parameters, layout.GROUPS).reshape((-1, GROUP_SIZE))
     for i in range(len(sights)):
         detect(sights[i], faces, memory[X], memory[Y], cos, sin, groups, beams, rays, ranges)

@@ -3,12 +3,11 @@
 The motion and the rolling of the wheels are exact, because the wheels do not slip.
 """
 
-import math
-
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import SPEED, YAW, YAW_RATE, Array, X, Y
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.geometry.contact import polygon_contact
 from evoros.geometry.grid import cell_at
 from evoros.geometry.outlines import (
@@ -58,8 +57,8 @@ def probe_rows(robot: Robot, gravity: float) -> Array:
 
 def _face(yaw: float, pitch: float) -> tuple[float, float, float, float]:
     """Return the quaternion of a yaw to the left and then a pitch, nose up [rad]."""
-    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
-    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
+    sy, cy = elementary.sin_cos(yaw / 2)
+    sp, cp = elementary.sin_cos(pitch / 2)
     return cy * cp, sy * sp, -cy * sp, sy * cp
 
 
@@ -89,16 +88,14 @@ def fill_signals(parameters: Array, memory: Array, signals: Array) -> None:
 def fill_motion(parameters: Array, memory: Array, probe: Array, motion: Array) -> None:
     """Write how a probe's frame moves."""
     yaw = memory[YAW]
-    cos = math.cos(yaw)
-    sin = math.sin(yaw)
+    sin, cos = elementary.sin_cos(yaw)
     px = probe[FRAME]
     py = probe[FRAME + 1]
     motion[signal.POSITION] = memory[X] + cos * px - sin * py
     motion[signal.POSITION + 1] = memory[Y] + sin * px + cos * py
     motion[signal.POSITION + 2] = probe[FRAME + 2]
     # The turn of the robot about the vertical, times that of the frame on the robot.
-    w = math.cos(0.5 * yaw)
-    z = math.sin(0.5 * yaw)
+    z, w = elementary.sin_cos(0.5 * yaw)
     qw = probe[FRAME + 3]
     qx = probe[FRAME + 4]
     qy = probe[FRAME + 5]

@@ -6,10 +6,9 @@ They give the same bits compiled and interpreted, and to robots that are far apa
 ``planar_rules``.
 """
 
-import math
-
+from evoros.base import elementary
 from evoros.base.arrays import COMMAND_SIZE, CONTACT, STATE_SIZE, YAW, Array, X, Y
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.geometry.polygon import polygon_distance
 from evoros.geometry.ray import OBSTACLE_SIZE, place_obstacle
 from evoros.simulator.engines import planar_layout as layout
@@ -75,7 +74,9 @@ def advance_team(parameters: Array, memory: Array, commands: Array, duration: fl
             own = part(parameters, table, i, PARAMETERS)
             state = part(memory, table, i, MEMORY)
             command = commands[i * COMMAND_SIZE : (i + 1) * COMMAND_SIZE]
-            pose = predict(own, state, command, math.cos(state[YAW]), math.sin(state[YAW]))
+            pose = predict(
+                own, state, command, elementary.cos(state[YAW]), elementary.sin(state[YAW])
+            )
             x, y, _, cos, sin = pose
             blocked = touches(own, state, x, y, cos, sin)
             if touch_robots(parameters, memory, table, i, (x, y, cos, sin)):
@@ -114,11 +115,21 @@ def touch_robots(
             continue
         yaw = there[YAW]
         first = place_outline(own, state, x, y, cos, sin)
-        second = place_outline(other, there, there[X], there[Y], math.cos(yaw), math.sin(yaw))
+        second = place_outline(
+            other, there, there[X], there[Y], elementary.cos(yaw), elementary.sin(yaw)
+        )
         if polygon_distance(first, second, 0.0) <= 0.0:
             feel_outline(own, state, first, second, 0.0, x, y, cos, sin)
             feel_outline(
-                other, there, second, first, 0.0, there[X], there[Y], math.cos(yaw), math.sin(yaw)
+                other,
+                there,
+                second,
+                first,
+                0.0,
+                there[X],
+                there[Y],
+                elementary.cos(yaw),
+                elementary.sin(yaw),
             )
             there[CONTACT] = 1.0
             found = True
@@ -131,8 +142,7 @@ def place_shapes(parameters: Array, memory: Array, table: Array, number: int) ->
     shapes, _ = shapes_of(parameters, table)
     placed = memory[int(table[-1, MEMORY]) :].reshape((-1, OBSTACLE_SIZE))
     state = part(memory, table, number, MEMORY)
-    cos = math.cos(state[YAW])
-    sin = math.sin(state[YAW])
+    sin, cos = elementary.sin_cos(state[YAW])
     for i in range(int(table[number, SHAPES]), int(table[number + 1, SHAPES])):
         place_obstacle(shapes[i], state[X], state[Y], cos, sin, placed[i])
 
@@ -163,8 +173,7 @@ def sense_robot(
     groups = block(own, layout.GROUPS).reshape((-1, GROUP_SIZE))
     beams = block(own, layout.BEAMS).reshape((-1, BEAM_SIZE))
     rays = block(own, layout.RAYS).reshape((-1, 3))
-    cos = math.cos(state[YAW])
-    sin = math.sin(state[YAW])
+    sin, cos = elementary.sin_cos(state[YAW])
     for i in range(int(table[other, SHAPES]), int(table[other + 1, SHAPES])):
         shape = placed[i]
         detect(shape, faces, state[X], state[Y], cos, sin, groups, beams, rays, ranges)

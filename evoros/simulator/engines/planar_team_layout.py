@@ -13,7 +13,7 @@ import numpy as np
 from lxml import etree
 
 from evoros.base.arrays import Array
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.formats.urdf.merging import merge_fixed_links
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.ray import AT_X, AT_Y, BOUND, FACE_SIZE, OBSTACLE_SIZE
@@ -66,7 +66,8 @@ def lay_out_team(
     for row, each, end in zip(table, parameters, table[1:, SHAPES], strict=False):
         row[SIGHT] = measure_sight(block(each, BEAMS).reshape(-1, BEAM_SIZE))
         own = shapes[int(row[SHAPES]) : int(end)]
-        row[EXTENT] = (np.hypot(own[:, AT_X], own[:, AT_Y]) + own[:, BOUND]).max()
+        x, y = own[:, AT_X], own[:, AT_Y]
+        row[EXTENT] = (np.sqrt(x * x + y * y) + own[:, BOUND]).max()
     head = [float(len(robots))], table.ravel()
     return (
         np.concatenate([*head, *parameters, shapes.ravel(), faces.ravel()]),

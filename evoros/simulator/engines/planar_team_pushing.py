@@ -5,10 +5,9 @@ yield: a body that would be pushed into one of them stays, and stops the robot t
 bodies are in the memory of every robot, and those of the others follow each push.
 """
 
-import math
-
+from evoros.base import elementary
 from evoros.base.arrays import COMMAND_SIZE, CONTACT, YAW, Array, X, Y
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.geometry.contact import polygon_contact
 from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines import planar_layout as layout
@@ -76,8 +75,7 @@ def advance_team_pushing(
             own = part(parameters, table, i, PARAMETERS)
             state = part(memory, table, i, MEMORY)
             command = commands[i * COMMAND_SIZE : (i + 1) * COMMAND_SIZE]
-            old_cos = math.cos(state[YAW])
-            old_sin = math.sin(state[YAW])
+            old_sin, old_cos = elementary.sin_cos(state[YAW])
             pose = predict(own, state, command, old_cos, old_sin)
             x, y, _, cos, sin = pose
             contact = UNTOUCHED
@@ -133,8 +131,7 @@ def press_robots(parameters: Array, memory: Array, table: Array, number: int, mo
         height = block(other, layout.PUSHING)[bodies.HEIGHT]
         x = there[X]
         y = there[Y]
-        cos = math.cos(there[YAW])
-        sin = math.sin(there[YAW])
+        sin, cos = elementary.sin_cos(there[YAW])
         for body in range(len(levels)):
             dx = poses[body, bodies.BODY_X] - x
             dy = poses[body, bodies.BODY_Y] - y

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.base.linear import product
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_robot import LoadedRobot
 from evoros.simulator.engines.pybullet_shapes import Frame
@@ -102,6 +103,6 @@ def _sensor_frames(robot: Robot, bullet: Any, to_base: Frame) -> Iterator[Array]
     rotation = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
     for frame in robot.sensor_frames():
         moved = np.eye(4)
-        moved[:3, :3] = rotation @ frame[:3, :3]
-        moved[:3, 3] = rotation @ frame[:3, 3] + position
+        moved[:3, :3] = product(rotation, frame[:3, :3])
+        moved[:3, 3] = product(rotation, frame[:3, 3]) + position
         yield moved

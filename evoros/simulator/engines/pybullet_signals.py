@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.base.linear import product
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_model import Model
 from evoros.simulator.engines.rigid_signals import Motion, RigidSignals
@@ -46,5 +47,5 @@ class BulletSignals:
                     found.setdefault((link, point[2], point[4]), []).append(point[5])
         if found:
             position, rotation, *_ = self._find_motion()
-            pieces = ((np.array(points) - position) @ rotation for points in found.values())
+            pieces = (product(np.array(points) - position, rotation) for points in found.values())
             self._signals.touch(points[:, :2] for points in pieces)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_model import AT_REST, Model, Settings
@@ -55,9 +56,10 @@ class PyBulletSimulation:
         position, facing = bullet.getBasePositionAndOrientation(robot.body, client)
         (vx, vy, _), (_, _, yaw_rate) = bullet.getBaseVelocity(robot.body, client)
         (x, y, _), (qx, qy, qz, qw) = bullet.multiplyTransforms(position, facing, *robot.to_base)
-        yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+        yaw = elementary.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
         state[X], state[Y], state[YAW], state[YAW_RATE] = x, y, yaw, yaw_rate
-        state[SPEED] = vx * math.cos(yaw) + vy * math.sin(yaw)
+        sin, cos = elementary.sin_cos(yaw)
+        state[SPEED] = vx * cos + vy * sin
         state[CONTACT] = self._touched
         self._touched = False
 
@@ -165,4 +167,4 @@ class PyBulletSimulation:
         """
         if self._lag == 0.0:
             return 1.0
-        return -math.expm1(-self._time_step / self._substeps / self._lag)
+        return -elementary.expm1(-self._time_step / self._substeps / self._lag)

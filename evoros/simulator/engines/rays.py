@@ -7,6 +7,7 @@ import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.base.linear import product
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import RangeSensor, sees
 
@@ -32,7 +33,7 @@ def sensor_beams(robot: Robot, frames: Iterable[Array]) -> list[Beam]:
         if not sees(sensor):
             continue
         directions, ends = rays[mount.sensor]
-        origin, directions = frame[:3, 3], directions @ frame[:3, :3].T
+        origin, directions = frame[:3, 3], product(directions, frame[:3, :3].T)
         limits = sensor.range_min_m, sensor.range_max_m
         starts = [0, *ends[:-1]]
         beams += [

@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
+from evoros.base.linear import product
 from evoros.drive.protocol import Drive
 from evoros.geometry.shapes import Pose
 from evoros.robot.model import Robot
@@ -65,15 +67,15 @@ class RigidSignals:
         for start, frame in self._frames.items():
             self._fill_motion(signals[start:], motion, frame)
         for start in self._wheels:
-            distance, turn = self._rolling @ angles
+            distance, turn = product(self._rolling, np.array(angles))
             signals[start + signal.DISTANCE], signals[start + signal.TURN] = distance, turn
         for start, count in self._touches.items():
             signals[start + signal.TOUCHES] = count
 
     def _fill_motion(self, values: Array, motion: Motion, frame: Array) -> None:
-        arm = motion.rotation @ frame[:3, 3]
+        arm = product(motion.rotation, frame[:3, 3])
         place = tuple((motion.position + arm).tolist())
-        pose = Pose.from_matrix(place, motion.rotation @ frame[:3, :3])
+        pose = Pose.from_matrix(place, product(motion.rotation, frame[:3, :3]))
         x, y, z, w = pose.quaternion
         values[signal.POSITION : signal.ORIENTATION] = place
         values[signal.ORIENTATION : signal.VELOCITY] = w, x, y, z
@@ -93,7 +95,7 @@ def solve_rolling(drive: Drive) -> Array:
         np.array(drive.targets(speed, angle)[1]) for angle in (0.0, steering, -steering)
     )
     steered = np.abs(left + right - 2.0 * ahead) > 1e-6 * np.abs(ahead)
-    turning = speed * np.tan(steering) / drive.wheelbase_m * drive.turn_ratio
+    turning = speed * elementary.tan(steering) / drive.wheelbase_m * drive.turn_ratio
     rates = np.column_stack((ahead / speed, (left - ahead) / turning))
     rates[steered] = 0.0
     solution: Array = np.linalg.pinv(rates)

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+from evoros.base import elementary
+from evoros.base.linear import length, product
 from evoros.geometry.shapes import Pose
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_shapes import Frame
@@ -20,8 +22,8 @@ def home_frame(robot: Robot, home: tuple[float, float, float, float], world: Wor
     below its outline, and lifted until no part of that ground is above its own.
     """
     x, y, z, yaw = home
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    level = (x, y, z), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+    sin, cos = elementary.sin_cos(yaw)
+    level = (x, y, z), (0.0, 0.0, *elementary.sin_cos(yaw / 2))
     if world.is_level:
         return level
     corners = robot.outline[:: -(-len(robot.outline) // MAX_POINTS)]
@@ -34,10 +36,10 @@ def home_frame(robot: Robot, home: tuple[float, float, float, float], world: Wor
         return level
     slopes = np.column_stack([ground[:, :2], np.ones(len(ground))])
     plane = np.linalg.lstsq(slopes, ground[:, 2], rcond=None)[0]
-    above = float((ground[:, 2] - slopes @ plane).max())
+    above = float((ground[:, 2] - product(slopes, plane)).max())
     up = np.array([-plane[0], -plane[1], 1.0]) / math.hypot(plane[0], plane[1], 1.0)
     forward = np.array([cos, sin, plane[0] * cos + plane[1] * sin])
-    forward /= np.linalg.norm(forward)
+    forward /= length(forward)
     rotation = np.column_stack([forward, np.cross(up, forward), up])
     position = np.array([x, y, float(plane[2]) + above]) + z * up
     pose = Pose.from_matrix(position.tolist(), rotation)

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from evoros.base.compilation import compilable
+from evoros.base.compilable import compilable
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import ContactSensor
 

@@ -1,0 +1,24 @@
+"""Marks functions that rules call, so that numba compiles them together with the rules.
+
+numba takes long to import, so it learns of them only when a rule is compiled.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_waiting: list[Callable[..., Any]] = []
+
+
+def compilable(function: Function) -> Function:
+    """Decorate a function that rules call, so that numba compiles it together with them."""
+    _waiting.append(function)
+    return function
+
+
+def take_waiting() -> list[Callable[..., Any]]:
+    """Return the functions that were marked since the last call."""
+    taken = _waiting.copy()
+    del _waiting[: len(taken)]
+    return taken

@@ -1,0 +1,211 @@
+"""The elementary functions: their stated error, special values, and the same bits compiled."""
+
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from evoros.base import elementary
+from evoros.base.compilation import F8, NJIT_OPTIONS, compile_function, compiling
+
+Function = Callable[..., float]
+
+STATED_ULP = 0.51
+PRECISION = 1300  # bits: for the remainder of the greatest double by pi
+
+CIRCULAR = ("sin", "cos", "tan", "asin", "acos", "atan")
+ONE = (*CIRCULAR, "exp", "expm1", "log", "log1p", "log2", "log10", "sinh", "cosh", "tanh")
+TWO = ("atan2", "hypot", "power")
+EXACT: dict[str, Callable[..., Any]] = {
+    "log2": lambda x: mpmath.log(x) / mpmath.log(2),
+    "log10": lambda x: mpmath.log(x) / mpmath.log(10),
+    "log1p": lambda x: mpmath.log(1 + x),
+    "power": mpmath.power,
+}
+LIMITS = {"asin": 1.0, "acos": 1.0, "exp": 700.0, "expm1": 700.0, "sinh": 700.0, "cosh": 700.0}
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+near = st.floats(-10.0, 10.0)
+anything = st.floats()
+# Doubles that are nearest to multiples of a quarter turn, and others that are hard to reduce.
+HARD = (
+    6381956970095103.0 * 2.0**797,
+    1.7976931348623157e308,
+    math.pi,
+    math.pi / 2,
+    1e22,
+    5.0e5 * math.pi,
+    1000000.5,
+)
+
+
+def compiled(name: str) -> Function:
+    function = getattr(elementary, name)
+    with compiling():
+        result: Function = compile_function(function, F8(*[F8] * (2 if name in TWO else 1)), False)
+    return result
+
+
+COMPILED = {name: compiled(name) for name in (*ONE, *TWO)}
+
+
+def error_ulp(name: str, *arguments: float) -> float:
+    with mpmath.workprec(PRECISION):
+        exact = EXACT.get(name) or getattr(mpmath, name)
+        true = exact(*map(mpmath.mpf, arguments))
+        value = getattr(elementary, name)(*arguments)
+        return float(abs(mpmath.mpf(value) - true) / math.ulp(float(true)))
+
+
+def bits(value: float) -> bytes:
+    return b"nan" if value != value else np.float64(value).tobytes()
+
+
+@pytest.mark.parametrize("name", ONE)
+@settings(max_examples=150, deadline=None)
+@given(x=near | finite)
+def test_a_function_of_one_number_has_the_stated_error(name: str, x: float) -> None:
+    limit = LIMITS.get(name, math.inf)
+    if name.startswith("log"):
+        x = abs(x) or 1.0
+    elif abs(x) > limit:
+        x = math.copysign(limit * math.frexp(x)[0] ** 2, x)
+    if abs(x) < 1e-290:
+        x = 1e-290
+    assert error_ulp(name, x) <= STATED_ULP
+
+
+@pytest.mark.parametrize("name", ["sin", "cos", "tan"])
+@pytest.mark.parametrize("x", HARD)
+def test_an_angle_near_a_quarter_turn_has_the_stated_error(name: str, x: float) -> None:
+    for angle in (x, -x, math.nextafter(x, 0.0)):
+        assert error_ulp(name, angle) <= STATED_ULP
+
+
+@settings(max_examples=200, deadline=None)
+@given(quarters=st.integers(-(10**7), 10**7), offset=st.floats(-1e-6, 1e-6))
+def test_angles_beside_any_quarter_turn_have_the_stated_error(quarters: int, offset: float) -> None:
+    angle = quarters * (math.pi / 2.0) + offset
+    for name in ("sin", "cos", "tan"):
+        if abs(angle) > 1e-290:
+            assert error_ulp(name, angle) <= STATED_ULP
+
+
+magnitudes = st.floats(1e-200, 1e200).flatmap(lambda x: st.sampled_from([x, -x])) | near.filter(
+    lambda x: abs(x) > 1e-200
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(y=magnitudes, x=magnitudes)
+def test_functions_of_a_vector_have_the_stated_error(y: float, x: float) -> None:
+    assert error_ulp("hypot", y, x) <= STATED_ULP
+    if abs(math.atan2(y, x)) > 1e-290:
+        assert error_ulp("atan2", y, x) <= STATED_ULP
+
+
+@settings(max_examples=300, deadline=None)
+@given(x=st.floats(1e-300, 1e300) | st.floats(0.5, 2.0), y=near | st.floats(-1e4, 1e4))
+def test_a_power_has_the_stated_error(x: float, y: float) -> None:
+    if abs(y * math.log(x)) < 700.0:
+        assert error_ulp("power", x, y) <= STATED_ULP
+
+
+@pytest.mark.parametrize("name", ONE)
+@settings(max_examples=300, deadline=None)
+@given(x=near | anything)
+@example(x=0.0)
+@example(x=-0.0)
+@example(x=5e-324)
+@example(x=709.7827128933840)
+@example(x=-745.2)
+def test_a_function_of_one_number_has_the_same_bits_compiled(name: str, x: float) -> None:
+    assert bits(getattr(elementary, name)(x)) == bits(COMPILED[name](x))
+
+
+@pytest.mark.parametrize("name", TWO)
+@settings(max_examples=300, deadline=None)
+@given(y=near | anything, x=near | anything)
+def test_a_function_of_two_numbers_has_the_same_bits_compiled(
+    name: str, y: float, x: float
+) -> None:
+    assert bits(getattr(elementary, name)(y, x)) == bits(COMPILED[name](y, x))
+
+
+LIBRARY = {f"llvm.{each}.f64" for each in (*ONE, "pow", "exp2", "fma", "fmuladd")}
+LIBRARY |= {*ONE, "atan2", "hypot", "pow", "fma", "sincos", "fmod"}
+
+SPECIAL = (0.0, -0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5, 3.0, -3.0, math.inf, -math.inf, math.nan)
+
+
+@pytest.mark.parametrize(
+    ("name", "reference"),
+    [("atan2", math.atan2), ("hypot", math.hypot), ("power", np.float_power)],
+)
+def test_special_pairs_of_values_are_those_of_c(name: str, reference: Function) -> None:
+    for y in SPECIAL:
+        for x in SPECIAL:
+            with np.errstate(all="ignore"):
+                expected = float(reference(y, x))
+            found = getattr(elementary, name)(y, x)
+            assert found == pytest.approx(expected, rel=1e-15, nan_ok=True), (y, x)
+            if expected == 0.0:
+                assert math.copysign(1.0, found) == math.copysign(1.0, expected), (y, x)
+
+
+NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
+
+
+@pytest.mark.parametrize("name", ONE)
+def test_special_values_are_those_of_c(name: str) -> None:
+    for x in (*SPECIAL, 5e-324, -5e-324, 1e308, -1e308):
+        with np.errstate(all="ignore"):
+            expected = float(getattr(np, NAMES.get(name, name))(x))
+        found = getattr(elementary, name)(x)
+        assert found == pytest.approx(expected, rel=1e-15, nan_ok=True), x
+        if expected == 0.0:
+            assert math.copysign(1.0, found) == math.copysign(1.0, expected), x
+
+
+@given(x=anything)
+def test_sine_and_cosine_together_are_those_alone(x: float) -> None:
+    sine, cosine = elementary.sin_cos(x)
+    assert bits(sine) == bits(elementary.sin(x))
+    assert bits(cosine) == bits(elementary.cos(x))
+
+
+def test_whole_arrays_have_the_bits_of_their_numbers() -> None:
+    x = np.random.default_rng(3).uniform(-20.0, 20.0, (40, 3))
+    y = x[::-1].copy()
+    for array, function in (
+        (elementary.sin_all(x), elementary.sin),
+        (elementary.cos_all(x), elementary.cos),
+    ):
+        assert array.shape == x.shape
+        assert array.ravel().tolist() == [function(each) for each in x.ravel().tolist()]
+    angles = elementary.atan2_all(y[:, 1], x[:, 1])
+    assert angles.tolist() == [
+        elementary.atan2(b, a) for a, b in zip(x[:, 1].tolist(), y[:, 1].tolist(), strict=True)
+    ]
+
+
+@pytest.mark.parametrize("name", [*ONE, *TWO])
+def test_compiled_code_neither_fuses_operations_nor_calls_the_c_library(name: str) -> None:
+    function: Any = COMPILED[name]
+    (code,) = function.inspect_llvm().values()
+    assert not [line for line in code.splitlines() if "llvm.fma" in line or " fast " in line]
+    called = {word.strip('"') for word in re.findall(r"call [^@\n]*@(\S+?)\(", code)}
+    assert not called & LIBRARY
+    (assembly,) = function.inspect_asm().values()
+    assert "vfmadd" not in assembly
+    assert "fmla" not in assembly
+
+
+def test_the_options_of_compiled_code_keep_the_order_of_operations() -> None:
+    assert not NJIT_OPTIONS.get("fastmath")
