@@ -1,11 +1,13 @@
 """What the tests of runs share: a fast run by a user's own simulator, here or in a process."""
 
+import json
 import os
 import shlex
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -14,6 +16,14 @@ from matplotlib.text import Text
 from evoros.base.console import DONE
 from evoros.cli.evaluate import evaluate
 from evoros.cli.run import evoros
+from evoros.storage.digests import (
+    Entry,
+    describe_file,
+    describe_growing,
+    read_entries,
+    write_entries,
+)
+from evoros.storage.seals import seal_json, seal_rows
 
 ROOT = Path(__file__).resolve().parent.parent
 USER_PARTS = ROOT / "tests" / "user_parts"
@@ -74,6 +84,7 @@ def cut(run: Path, size: int) -> None:
     for file in (run / "champion").iterdir():
         file.unlink()
     (run / "champion").rmdir()
+    renew_digests(run, missions=describe_growing(rows[: rows.index(b"\n") + 1]))
 
 
 def wait_for_missions(run: Path, count: int) -> None:
@@ -85,6 +96,35 @@ def wait_for_missions(run: Path, count: int) -> None:
             return
         time.sleep(0.02)
     raise AssertionError("the run does not get going")
+
+
+def reseal(folder: Path) -> Path:
+    """Compute all digests anew, as if evoros itself had written what a test has edited."""
+    for path in (folder / "manifest.json", folder / "status.json"):
+        with suppress(
+            OSError, ValueError, AttributeError, TypeError
+        ):  # not there, or no JSON object
+            content = json.loads(path.read_text())
+            content.pop("digest", None)
+            path.write_text(seal_json(content))
+    header, *rows = (folder / "missions.csv").read_text().splitlines()
+    sealed = seal_rows("".join(row.rpartition(",")[0] + "\n" for row in rows))
+    (folder / "missions.csv").write_bytes(f"{header}\n".encode() + sealed)
+    renew_digests(folder)
+    return folder
+
+
+def renew_digests(folder: Path, **changes: Entry) -> None:
+    """Write the digests of the files that have some and are there."""
+    digests = folder / "digests.csv"
+    known = read_entries(digests.read_bytes()).by_name if digests.is_file() else {}
+    present = {name: folder / name for name in known if (folder / name).is_file()}
+    entries = {
+        name: changes.get(path.stem)
+        or describe_file(path.read_bytes(), not name.startswith("trajectories/"))
+        for name, path in present.items()
+    }
+    digests.write_text(write_entries(entries))
 
 
 def scored(folder: Path, designs: object, *more: str) -> Path:

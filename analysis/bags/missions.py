@@ -23,6 +23,7 @@ from evoros.storage.trajectory_files import (
     trajectory_file,
     world_file,
 )
+from evoros.storage.verification import read_text, verify_world
 from evoros.world.loading import load_world
 from evoros.world.model import World
 
@@ -106,6 +107,7 @@ def _load_world(record: Record, world: str, draws: str) -> World:
     path = own if own.is_file() else shared
     if not path.is_file():
         raise InputError(f"{path}: must exist, but is missing; restore it")
+    verify_world(path)
     return load_world(str(path.resolve()), record.context.courses[world])
 
 
@@ -122,7 +124,7 @@ def _assemble(
     """Put a mission together; ``robot`` is as described and, if it differs, as engines load it."""
     _check(trajectory, source, context)
     described, loaded = robot
-    urdf = _read_text(described)
+    urdf = read_text(described)
     elements = parse(urdf.encode(), str(described))
     # Not as a tree: a described robot may have meshes, which only what engines load has as shapes.
     links = [str(link.get("name")) for link in elements.findall("link")]
@@ -163,13 +165,6 @@ def _check(trajectory: pd.DataFrame, source: Path, context: FigureContext) -> No
         )
 
 
-def _read_text(path: Path) -> str:
-    try:
-        return path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
-
-
 def _find_root(root: str, loaded: Path) -> Pose:
     """Return the pose of the root link above the ground between the wheels.
 
@@ -178,7 +173,7 @@ def _find_root(root: str, loaded: Path) -> Pose:
     """
     if not loaded.is_file():
         return Pose()
-    whole = read_tree(parse(_read_text(loaded).encode(), loaded.name), str(loaded))
+    whole = read_tree(parse(read_text(loaded).encode(), loaded.name), str(loaded))
     return whole.poses.get(root, Pose())
 
 

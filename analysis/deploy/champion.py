@@ -8,13 +8,13 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
 from evoros.formats.strict_xml import find_child, parse
 from evoros.formats.urdf.parts import read_origin, read_value
 from evoros.formats.urdf.tree import Urdf, read_frames, read_tree
 from evoros.geometry.shapes import Pose, Shape
 from evoros.storage.figure_context import Beam, Signal
 from evoros.storage.layout import ROBOT_AS_LOADED
+from evoros.storage.verification import read_text
 
 from ..tables.designs import adapt_context, read_champion_sensors, read_champion_signals
 from ..tables.records import Record
@@ -94,10 +94,7 @@ def read_champion(record: Record) -> Champion:
 
 
 def _parse_file(path: Any) -> Element:
-    try:
-        return parse(path.read_bytes(), str(path))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); restore the file") from error
+    return parse(read_text(path).encode(), str(path))
 
 
 def _effective_values(record: Record) -> Iterator[tuple[str, Any]]:

@@ -9,6 +9,7 @@ import pandas as pd
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run
+from evoros.storage.verification import verify_world
 from evoros.world.loading import load_world
 from evoros.world.model import World
 
@@ -162,6 +163,7 @@ def load_champion_world(run: Run, context: FigureContext, name: str) -> World:
     path = run.path / "champion" / f"world_{name}.sdf"
     if not path.is_file():
         raise InputError(f"{path}: must exist, but is missing; resume the run, or restore the file")
+    verify_world(path)
     return load_world(str(path.resolve()), context.courses[name])
 
 

@@ -20,6 +20,7 @@ from evoros.formats.urdf.tree import read_tree
 from evoros.simulator.engines.pybullet_viewer import open_scene
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.layout import ROBOT_AS_LOADED
+from evoros.storage.verification import read_text
 from evoros.world.model import World
 
 from ..product import Product
@@ -161,10 +162,7 @@ def _read_trajectory(record: Record, world: str) -> pd.DataFrame:
 def _read_urdf(record: Record) -> str:
     loaded, built = (record.robot_folder / name for name in (ROBOT_AS_LOADED, "robot.urdf"))
     path = loaded if loaded.exists() else built
-    try:
-        return path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
+    return read_text(path)
 
 
 def _failure_times(track: pd.DataFrame) -> dict[int, float]:

@@ -11,6 +11,7 @@ from evoros.config.recorded import flatten_recorded
 from evoros.session.file_differences import NOTHING, compare_missions, find_difference, tell
 from evoros.storage.discovery import folders_below
 from evoros.storage.layout import CONFIG, MANIFEST, STATUS, read_json
+from evoros.storage.verification import verify_folder
 
 COMPARED = (
     "setting.json",
@@ -83,6 +84,8 @@ def _pair(one: Path, other: Path) -> dict[str, tuple[bool, bool]]:
 
 
 def _compare_folders(one: Path, other: Path, comparison: Comparison) -> None:
+    for folder in (one, other):
+        verify_folder(folder)
     comparison.folders += 1
     for difference in _list_differences(one, other, comparison):
         if difference:

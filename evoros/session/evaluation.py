@@ -1,6 +1,5 @@
 """Evaluations of given designs: creates a new one, opens a recorded one, and runs either."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from logging import LogRecord
@@ -30,12 +29,15 @@ from evoros.session.run import check_experiment
 from evoros.session.status import Display, Status, log_start
 from evoros.session.work import PoolOpener, open_pool
 from evoros.storage.creation import create_folder, require_unused
-from evoros.storage.figure_context import SETTING, describe_experiment
-from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS
+from evoros.storage.figure_context import describe_experiment
+from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, SETTING
 from evoros.storage.manifest import manifest
-from evoros.storage.tables import to_csv
+from evoros.storage.mission_table import begin_table
+from evoros.storage.seals import seal_json
 
 COMMAND = "evoros-evaluate"
+ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)
+"""Files from which everything else follows."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,7 @@ class Evaluation:
         with EvaluationRecord(self.path, experiment, self.designs) as record:
             status = Status(record, display, record.describe)
             with status.track(self.messages):
+                record.mend(describe_experiment(experiment).text, ORIGINALS)
                 display.start(1)
                 display.begin(0, record.wanted, record.known)
                 with opener(self.executor) as pool:
@@ -79,7 +82,7 @@ class Evaluation:
                         experiment.scenario, record.list_missions(), record, status.mission
                     )
                 record.write_scores()
-                record.sort_missions()
+                record.complete()
 
 
 def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
@@ -97,10 +100,10 @@ def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
         files = write_designs(designs)
         content = manifest(experiment, config.text, config.values, config.choices, COMMAND, files)
     others = {
-        MANIFEST: json.dumps(content, indent=2) + "\n",
+        MANIFEST: seal_json(content),
         SETTING: describe_experiment(experiment).text,
         **files,
-        MISSIONS: to_csv([evaluation_header(experiment)]),
+        MISSIONS: begin_table(evaluation_header(experiment)),
     }
     create_folder(folder, {CONFIG: config.text, **others})
     return Evaluation(experiment, designs, folder, messages)
@@ -118,7 +121,7 @@ def open_evaluation(
             evaluation is made of has changed.
     """
     with collect_messages() as messages:
-        files = (DESIGN_FILE, GENE_FILE)
+        _, *files = ORIGINALS
         experiment, _ = rebuild(folder, overrides, config_dir, COMMAND, files)
         check_experiment(experiment)
         designs = read_recorded_designs(folder, experiment.scenario)

@@ -9,7 +9,7 @@ from typing import Any
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.evolution.dispatch import MissionResult
-from evoros.evolution.experiment import Experiment
+from evoros.evolution.experiment import ALL, Experiment
 from evoros.fitness.scoring import name_score_columns, summarize_scores
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
@@ -59,6 +59,7 @@ class EvaluationRecord(MissionLog):
         self._experiment, self._designs = experiment, designs
         self._unfinished: dict[int, _UnfinishedDesign] = {}
         self._scores: dict[int, dict[str, float]] = {}  # of finished designs
+        self.trajectories = TrajectoryFiles(self)
         try:
             self._read()
         except BaseException:
@@ -89,11 +90,11 @@ class EvaluationRecord(MissionLog):
 
     def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
         """Write the trajectory of a mission, before its row."""
-        TrajectoryFiles(self.path).keep(scenario, mission, trajectory)
+        self.trajectories.keep(scenario, mission, trajectory)
 
     def record(self, results: Sequence[MissionResult]) -> None:
         """Put finished missions on disk."""
-        self.table.append([self._row(mission, outcome) for mission, outcome in results])
+        self.append([self._row(mission, outcome) for mission, outcome in results])
         for mission, outcome in results:
             self._take(mission, outcome)
 
@@ -110,15 +111,15 @@ class EvaluationRecord(MissionLog):
             rows.append([design.source, design.name, *self._scores[number].values()])
         self.write_once(SCORES, to_csv(rows))
 
-    def sort_missions(self) -> None:
-        """Put the rows into the order of design, as given, world and trial."""
+    def complete(self) -> None:
+        """Put the rows of missions into the order of design, as given, world and trial."""
         numbers = self._number_designs()
         ranks = {world: rank for rank, world in enumerate(sorted(self._experiment.world))}
 
         def order(row: Mapping[str, str]) -> tuple[int, ...]:
             return numbers[row["source"], row["design"]], ranks[row["world"]], int(row["trial"])
 
-        self.table.sort(order)
+        self.finish(order)
 
     def describe(self) -> dict[str, Any]:
         """The fields of ``status.json`` that only an evaluation has."""
@@ -141,13 +142,14 @@ class EvaluationRecord(MissionLog):
 
     def _read(self) -> None:
         numbers = self._number_designs()
+        keeps_all = self._experiment.record == ALL
 
         def parse(row: Mapping[str, str]) -> tuple[int, str, int, str, Outcome]:
             number = numbers[row["source"], row["design"]]
             outcome = read_outcome(row, list(self._experiment.agents))
             return number, row["world"], int(row["trial"]), row["draws"], outcome
 
-        for number, world, trial, draws, outcome in self.table.read(parse):
+        for number, world, trial, draws, outcome in self.read_missions(parse):
             if number in self._scores:
                 continue
             mission = self._start(number).missions.get((GENERATION, number, world, trial))
@@ -158,7 +160,10 @@ class EvaluationRecord(MissionLog):
                     f"under its draws, not {draws}: the file was made by another version or has "
                     f"been edited; start a new evaluation"
                 )
-            self._take(mission, outcome)
+            if keeps_all and not self.trajectories.has(mission):
+                self.table.reject()
+            else:
+                self._take(mission, outcome)
 
     def _start(self, number: int) -> _UnfinishedDesign:
         if number not in self._unfinished:

@@ -21,6 +21,7 @@ from evoros.storage.discovery import folders_below
 from evoros.storage.layout import STATUS, command_of, read_json, resume_command
 from evoros.storage.run_folder import CHAMPION, ROBOT
 from evoros.storage.tables import GENE_COLUMNS
+from evoros.storage.verification import read_text, verify_folder
 
 
 def read_given(sources: Sequence[str], scenario: Scenario) -> list[NamedDesign]:
@@ -105,7 +106,7 @@ def _read_champion(source: str, path: Path, scenario: Scenario) -> Drafts:
 def _compare_robots(path: Path, scenario: Scenario) -> None:
     """Warn if a run had another robot: an evaluation has a configuration of its own."""
     file = path / CHAMPION / ROBOT
-    name = parse(file.read_bytes(), str(file)).get("name") if file.is_file() else None
+    name = parse(read_text(file).encode(), str(file)).get("name") if file.is_file() else None
     if name is not None and name != scenario.robot.name:
         LOGGER.warning(
             "%s: its design was evolved on the robot %s, and is scored on %s; to score it on its "
@@ -123,6 +124,7 @@ def _require_finished(path: Path) -> None:
             f"designs={path}: must be a CSV file or the folder of a finished run or a sweep, and "
             f"the folder is {owner}; give the folder that evoros printed as run folder"
         )
+    verify_folder(path)
     state = read_json(path / STATUS).get("state")
     if state != "finished" or not (path / CHAMPION / "design.csv").is_file():
         problem = "that is missing" if state == "finished" else f"its state is {state}"

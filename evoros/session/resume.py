@@ -1,6 +1,5 @@
 """Rebuilds the experiment of a folder to resume work in it."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager
 from pathlib import Path
@@ -13,6 +12,8 @@ from evoros.evolution.experiment import Experiment
 from evoros.storage.creation import require_whole
 from evoros.storage.layout import CONFIG, MANIFEST, command_of, resume_command
 from evoros.storage.manifest import check_unchanged
+from evoros.storage.seals import unseal_json
+from evoros.storage.verification import read_original
 
 RUN = "evoros"
 """The command that evolves; it alone may extend what it resumes."""
@@ -36,17 +37,15 @@ def rebuild(
     """
     if config_dir is not None:
         add_config_dir(config_dir)
-    manifest, recorded = _read_manifest(folder, command), read_recorded(folder / CONFIG)
+    manifest = _read_manifest(folder, command)
+    contents = {name: read_original(folder, name).decode() for name in (CONFIG, *files)}
+    recorded = read_recorded(folder / CONFIG)
     config, generations = override_recorded(recorded, overrides, config_dir, command == RUN)
     with _change_to_origin(manifest):
         experiment = config.build()
-    contents = {name: _read_text(folder / name) for name in files}
+    contents.pop(CONFIG)
     check_unchanged(folder, manifest, experiment, recorded.text, recorded.values, contents)
     return experiment, generations
-
-
-def _read_text(path: Path) -> str:
-    return path.read_text() if path.is_file() else ""
 
 
 @contextmanager
@@ -64,15 +63,10 @@ def _read_manifest(folder: Path, command: str) -> Mapping[str, Any]:
             f"resume={folder}: must be the folder of a run, with {CONFIG} and {MANIFEST}; "
             f"give such a folder"
         )
-    try:
-        content = json.loads((folder / MANIFEST).read_text())
-    except ValueError as error:
-        raise InputError(
-            f"{folder / MANIFEST}: must be valid JSON ({error}); restore the file"
-        ) from error
+    content = unseal_json(read_original(folder, MANIFEST))
     if command_of(folder) != command:
         raise InputError(
             f"resume={folder}: must be a folder that {command} made, and {command_of(folder)} made "
             f"it; type: {resume_command(folder)}"
         )
-    return content if isinstance(content, Mapping) else {}
+    return content

@@ -25,6 +25,7 @@ from evoros.session.status import FINISHED, RUNNING, Display, Status, log_start
 from evoros.session.work import PoolOpener, open_pool
 from evoros.storage.creation import require_unused
 from evoros.storage.figure_context import describe_experiment
+from evoros.storage.layout import CONFIG, STATUS
 from evoros.storage.manifest import manifest
 from evoros.storage.run_folder import RunFolder
 
@@ -54,13 +55,14 @@ class Session:
             discard_figures(record.path, figures)
         observer = _RunObserver(record, display, generations)
         with record, observer.status.track(self.messages):
+            record.mend(describe_experiment(self.experiment).text, [CONFIG])
             display.start(generations)
             with opener(self.executor) as pool:
                 log_start(record.path, f"{generations} generations", self.experiment, pool)
                 report_drive(self.experiment, pool)
                 self._report_repeatability(pool)
                 last = evolve(self.experiment, record, observer, generations, pool)
-                record.sort_missions()
+                record.complete()
                 observer.status.write(FINISHED)  # first: figures are drawn of finished runs
                 draw_figures(record.path, figures, pool)
         return last
@@ -161,6 +163,24 @@ def rebuild_experiment(folder: Path, config_dir: str | Path | None = None) -> Ex
     return rebuild(folder, (), config_dir)[0]
 
 
+def _count_generations(record: RunFolder, experiment: Experiment) -> int:
+    """Return how many generations a run has to have: it may have been extended before."""
+    written = max(experiment.optimizer.generations, record.count_generations())
+    recorded = record.read_status().get("generations")
+    if isinstance(recorded, int):
+        return max(recorded, written)
+    if not record.outcomes:  # ended before it wrote one
+        return written
+    LOGGER.warning(
+        "%s: missing or damaged; the run goes on to %d generations, those of %s or of its tables; "
+        "if it had been extended further, repeat optimizer.generations=...",
+        record.path / STATUS,
+        written,
+        CONFIG,
+    )
+    return written
+
+
 def open_run(
     folder: Path, overrides: Sequence[str] = (), config_dir: str | Path | None = None
 ) -> Session:
@@ -176,9 +196,8 @@ def open_run(
     with collect_messages() as messages:
         experiment, wanted = rebuild(folder, overrides, config_dir)
         check_experiment(experiment)
-    record = RunFolder(folder)
-    recorded = record.read_status().get("generations")
-    known = recorded if isinstance(recorded, int) else experiment.optimizer.generations
+        record = RunFolder(folder)
+        known = _count_generations(record, experiment)
     if wanted is not None and wanted < known:
         record.close()
         raise InputError(

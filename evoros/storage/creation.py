@@ -8,7 +8,8 @@ from pathlib import Path
 
 from evoros.base.disk import make_folder, sync, write_atomically
 from evoros.base.errors import InputError
-from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, resume_command
+from evoros.storage.digests import describe_file, describe_growing, write_entries
+from evoros.storage.layout import CONFIG, DIGESTS, MANIFEST, MISSIONS, resume_command
 
 
 def require_unused(path: Path) -> None:
@@ -46,6 +47,8 @@ def require_whole(path: Path) -> None:
 def create_folder(path: Path, files: Mapping[str, str]) -> None:
     """Create a folder with these files, or fill an empty one; first CONFIG, last MISSIONS.
 
+    All but the manifest, which has a digest of its own, get their digests in DIGESTS.
+
     A new folder is created atomically. An existing one is not replaced, because it may be a mount
     point or somebody's current folder; there the last file marks that the creation is finished.
 
@@ -53,12 +56,21 @@ def create_folder(path: Path, files: Mapping[str, str]) -> None:
         InputError: the folder cannot be created; nothing was changed.
     """
     try:
-        _create_folder(path.resolve(), files)  # the target of a link
+        _create_folder(path.resolve(), _add_digests(files))  # the target of a link
     except OSError as error:
         raise InputError(
             f"{path}: the folder of the run cannot be made ({error.strerror}); choose another "
             f"with hydra.run.dir"
         ) from error
+
+
+def _add_digests(files: Mapping[str, str]) -> dict[str, str]:
+    """Return the files with that of their digests, before the last."""
+    *others, last = files
+    entries = {name: describe_file(files[name].encode()) for name in others if name != MANIFEST}
+    entries[last] = describe_growing(files[last].encode())
+    digests = {DIGESTS: write_entries(entries)}
+    return {**{name: files[name] for name in others}, **digests, last: files[last]}
 
 
 def _create_folder(path: Path, files: Mapping[str, str]) -> None:

@@ -20,12 +20,11 @@ from evoros.failure.protocol import Failure
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, RangeSensor, Sensor, sees, sensor_bearings
+from evoros.storage.layout import SETTING
 from evoros.world.course import Course
 
 if TYPE_CHECKING:
     from evoros.evolution.experiment import Experiment
-
-SETTING = "setting.json"
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,21 @@
 """Names of the files in the folder of a run or an evaluation, and the command that made it."""
 
-import json
 import shlex
 from pathlib import Path
 from typing import Any
+
+from evoros.storage.seals import unseal_json
 
 FORMAT_VERSION = 1
 CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
 ROBOT_AS_LOADED = "robot_as_loaded.urdf"
 """A champion as engines load it, if that is not its ``robot.urdf``."""
 LOG, LOST = "evoros.log", "lost"
+SETTING = "setting.json"
+DIGESTS = "digests.csv"
+TRAJECTORIES = "trajectories"
+DAMAGED = "damaged"
+"""The folder of what a bad disk had damaged before a resume mended it."""
 
 
 def resume_command(path: Path) -> str:
@@ -23,9 +29,8 @@ def command_of(path: Path) -> str:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read the mapping in a file; empty if there is none."""
+    """Read the mapping in a sealed file; empty if there is none, or if it is damaged."""
     try:
-        content = json.loads(path.read_text())
+        return unseal_json(path.read_bytes())
     except (OSError, ValueError):
         return {}
-    return content if isinstance(content, dict) else {}

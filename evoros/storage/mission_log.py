@@ -4,16 +4,22 @@ Every finished mission is on disk before its outcome is used, and no content is 
 with other content; so a run that was killed goes on with the first mission that is missing.
 """
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import chain, count
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from evoros.base.disk import make_folder, write_atomically
 from evoros.base.errors import InputError
+from evoros.base.log import LOGGER
 from evoros.mission.mission import Mission
-from evoros.storage.layout import LOST, STATUS, read_json
+from evoros.storage.digests import DigestLog, Entry, describe_file, describe_growing, find_line
+from evoros.storage.layout import DAMAGED, LOST, MISSIONS, SETTING, STATUS, read_json
 from evoros.storage.mission_table import MissionTable
+from evoros.storage.seals import seal_json
+
+Row = TypeVar("Row")
+LOST_TOO = " or without the trajectory that belongs to it"
 
 
 class MissionLog:
@@ -25,6 +31,7 @@ class MissionLog:
     def __init__(self, path: Path, header: Sequence[str]) -> None:
         self.path = path
         self.table = MissionTable(path, header)
+        self.digests = DigestLog(path)
 
     def __enter__(self) -> Self:
         return self
@@ -36,21 +43,110 @@ class MissionLog:
         """Release the folder to other processes."""
         self.table.close()
 
+    def read_missions(self, parse: Callable[[Mapping[str, str]], Row]) -> Iterator[Row]:
+        """Yield all rows of missions that are whole; read to the end before appending any.
+
+        ``parse`` raises KeyError or ValueError if a row is of another table.
+
+        Raises:
+            InputError: the table is of another version.
+        """
+        yield from self.table.read(parse)
+        header, entry = self.table.damage.get(1), self.digests.get(MISSIONS)
+        if header is None or entry is None:
+            return
+        written = (
+            self.table.hash() == entry.sha256 if entry.sha256 else not find_line(header, entry)
+        )
+        if written:
+            raise self.table.refuse_header()
+
+    def mend(self, setting: str, originals: Sequence[str]) -> None:
+        """Remove damaged rows of missions, which run again, and write a lost ``setting`` anew.
+
+        ``originals`` are files that the manifest has verified; their digests may be lost.
+        """
+        damage = self.table.damage
+        if damage:
+            lines = ", ".join(map(str, sorted(damage)))
+            self._note_growth()
+            self._set_aside(MISSIONS, b"".join(damage.values()), f": line {lines}", LOST_TOO)
+            self.table.mend()
+        path, content = self.path / SETTING, setting.encode()
+        found = path.read_bytes() if path.is_file() else None
+        if found is None:
+            LOGGER.warning("%s: missing; written anew", path)
+        if found is None or not self.digests.is_whole(SETTING, found):
+            self.write(SETTING, content)
+        for name in originals:
+            self.digests.add({name: describe_file((self.path / name).read_bytes())})
+
+    def append(self, rows: Sequence[Sequence[object]]) -> None:
+        """Write finished missions, which then survive a kill of this process."""
+        if rows:
+            self._note_growth()
+            self.table.append(rows)
+
+    def _note_growth(self) -> None:
+        self.digests.add({MISSIONS: describe_growing(self.table.header)})
+
+    def finish(self, order: Callable[[Mapping[str, str]], tuple[int, ...]]) -> None:
+        """Put the rows of missions into the order of their keys, once all are there."""
+        self.table.sort(order)
+        self.digests.add({MISSIONS: Entry(self.table.hash(), "")})
+        self.digests.finish()
+
+    def write(self, name: str, content: bytes, locate: bool = True) -> None:
+        """Write a file and its digests; a damaged one that it replaces is set aside.
+
+        ``locate`` says whether the digests are to locate damage.
+        """
+        path = self.path / name
+        self.set_aside(name)
+        make_folder(path.parent)
+        write_atomically(path, content)
+        self.digests.add({name: describe_file(content, locate)})
+
+    def set_aside(self, name: str) -> None:
+        """Keep a copy of a file that is damaged, and report it."""
+        path = self.path / name
+        if path.is_file():
+            content, entry = path.read_bytes(), self.digests.get(name)
+            if entry is not None and self.digests.is_damaged(name, content):
+                self._set_aside(name, content, find_line(content, entry))
+
+    def _set_aside(self, name: str, content: bytes, line: str, reason: str = "") -> None:
+        place = self.path / DAMAGED / name
+        numbers = (place.with_name(f"{place.name}.{number}") for number in count(2))
+        kept = next(each for each in chain([place], numbers) if not each.exists())
+        make_folder(kept.parent)
+        write_atomically(kept, content)
+        LOGGER.warning(
+            "%s%s: damaged (a bad disk, or an editor)%s; made anew, and what was there is in %s",
+            self.path / name,
+            line,
+            reason,
+            kept,
+        )
+
     def write_once(self, name: str, content: str) -> None:
         """Write a table that follows from the missions, or compare it with the one on disk.
 
         Raises:
-            InputError: the table on disk differs.
+            InputError: the table on disk differs, and is not damaged.
         """
-        path = self.path / name
-        if path.exists() and path.read_text() != content:
+        path, written = self.path / name, content.encode()
+        found = path.read_bytes() if path.exists() else None
+        entry = describe_file(written)
+        if found == written:
+            self.digests.add({name: entry})
+        elif found is None or (self.digests.get(name) == entry):
+            self.write(name, written)
+        else:
             raise InputError(
                 f"{path}: replaying the run gives another table than the recorded one: the run was "
                 f"made by another version or has been edited; start a new run"
             )
-        if not path.exists():
-            make_folder(path.parent)
-            write_atomically(path, content)
 
     def keep_log(self, mission: Mission, log: str) -> None:
         """Write what the controller of a lost mission printed, for its user to read."""
@@ -61,7 +157,7 @@ class MissionLog:
 
     def write_status(self, status: Mapping[str, Any]) -> None:
         """Write the progress, the one file that is overwritten all the time."""
-        write_atomically(self.path / STATUS, json.dumps(status, indent=2) + "\n")
+        write_atomically(self.path / STATUS, seal_json(status))
 
     def read_status(self) -> dict[str, Any]:
         """Read the last status; empty if there is none."""

@@ -2,6 +2,7 @@
 
 import csv
 import fcntl
+import hashlib
 import os
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -15,6 +16,7 @@ from evoros.base.disk import create_draft, sync
 from evoros.base.errors import InputError
 from evoros.storage.creation import require_whole
 from evoros.storage.layout import FORMAT_VERSION, MISSIONS
+from evoros.storage.seals import DIGEST, is_sealed, seal_rows
 from evoros.storage.tables import to_csv
 
 Row = TypeVar("Row")
@@ -23,15 +25,23 @@ Row = TypeVar("Row")
 class MissionTable:
     """``missions.csv`` in a folder, which no other process can open for writing.
 
-    ``header`` has its columns.
+    ``header`` has its columns without the digest, and ``damage`` the lines that are damaged, by
+    their number from 1, once all rows have been read.
 
     Raises:
         InputError: the folder has no such table, or another process has it open.
     """
 
     def __init__(self, folder: Path, header: Sequence[str]) -> None:
-        self.path, self._header = folder / MISSIONS, tuple(header)
-        self._file: BinaryIO = _open_locked(self.path)
+        self.path, self._columns = folder / MISSIONS, tuple(header)
+        self.damage: dict[int, bytes] = {}
+        self._last = 1, b""  # row that was read
+        self._file: BinaryIO = open_locked(self.path)
+
+    @property
+    def header(self) -> bytes:
+        """The first line."""
+        return begin_table(self._columns).encode()
 
     def close(self) -> None:
         """Release the folder to other processes."""
@@ -40,7 +50,7 @@ class MissionTable:
 
     def append(self, rows: Sequence[Sequence[object]]) -> None:
         """Write finished missions, which then survive a kill of this process."""
-        self._file.write(to_csv(rows).encode())
+        self._file.write(seal_rows(to_csv(rows)))
         self._file.flush()
 
     def sync(self) -> None:
@@ -49,41 +59,65 @@ class MissionTable:
         os.fsync(self._file.fileno())
 
     def read(self, parse: Callable[[Mapping[str, str]], Row]) -> Iterator[Row]:
-        """Yield all complete rows; read to the end before appending any.
+        """Yield all rows that are whole; read to the end before appending any.
 
-        A last row that a kill has cut short is removed. ``parse`` raises KeyError, ValueError,
-        TypeError or AttributeError if a row is damaged.
+        A last row that a kill has cut short is removed. ``parse`` raises KeyError or ValueError if
+        a row is of another table.
 
         Raises:
-            InputError: a row is damaged, or the columns differ.
+            InputError: the table is of another version.
         """
         self._file.seek(0)
-        rows = csv.DictReader(self._whole_lines())
-        if tuple(rows.fieldnames or ()) != self._header:
-            raise InputError(
-                f"{self.path}: line 1: must be the columns of format {FORMAT_VERSION}; "
-                f"the file is damaged or of another version; restore it, or start a new run"
-            )
-        for row in rows:
-            try:
-                parsed = parse(row)
-            except (KeyError, ValueError, TypeError, AttributeError) as error:
-                raise InputError(
-                    f"{self.path}: line {rows.line_num}: must be a whole row, not a "
-                    f"damaged one ({error}); delete the line, and its mission runs again"
-                ) from error
-            yield parsed
-
-    def _whole_lines(self) -> Iterator[str]:
-        end = 0
-        for line in self._file:
-            if not line.endswith(b"\n"):
-                break
-            end += len(line)
-            yield line.decode(errors="replace").rstrip("\n")
-        if self._file.seek(0, os.SEEK_END) > end:
+        header, found, end = self._file.readline(), 0, 0
+        for number, line in enumerate(self._file, 2):
+            if is_sealed(line):
+                self._last = number, line
+                yield self._parse(number, line, parse)
+                found += 1
+            elif line.endswith(b"\n") or is_sealed(line[:-1] + b"\n"):
+                self.damage[number] = line
+            else:
+                end = self._file.tell() - len(line)
+        if header != self.header:
+            if self.damage and not found:
+                raise self.refuse_header()
+            self.damage[1] = header
+        if end:
+            self._file.truncate(end)
             self._file.seek(end)
-            self._file.truncate()
+
+    def refuse_header(self) -> InputError:
+        """Return the error for columns that are those of another version."""
+        return InputError(
+            f"{self.path}: line 1: must be the columns of format {FORMAT_VERSION}; "
+            f"the file is damaged or of another version; restore it, or start a new run"
+        )
+
+    def reject(self) -> None:
+        """Count the row that was read last as damaged, so that its mission runs again."""
+        number, line = self._last
+        self.damage[number] = line
+
+    def _parse(self, number: int, line: bytes, parse: Callable[[Mapping[str, str]], Row]) -> Row:
+        try:
+            return parse(self._split(line))
+        except (KeyError, ValueError) as error:
+            raise InputError(
+                f"{self.path}: line {number}: must be a row of this version of evoros ({error}); "
+                f"use the version that made the run"
+            ) from error
+
+    def _split(self, line: bytes) -> dict[str, str]:
+        cells = next(csv.reader([line.decode()]))
+        return dict(zip(self._columns, cells[:-1], strict=True))
+
+    def mend(self) -> None:
+        """Remove the lines that are damaged, whose missions can run again."""
+        self._file.seek(0)
+        lines = enumerate(self._file, 1)
+        whole = (line for number, line in lines if number > 1 and number not in self.damage)
+        self._replace(chain([self.header], whole))
+        self.damage = {}
 
     def sort(self, order: Callable[[Mapping[str, str]], tuple[int, ...]]) -> None:
         """Put the rows into the order of their keys, which ``order`` returns.
@@ -97,7 +131,7 @@ class MissionTable:
         for line in self._file:
             offsets.append(at)
             at += len(line)
-            keys.extend(order(next(csv.DictReader([line.decode()], self._header))))
+            keys.extend(order(self._split(line)))
         columns = np.frombuffer(keys, np.int64).reshape(max(len(offsets), 1), -1).T
         ordered = np.lexsort(columns[::-1])
         if np.any(ordered[1:] < ordered[:-1]):
@@ -124,8 +158,26 @@ class MissionTable:
         self._file.close()
         self._file = file
 
+    def hash(self) -> str:
+        """Return the SHA-256 of the content."""
+        self._file.seek(0)
+        digest = hashlib.sha256()
+        while block := self._file.read(1 << 20):
+            digest.update(block)
+        return digest.hexdigest()
 
-def _open_locked(path: Path) -> BinaryIO:
+
+def begin_table(columns: Sequence[str]) -> str:
+    """Return the first line of a table of missions."""
+    return to_csv([[*columns, DIGEST]])
+
+
+def open_locked(path: Path) -> BinaryIO:
+    """Open a table of missions for reading and writing, for this process alone.
+
+    Raises:
+        InputError: there is none, or another process has it open.
+    """
     require_whole(path.parent)
     if not path.is_file():
         raise InputError(

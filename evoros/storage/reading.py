@@ -11,9 +11,11 @@ from typing import Any
 import pandas as pd
 
 from evoros.base.errors import InputError
+from evoros.storage.layout import CONFIG, DIGESTS, MANIFEST, MISSIONS, STATUS
 from evoros.storage.trajectory_files import trajectory_file
+from evoros.storage.verification import verify_file, verify_folder
 
-FILES = {"config.yaml", "manifest.json", "status.json", "missions.csv"}
+FILES = {CONFIG, DIGESTS, MANIFEST, MISSIONS, STATUS}
 MISSION_NUMBERS = ("generation", "design", "trial", "progress", "time_s")
 CANDIDATE_NUMBERS = ("generation", "id", "fitness", "validated_fitness")
 SENSOR_NUMBERS = ("design", "sensor", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
@@ -67,7 +69,9 @@ class Run:
             InputError: the run keeps no trajectories, or the file is missing or damaged.
         """
         self.require_trajectories()
-        return read_table(self.path / "champion" / f"trajectory_{world}.csv", RECORD_NUMBERS)
+        name = f"champion/trajectory_{world}.csv"
+        verify_file(self.path, name)
+        return read_table(self.path / name, RECORD_NUMBERS)
 
     def require_trajectories(self, of_all: bool = False) -> None:
         """Require that the run keeps trajectories: the champion's, or those of all missions.
@@ -93,6 +97,7 @@ class Run:
         """
         self.require_trajectories(of_all=True)
         file = trajectory_file((generation, design, world, trial))
+        verify_file(self.path, str(file))
         return read_table(self.path / file, RECORD_NUMBERS)
 
     def _json(self, name: str) -> dict[str, Any]:
@@ -109,7 +114,7 @@ def load_run(path: str | Path) -> Run:
     """Return the run in a folder.
 
     Raises:
-        InputError: the folder has no run.
+        InputError: the folder has no run, or one of its files is damaged.
     """
     folder = Path(path).expanduser()
     missing = sorted(name for name in FILES if not (folder / name).is_file())
@@ -118,6 +123,7 @@ def load_run(path: str | Path) -> Run:
             f"{folder}: must be a run folder, and {', '.join(missing)} is missing; "
             f"give the path that evoros printed as run folder"
         )
+    verify_folder(folder)
     return Run(folder)
 
 

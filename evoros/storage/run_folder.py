@@ -1,13 +1,13 @@
 """The run folder, the journal of an evolution on disk."""
 
-import json
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 from evoros.base.arrays import Array
-from evoros.base.disk import make_folder, sync, write_atomically
+from evoros.base.disk import make_folder, sync
 from evoros.base.errors import InputError
 from evoros.evolution.dispatch import MissionResult
 from evoros.evolution.experiment import ALL
@@ -16,9 +16,12 @@ from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
 from evoros.mission.scenario import Scenario
 from evoros.storage.creation import create_folder, require_unused
-from evoros.storage.figure_context import SETTING, FigureContext
-from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, ROBOT_AS_LOADED, read_json
+from evoros.storage.digests import describe_file
+from evoros.storage.figure_context import FigureContext
+from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, ROBOT_AS_LOADED, SETTING, read_json
 from evoros.storage.mission_log import MissionLog
+from evoros.storage.mission_table import begin_table
+from evoros.storage.seals import seal_json
 from evoros.storage.tables import (
     MISSIONS_HEADER,
     design_table,
@@ -51,10 +54,10 @@ class RunFolder(MissionLog):
         agents = manifest.get(AGENTS, [])
         super().__init__(path, _header(agents))
         self.keeps_all = manifest.get("record") == ALL
-        self.trajectories = TrajectoryFiles(path)
+        self.trajectories = TrajectoryFiles(self)
         self.outcomes: dict[MissionKey, tuple[str, Outcome]] = {}
         try:
-            for key, draws, outcome in self.table.read(partial(read_mission, agents=agents)):
+            for key, draws, outcome in self.read_missions(partial(read_mission, agents=agents)):
                 self.outcomes[key] = (draws, outcome)
         except BaseException:
             self.close()
@@ -70,9 +73,8 @@ class RunFolder(MissionLog):
             InputError: the folder has a run, or other files; nothing was changed.
         """
         require_unused(path)
-        manifest_text = json.dumps(manifest, indent=2) + "\n"
-        files = {CONFIG: config, MANIFEST: manifest_text, SETTING: setting.text}
-        create_folder(path, {**files, MISSIONS: to_csv([_header(manifest.get(AGENTS, []))])})
+        files = {CONFIG: config, MANIFEST: seal_json(manifest), SETTING: setting.text}
+        create_folder(path, {**files, MISSIONS: begin_table(_header(manifest.get(AGENTS, [])))})
         return cls(path)
 
     def record(self, results: Sequence[MissionResult]) -> None:
@@ -82,7 +84,7 @@ class RunFolder(MissionLog):
             InputError: a mission whose trajectory was missing has another outcome than recorded.
         """
         new = [result for result in results if not self._repeats(*result)]
-        self.table.append([mission_row(mission, outcome) for mission, outcome in new])
+        self.append([mission_row(mission, outcome) for mission, outcome in new])
         self.outcomes |= {mission.key: (mission.draws, outcome) for mission, outcome in new}
 
     def _repeats(self, mission: Mission, outcome: Outcome) -> bool:
@@ -140,12 +142,13 @@ class RunFolder(MissionLog):
         Raises:
             InputError: the table on disk differs.
         """
-        name = f"{GENERATIONS}/{generation.number:05d}.csv"
-        self.write_once(name, generation_table(generation))
+        self.write_once(_generation_file(generation.number), generation_table(generation))
         self.table.sync()
+        if self.keeps_all:
+            self.digests.sync()
 
-    def sort_missions(self) -> None:
-        """Put the rows into the order of generation, design, world and trial."""
+    def complete(self) -> None:
+        """Put the rows of missions into the order of generation, design, world and trial."""
         worlds = sorted({world for _, _, world, _ in self.outcomes})
         ranks = {world: rank for rank, world in enumerate(worlds)}
 
@@ -153,34 +156,53 @@ class RunFolder(MissionLog):
             generation, design, world, trial = read_key(row)
             return generation, design, ranks[world], trial
 
-        self.table.sort(order)
+        self.finish(order)
 
     def has_champion(self, champion: Champion) -> bool:
         """Whether the champion on disk is this one, with the trajectories that are kept."""
-        folder = self.path / CHAMPION
-        tracks = (folder / _trajectory_file(world) for world in champion.tracks)
-        return all(track.is_file() for track in tracks) and all(
-            (folder / name).is_file() and (folder / name).read_bytes() == content
-            for name, content in _champion_files(champion).items()
-        )
+        tracks = (f"{CHAMPION}/{_trajectory_file(world)}" for world in champion.tracks)
+        files = {f"{CHAMPION}/{n}": content for n, content in _champion_files(champion).items()}
+        whole = all(self._read(name) == content for name, content in files.items())
+        if whole:  # their digests may have been damaged
+            self.digests.add({name: describe_file(content) for name, content in files.items()})
+        return whole and all(self.digests.is_whole(name, self._read(name)) for name in tracks)
+
+    def _read(self, name: str) -> bytes:
+        """Read a file; empty if there is none."""
+        path = self.path / name
+        return path.read_bytes() if path.is_file() else b""
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
         """Write the champion's files in place of those of an earlier end of the run.
 
         The last file says whose they are; it is there only while all the others are.
         """
-        folder = self.path / CHAMPION
         tracks = {
-            _trajectory_file(name): trajectory_table(trajectory, champion.columns)
+            _trajectory_file(name): trajectory_table(trajectory, champion.columns).encode()
             for name, trajectory in trajectories.items()
         }
-        files: dict[str, str | bytes] = {**tracks, **_champion_files(champion)}
+        files = {
+            f"{CHAMPION}/{name}": content
+            for name, content in {**tracks, **_champion_files(champion)}.items()
+        }
+        for name in files:
+            self.set_aside(name)
+        folder = self.path / CHAMPION
         make_folder(folder)
-        (folder / list(files)[-1]).unlink(missing_ok=True)
+        self.digests.reopen(files)
+        (self.path / list(files)[-1]).unlink(missing_ok=True)
         sync(folder)
         for name, content in files.items():
-            make_folder((folder / name).parent)
-            write_atomically(folder / name, content)
+            self.write(name, content)
+
+    def count_generations(self) -> int:
+        """Count the tables of generations from the first one on."""
+        numbers = count()
+        return next(n for n in numbers if not (self.path / _generation_file(n)).is_file())
+
+
+def _generation_file(number: int) -> str:
+    return f"{GENERATIONS}/{number:05d}.csv"
 
 
 def _header(agents: Sequence[str]) -> list[str]:

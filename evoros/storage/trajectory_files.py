@@ -5,23 +5,26 @@ A trajectory is written when its mission was run, and before its row in the tabl
 
 import csv
 import io
+import re
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.disk import make_folder, write_atomically
 from evoros.base.errors import InputError
 from evoros.mission.mission import Mission, MissionKey
+from evoros.storage.layout import TRAJECTORIES
+from evoros.storage.mission_log import MissionLog
 from evoros.storage.tables import trajectory_table
 
 if TYPE_CHECKING:  # reading must not load what runs missions
     from evoros.mission.scenario import Scenario
 
-TRAJECTORIES = "trajectories"
+ROBOTS, WORLDS = f"{TRAJECTORIES}/robots/", f"{TRAJECTORIES}/worlds/"
 
 
 def trajectory_file(key: MissionKey) -> Path:
@@ -35,7 +38,7 @@ def trajectory_file(key: MissionKey) -> Path:
 
 def robot_file(design: int, agent: str = "") -> Path:
     """Return the path of the first robot, or of an agent, with the sensors of a design."""
-    return Path(TRAJECTORIES, "robots", f"{design:06d}{agent and '_'}{agent}.urdf")
+    return Path(ROBOTS, f"{design:06d}{agent and '_'}{agent}.urdf")
 
 
 def loaded_robot_file(design: int, agent: str = "") -> Path:
@@ -47,18 +50,41 @@ def loaded_robot_file(design: int, agent: str = "") -> Path:
 def world_file(world: str, draws: str | None) -> Path:
     """Return the path of a world; ``draws`` is the key of the mission if each has its own."""
     name = world if draws is None else f"{world}_{draws.replace('/', '_')}"
-    return Path(TRAJECTORIES, "worlds", f"{name}.sdf")
+    return Path(WORLDS, f"{name}.sdf")
 
 
-@dataclass(frozen=True)
+@dataclass
 class TrajectoryFiles:
-    """The trajectories in the folder of a run or an evaluation."""
+    """The trajectories in the folder of a run or an evaluation that is open for writing."""
 
-    path: Path  # the folder
+    log: MissionLog
+    _whole: set[str] = field(default_factory=set)  # names of trajectories that were verified
 
     def has(self, mission: Mission) -> bool:
-        """Whether the trajectory of the mission is there."""
-        return (self.path / trajectory_file(mission.key)).is_file()
+        """Whether the trajectory of the mission is there and whole, with its robot and world."""
+        name = str(trajectory_file(mission.key))
+        if self._lost and not self._lost.isdisjoint(_list_needs(mission)):
+            return False
+        if name not in self._whole and self._is_whole(name):
+            self._whole.add(name)
+        return name in self._whole
+
+    @cached_property
+    def _lost(self) -> set[str]:
+        """How the names begin of robots and worlds of which a file is missing or damaged."""
+        folders = (self.log.path / ROBOTS, self.log.path / WORLDS)
+        files = (file for folder in folders for file in folder.glob("[!.]*"))
+        names = {str(file.relative_to(self.log.path)) for file in files}
+        names |= {n for n in self.log.digests.entries if n.startswith((ROBOTS, WORLDS))}
+        worlds = [name.removesuffix(".sdf") for name in names if name.startswith(WORLDS)]
+        lost = [name for name in names if not self._is_whole(name)]
+        robots = (re.match(rf"{ROBOTS}\d+", name) for name in lost)
+        found = {match[0] for match in robots if match}
+        return found.union(world for world in worlds for name in lost if name.startswith(world))
+
+    def _is_whole(self, name: str) -> bool:
+        path = self.log.path / name
+        return path.is_file() and self.log.digests.is_whole(name, path.read_bytes())
 
     def keep(self, scenario: "Scenario", mission: Mission, trajectory: Array) -> None:
         """Write the trajectory of a mission, and its robot and world unless they are there."""
@@ -73,7 +99,7 @@ class TrajectoryFiles:
         Raises:
             InputError: the file is missing or damaged.
         """
-        path = self.path / trajectory_file(mission.key)
+        path = self.log.path / trajectory_file(mission.key)
         try:
             header, *rows = csv.reader(io.StringIO(path.read_text()))
             values = [[float(cell) if cell else np.nan for cell in row] for row in rows]
@@ -85,7 +111,7 @@ class TrajectoryFiles:
 
     def _keep_robot(self, scenario: "Scenario", mission: Mission) -> None:
         place = robot_file(mission.design_id)
-        if (self.path / place).exists():
+        if self._is_kept(place, _name_robot(mission.design_id)):
             return
         with suppress(InputError):  # a part refuses the design, and the mission was not run
             team = scenario.equip(mission.design)
@@ -95,17 +121,32 @@ class TrajectoryFiles:
                     loaded = loaded_robot_file(mission.design_id, agent)
                     self._write(loaded, robot.loaded_urdf.encode())
                 self._write(robot_file(mission.design_id, agent), robot.urdf.encode())
+            self._lost.discard(_name_robot(mission.design_id))
 
     def _keep_world(self, scenario: "Scenario", mission: Mission) -> None:
         world = scenario.world[mission.world]
         place = world_file(mission.world, None if world.sampler is None else mission.draws)
-        if (self.path / place).exists():
+        if self._is_kept(place, str(place.with_suffix(""))):
             return
         files = world.at(mission.draws).files(place.stem)
         for name in reversed(files):  # the SDF, which names the others, last
             self._write(place.with_name(name), files[name])
+        self._lost.discard(str(place.with_suffix("")))
+
+    def _is_kept(self, place: Path, begin: str) -> bool:
+        """Whether the last file of a robot or a world has been written, and none is lost."""
+        return self.log.digests.get(str(place)) is not None and begin not in self._lost
 
     def _write(self, place: Path, content: bytes) -> None:
-        path = self.path / place
-        make_folder(path.parent)
-        write_atomically(path, content)
+        self.log.write(str(place), content, locate=False)
+
+
+def _name_robot(design: int) -> str:
+    """Return how the names of the files of a design's robots begin."""
+    return f"{ROBOTS}{design:06d}"
+
+
+def _list_needs(mission: Mission) -> list[str]:
+    """List how the names of the files begin, without which the trajectory is incomplete."""
+    worlds = (world_file(mission.world, draws) for draws in (None, mission.draws))
+    return [_name_robot(mission.design_id), *(str(world.with_suffix("")) for world in worlds)]

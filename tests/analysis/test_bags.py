@@ -23,7 +23,7 @@ from evoros.analysis.bags.missions import RecordedMission, read_champion_mission
 from evoros.analysis.bags.protocol import Message
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.tables.records import Record, read_record
-from helpers import copied, everything, tiny
+from helpers import copied, everything, reseal, tiny
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -238,6 +238,7 @@ def test_a_root_link_above_the_ground_is_where_it_was(
     (folder / "champion" / "robot.urdf").write_text(described)
     loaded = folder / "champion" / "robot_as_loaded.urdf"
     loaded.write_text(urdf.replace("</robot>", ground))
+    reseal(folder)
     raised = read_champion_mission(read_record(folder, "run"), "near")
     on_ground, above = (
         [
@@ -399,6 +400,7 @@ def test_a_mission_that_could_not_be_run_is_left_out_in_one_line(
     folder = copied(run, tmp_path / "run")
     trajectory = folder / "champion" / "trajectory_far.csv"
     trajectory.write_text(trajectory.read_text().splitlines(keepends=True)[0])
+    reseal(folder)
     assert evoros_analyze(["bag", str(folder), "--output", str(tmp_path / "out")]) == DONE
     (line,) = capsys.readouterr().err.splitlines()
     assert "trajectory_far.csv: must have rows" in line

@@ -22,7 +22,7 @@ from evoros.analysis.measures.statistics import holm, mann_whitney, median_inter
 from evoros.analysis.tables.matching import identify_champion
 from evoros.analysis.tables.study import load_study
 from evoros.analysis.tables.validated import validate_champions, validates
-from helpers import scored, texts, tiny
+from helpers import reseal, scored, texts, tiny
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PathCollection
@@ -131,6 +131,7 @@ def test_designs_that_differ_a_little_are_others(column: str, copied: Path) -> N
     given = pd.read_csv(file)
     given[column] = "lidar" if column == "link" else np.nextafter(given[column], 1000.0)
     given.to_csv(file, index=False)
+    reseal(file.parent)
     assert set(table(copied)["validated_by"]) == {"run"}
 
 
@@ -145,6 +146,7 @@ def test_other_evolved_values_belong_to_the_design(tmp_path: Path) -> None:
     file = tmp_path / "again" / "genes_in.csv"
     genes = pd.read_csv(file)
     genes.assign(value=genes["value"] + 0.01).to_csv(file, index=False)
+    reseal(file.parent)
     assert table(tmp_path)["validated_by"].item() == "run"
 
 
@@ -158,6 +160,7 @@ def test_a_confirmed_run_is_validated_in_the_confirming_simulator(tmp_path: Path
     file = tmp_path / "own" / "config.yaml"
     confirming = yaml.safe_load(file.read_text()) | {"simulator": simulator}
     file.write_text(yaml.safe_dump(confirming))
+    reseal(file.parent)
     assert table(tmp_path)["validated_by"].item() == "evaluation"
 
 
@@ -165,6 +168,7 @@ def test_a_champion_without_sensors_is_a_design_too(copied: Path) -> None:
     name = "runs/silent_seed-1"
     header = (copied / name / "champion/design.csv").read_text().splitlines()[0]
     (copied / name / "champion/design.csv").write_text(header + "\n")
+    reseal(copied / name)
     (copied / "runs").rename(copied / "bare")
     shutil.rmtree(copied / "silent")
     scored(copied / "silent", copied / "bare", "trials=2")
@@ -215,6 +219,8 @@ def test_what_is_unfinished_or_damaged_is_left_out_in_one_line(
     stopped = json.dumps(status | {"state": "stopped"})
     (copied / "runs/stuck_seed-1/status.json").write_text(stopped)
     (copied / "runs/stuck_seed-2/champion/design.csv").write_text("design,sensor\n1,one\n")
+    for name in ("1", "2"):
+        reseal(copied / f"runs/stuck_seed-{name}")
     arguments = ["compare", str(copied), "--output", str(copied / "out"), "--format", "svg"]
     assert evoros_analyze(arguments) == DONE
     out, err = capsys.readouterr()

@@ -17,6 +17,7 @@ from evoros.analysis.figures import failure, overlay, panel, regions
 from evoros.analysis.measures import cones, raster
 from evoros.analysis.product import Product
 from evoros.analysis.tables.study import load_study
+from helpers import reseal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.axes import Axes
@@ -496,7 +497,7 @@ def folder(path: Path, setting: FigureContext = SETTING, seed: int = 0, mounts: 
     }
     for name, text in files.items():
         (path / name).write_text(text)
-    return path
+    return reseal(path)
 
 
 TWO = "3,0,sonar,base,0.1,0.05,0.1,30,0\n3,1,sonar,base,0.1,-0.05,0.1,-30,0\n"

@@ -13,7 +13,7 @@ from evoros.analysis.drawing.paths import split_by_mode
 from evoros.analysis.figures.mission import draw_missions, make_product
 from evoros.analysis.tables.study import load_study
 from evoros.analysis.tables.tracks import find_champion_mission, load_champion_worlds, read_track
-from helpers import tiny
+from helpers import reseal, tiny
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
@@ -194,6 +194,7 @@ def test_a_damaged_world_is_left_out_and_a_damaged_run_makes_room_for_the_next(
         shutil.copytree(run.path, tmp_path / name)
     options = argparse.Namespace(run=None, world=None, columns=None)
     (tmp_path / "one" / "champion" / "world_near.sdf").write_text("<sdf")
+    reseal(tmp_path / "one")
     made = make_product(load_study([tmp_path]), options)
     assert made.table is not None
     assert set(made.table["world"]) == {"far"}
@@ -205,6 +206,7 @@ def test_a_damaged_world_is_left_out_and_a_damaged_run_makes_room_for_the_next(
     assert [message.count("is left out") for message in caplog.messages] == [1, 1, 1, 0]
     assert f"{tmp_path / 'one'}: must have a complete mission" in caplog.messages[-1]
     (tmp_path / "two" / "generations" / "00002.csv").write_text("generation,id\n")
+    reseal(tmp_path / "two")
     with pytest.raises(InputError, match="no run has a champion that can be shown"):
         make_product(load_study([tmp_path]), options)
 

@@ -23,7 +23,7 @@ from evoros.analysis.video.motion import interpolate
 from evoros.analysis.video.render_options import RenderOptions
 from evoros.analysis.video.renderer import CUT_M, cut_obstacles, find_goals
 from evoros.analysis.video.replay import OtherRobot, replay
-from helpers import ROOT, USER_PARTS, tiny
+from helpers import ROOT, USER_PARTS, reseal, tiny
 from PIL import Image
 
 from evoros.base.arrays import Array
@@ -463,11 +463,13 @@ def test_a_damaged_trajectory_is_said_in_one_line(
     whole = path.read_text()
     change, part = DAMAGES[damage]
     change(pd.read_csv(path)).to_csv(path, index=False)
+    reseal(run.path)
     try:
         arguments = ["replay", str(run.path), "--to", "0.5", "--output", str(tmp_path / "out")]
         assert evoros_analyze(arguments) == INPUT
     finally:
         path.write_text(whole)
+        reseal(run.path)
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert part in said
@@ -519,6 +521,7 @@ def test_a_run_that_is_not_finished_is_said_in_one_line(
     shutil.copytree(run.path, tmp_path / "run")
     status = tmp_path / "run" / "status.json"
     status.write_text(status.read_text().replace('"finished"', '"stopped"'))
+    reseal(tmp_path / "run")
     assert evoros_analyze(["replay", str(tmp_path / "run"), *name]) == INPUT
     said = capsys.readouterr().err
     assert said.count("\n") == 1

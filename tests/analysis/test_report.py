@@ -17,7 +17,7 @@ from evoros.analysis.report.section import render_section
 from evoros.analysis.report.templates import format_table, render
 from evoros.analysis.subcommands import parse
 from evoros.analysis.tables.study import load_study
-from helpers import TINY, tiny
+from helpers import TINY, reseal, tiny
 from selenium.webdriver import Chrome, Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
@@ -37,6 +37,7 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     evil = (folder / "random").rename(folder / EVIL)
     with (evil / "config.yaml").open("a") as config:
         config.write(f'note: "</pre>{EVIL}"\ntoken: ${{oc.env:EVOROS_TEST_TOKEN}}\n')
+    reseal(evil)
     return folder
 
 
@@ -201,6 +202,8 @@ def test_an_unfinished_run_has_a_page_without_a_player_and_a_damaged_one_is_name
             (tmp_path / name / file.name).write_bytes(file.read_bytes())
     status = tmp_path / "half" / "status.json"
     status.write_text(json.dumps({**json.loads(status.read_text()), "state": "running"}))
+    for name in ("half", "damaged"):
+        reseal(tmp_path / name)
     (tmp_path / "damaged" / "setting.json").write_text("{")
     page = page_of(tmp_path, into=tmp_path / "figures")
     assert "No finished run has a champion" in page

@@ -13,7 +13,7 @@ from evoros.analysis.tables.folders import list_folders, shorten_names
 from evoros.analysis.tables.study import load_study
 from evoros.analysis.tables.treatments import SINGLE, label_treatments, name_part, read_choices
 from evoros.analysis.tables.values import read_values
-from helpers import TINY, everything, tiny
+from helpers import TINY, everything, reseal, tiny
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -65,6 +65,7 @@ def test_a_dollar_in_a_name_is_no_formula(sweep: Path, tmp_path: Path) -> None:
     for seed in (2, 10):
         config = tmp_path / "sweep" / f"stuck_seed-{seed}" / "config.yaml"
         config.write_text(f"{config.read_text()}\nnote: $_{{$\n")
+        reseal(config.parent)
     for name in ("fitness", "compare"):  # all figures have one style, which decides this
         given = [name, str(tmp_path / "sweep"), "--output", str(tmp_path / "out")]
         assert evoros_analyze([*given, "--format", "svg"]) == DONE
@@ -103,13 +104,16 @@ def _swap(path: Path, column: str, value: str | None) -> None:
     path.write_text("\n".join(lines) + "\n")
 
 
+@pytest.mark.parametrize("sealed", [False, True])
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_run_is_left_out_and_said_in_one_line(
-    damage: str, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    damage: str, sealed: bool, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copytree(sweep, tmp_path / "sweep")
     victim = tmp_path / "sweep" / "stuck_seed-10"
     DAMAGES[damage](victim)
+    if sealed:  # as by another version of evoros
+        reseal(victim)
     before = everything(victim)
     output = tmp_path / "out"
     assert evoros_analyze(["fitness", str(tmp_path / "sweep"), "--output", str(output)]) == DONE

@@ -13,6 +13,7 @@ from evoros.cli.run import evoros
 from evoros.cli.status import evoros_status
 from evoros.session.overview import survey
 from evoros.storage.run_folder import RunFolder
+from evoros.storage.seals import seal_json
 
 NAME = "experiment-tiny_executor-serial_generations-2_seed-{}"
 
@@ -40,7 +41,7 @@ def test_what_is_complete_stays_what_is_begun_goes_on_and_what_is_new_runs(
     runs = [copy / NAME.format(seed) for seed in range(4)]
     kept = everything(runs[0])
     cut(runs[1], (runs[1] / "missions.csv").stat().st_size // 2)
-    (runs[1] / "status.json").write_text(json.dumps({"state": "stopped", "reason": "a kill"}))
+    (runs[1] / "status.json").write_text(seal_json({"state": "stopped", "reason": "a kill"}))
     shutil.rmtree(runs[2])
     assert sweep(copy, "seed=0,1,2,3") == DONE
     assert everything(runs[0]) == kept
@@ -120,7 +121,7 @@ def test_the_table_has_all_folders_and_why_they_stopped(
     copy: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     reason = {"state": "stopped", "reason": "the disk is full", "generations": 2}
-    (copy / NAME.format(1) / "status.json").write_text(json.dumps(reason))
+    (copy / NAME.format(1) / "status.json").write_text(seal_json(reason))
     assert evoros_status([str(copy)]) == DONE
     header, *rows = capsys.readouterr().out.splitlines()
     assert header.split()[:3] == ["folder", "state", "done"]
@@ -143,7 +144,7 @@ def test_a_killed_process_is_told_from_one_that_runs(copy: Path) -> None:
     run = copy / NAME.format(0)
     status = json.loads((run / "status.json").read_text())
     silent = {**status, "state": "running", "updated": "2020-01-01T00:00:00+00:00"}
-    (run / "status.json").write_text(json.dumps(silent))
+    (run / "status.json").write_text(seal_json(silent))
     assert survey(run).state == "killed"
     with RunFolder(run):
         assert survey(run).state == "running"

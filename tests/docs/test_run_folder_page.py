@@ -9,6 +9,7 @@ from documents import code, documented, table, text
 import evoros
 from evoros.config.compose import compose
 from evoros.mission.outcome import TRAJECTORY
+from evoros.storage.seals import DIGEST
 from evoros.storage.tables import (
     CANDIDATE_COLUMNS,
     DESIGN_COLUMNS,
@@ -19,7 +20,7 @@ from evoros.storage.tables import (
 
 
 def test_the_columns_of_missions_are_documented_in_order() -> None:
-    assert tuple(documented("missions.csv")) == MISSIONS_HEADER
+    assert tuple(documented("missions.csv")) == (*MISSIONS_HEADER, DIGEST)
 
 
 def test_the_columns_of_generations_are_documented_in_order() -> None:

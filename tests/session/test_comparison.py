@@ -5,7 +5,7 @@ import random
 from pathlib import Path
 
 import pytest
-from helpers import content, copied, cut, everything, resume, scored, tiny
+from helpers import content, copied, cut, everything, reseal, resume, scored, tiny
 
 from evoros.base.console import DONE, INPUT
 from evoros.cli.compare import DIFFERENT, evoros_compare
@@ -45,6 +45,7 @@ def test_two_runs_of_one_configuration_are_equal_as_folders(run: Path, tmp_path:
         assert files.pop("status.json")
     for manifest in manifests:
         assert manifest.pop("created")
+        assert manifest.pop("digest")
     assert one == other
     assert manifests[0] == manifests[1]
 
@@ -136,6 +137,7 @@ def test_a_cell_that_differs_is_named(
     before, cells[at] = cells[at], "0.25"
     lines[line - 1] = ",".join(cells)
     (folder / file).write_text("\n".join(lines))
+    reseal(folder)
     status, text = compared(run, folder, capsys)
     assert status == DIFFERENT
     assert text.startswith(f"different: {file}: line {line}")

@@ -10,7 +10,17 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from helpers import OPTION, ROOT, TINY, USER_PARTS, everything, start, tiny, wait_for_missions
+from helpers import (
+    OPTION,
+    ROOT,
+    TINY,
+    USER_PARTS,
+    everything,
+    reseal,
+    start,
+    tiny,
+    wait_for_missions,
+)
 from helpers import resume as resume_run
 
 import evoros
@@ -212,6 +222,8 @@ def sweep(run: Path, tmp_path: Path) -> Path:
     (folder / "killed" / "manifest.json").unlink()
     (folder / "killed" / "status.json").unlink()
     (folder / "damaged" / "champion" / "design.csv").write_text(f"{HEADER}\n0,0,a,0,0\n")
+    for name in ("stopped", "damaged"):
+        reseal(folder / name)
     return folder
 
 
@@ -338,6 +350,7 @@ def test_resuming_a_finished_evaluation_verifies_it(
     assert content(folder) == content(whole)
     text = (folder / "designs.csv").read_text()
     (folder / "designs.csv").write_text(text.replace(",3,", ",4,"))
+    reseal(folder)
     assert resume(folder) == INPUT
     assert "designs.csv" in capsys.readouterr().err
 
@@ -471,6 +484,7 @@ def test_bad_sources_are_one_clear_line_each(
     shutil.copytree(run, tmp_path / "half")
     status = json.loads((run / "status.json").read_text()) | {"state": "stopped"}
     (tmp_path / "half" / "status.json").write_text(json.dumps(status))
+    reseal(tmp_path / "half")
     half = tmp_path / "half"
     said = f"with a champion, and its state is stopped; type: evoros resume={half}"
     refused(tmp_path, half, said, capsys)
@@ -496,6 +510,7 @@ def test_what_was_scored_must_not_be_changed(
     shutil.copytree(whole, folder)
     text = (folder / "designs_in.csv").read_text()
     (folder / "designs_in.csv").write_text(text.replace(",30.0,", ",31.0,"))
+    reseal(folder)
     assert resume(folder) == INPUT
     assert "designs_in.csv must be as it was when the run began" in capsys.readouterr().err
 

@@ -21,6 +21,7 @@ from helpers import (
     content,
     copied,
     everything,
+    reseal,
     resume,
     scored,
     start,
@@ -33,6 +34,9 @@ from evoros.base.console import DONE, INPUT
 from evoros.config.compose import compose
 from evoros.evolution.dispatch import Dispatcher
 from evoros.mission.outcome import TRAJECTORY
+from evoros.storage.creation import create_folder
+from evoros.storage.mission_log import MissionLog
+from evoros.storage.mission_table import begin_table
 from evoros.storage.tables import trajectory_table
 from evoros.storage.trajectory_files import TrajectoryFiles, trajectory_file, world_file
 
@@ -124,6 +128,7 @@ def test_a_mission_that_comes_back_otherwise_is_refused(
     first[header.index("max_speed_mps")] = "9.75"
     with (folder / "missions.csv").open("w") as file:
         csv.writer(file, lineterminator="\n").writerows([header, first, *rest])
+    reseal(folder)
     assert resume(folder) == INPUT
     line = capsys.readouterr().err.splitlines()[-1]
     assert "another outcome than the recorded one" in line
@@ -156,7 +161,8 @@ def test_an_evaluation_keeps_all_if_told(run: Path, tmp_path: Path) -> None:
 def test_a_world_of_its_own_in_each_mission_is_kept_with_it(tmp_path: Path) -> None:
     given = ["world=generated", "world.generated.renew=true", "simulator=planar"]
     experiment = compose([*given, "executor=serial"]).build()
-    scenario, files = experiment.scenario, TrajectoryFiles(tmp_path)
+    create_folder(tmp_path, {"config.yaml": "", "missions.csv": begin_table([])})
+    scenario, files = experiment.scenario, TrajectoryFiles(MissionLog(tmp_path, []))
     design = experiment.space.decode(np.full(experiment.space.size, 0.5))
     missions = experiment.plan.selection(0, 7, design), experiment.plan.selection(1, 7, design)
     readings = [np.nan, 1.5, 0.5, 1.0 / 3, 4.5, 4.5]
@@ -226,6 +232,7 @@ def test_a_run_that_kept_only_the_champions_says_so(
     shutil.rmtree(folder / "trajectories")
     manifest = folder / "manifest.json"
     manifest.write_text(manifest.read_text().replace('"record": "all"', '"record": "champion"'))
+    reseal(folder)
     assert evoros_analyze(["bag", str(folder), "--design", "1"]) == INPUT
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith("keep them (record=champion); start a run with record=all")

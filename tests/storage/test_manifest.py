@@ -5,7 +5,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from helpers import USER_PARTS, everything
+from helpers import USER_PARTS, everything, reseal
 
 from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
@@ -102,6 +102,7 @@ def test_other_versions_are_said_on_the_terminal_and_in_the_log(
     assert set(recorded["packages"]) == {*COMPUTING, *READING}
     recorded["packages"] |= {"numpy": "0.1", "numba": None, "lxml": "0.2"}
     (run / "manifest.json").write_text(json.dumps(recorded))
+    reseal(run)
     assert "0.1" not in (run / "evoros.log").read_text()
     capsys.readouterr()
     assert evoros(["--config-dir", str(USER_PARTS), f"resume={run}"]) == DONE

@@ -1,0 +1,70 @@
+"""Digests by which damage is noticed: at the end of a table's row, and inside a JSON file.
+
+A bad disk may change any byte. A row whose digest does not match is damaged; a last row without a
+line break is one that a kill or a loss of power has cut short.
+"""
+
+import io
+import json
+from base64 import b32encode
+from collections.abc import Mapping
+from hashlib import blake2b
+from typing import Any
+
+DIGEST = "digest"
+"""The last column of a sealed table, and the last field of a sealed JSON file."""
+SIZE = 16  # letters and digits of a digest
+_BLANK = b"-" * SIZE
+
+
+def compute_digest(content: bytes) -> str:
+    """Return 80 bits of BLAKE2b as 16 letters and digits, which no program takes for a number."""
+    return b32encode(blake2b(content, digest_size=10).digest()).decode()
+
+
+def split_lines(content: bytes) -> list[bytes]:
+    """Return the lines with their line breaks, which are newlines alone."""
+    return io.BytesIO(content).readlines()
+
+
+def seal_rows(text: str) -> bytes:
+    """Return rows of CSV with the digest of each as its last cell."""
+    lines = (line.encode() for line in text.split("\n")[:-1])
+    return b"".join(b"%b,%b\n" % (line, compute_digest(line).encode()) for line in lines)
+
+
+def is_sealed(line: bytes) -> bool:
+    """Whether a line of a table, with its line break, has the digest of its other cells."""
+    if not line.endswith(b"\n"):
+        return False
+    row, _, digest = line[:-1].rpartition(b",")
+    return digest == compute_digest(row).encode()
+
+
+def seal_json(content: Mapping[str, Any]) -> str:
+    """Return a JSON object as text, whose last field is the digest of all others."""
+    text = json.dumps({**content, DIGEST: _BLANK.decode()}, indent=2) + "\n"
+    head, _, tail = text.rpartition(_BLANK.decode())
+    return f"{head}{compute_digest(text.encode())}{tail}"
+
+
+def is_sealed_json(content: bytes) -> bool:
+    """Whether the last field of a JSON file is the digest of all others."""
+    begin = content.rfind(b'"digest": "') + len(b'"digest": "')
+    digest = content[begin : begin + SIZE]
+    blank = content[:begin] + _BLANK + content[begin + SIZE :]
+    return len(blank) == len(content) and digest == compute_digest(blank).encode()
+
+
+def unseal_json(content: bytes) -> dict[str, Any]:
+    """Return the object in a sealed JSON file, without its digest.
+
+    Raises:
+        ValueError: it is damaged.
+    """
+    if not is_sealed_json(content):
+        raise ValueError("its digest is that of another content")
+    fields = json.loads(content)
+    if not isinstance(fields, dict):
+        raise ValueError("it is no JSON object")
+    return {name: value for name, value in fields.items() if name != DIGEST}

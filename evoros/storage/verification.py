@@ -1,0 +1,211 @@
+"""Verifies the folder of a run or an evaluation before it is read: damage is named and not used."""
+
+import json
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from evoros.base.disk import write_atomically
+from evoros.base.errors import InputError
+from evoros.base.log import LOGGER
+from evoros.storage.digests import Entries, Entry, find_line, is_whole, read_entries
+from evoros.storage.layout import (
+    DIGESTS,
+    MANIFEST,
+    MISSIONS,
+    STATUS,
+    TRAJECTORIES,
+    resume_command,
+)
+from evoros.storage.seals import is_sealed, is_sealed_json, split_lines
+
+NEEDED = "generations/"
+"""The folder of tables of which none may be missing."""
+LARGE = (
+    f"{TRAJECTORIES}/",
+    "champion/agents/",
+    "champion/robot",
+    "champion/trajectory_",
+    "champion/world_",
+)
+"""Files that only some figures need."""
+LARGEST = 1 << 16
+"""The size [bytes] of the largest file in which a flipped bit is looked for."""
+
+
+def verify_folder(folder: Path) -> None:
+    """Require that no table of a folder is damaged, nor what it was made from.
+
+    Trajectories, robots and worlds are verified when they are read, by ``verify_file``.
+
+    Raises:
+        InputError: a file is damaged, or the table of a generation is missing; the line names it,
+            and the row if it is known.
+    """
+    for name in (MANIFEST, STATUS):
+        if (folder / name).is_file():
+            _verify_json(folder, name)
+    entries = _read_entries(folder)
+    for name in entries.by_name:
+        if name.startswith(NEEDED) or (not name.startswith(LARGE) and (folder / name).is_file()):
+            _verify(folder, name, entries)
+
+
+def verify_file(folder: Path, name: str) -> None:
+    """Require that a file which is in ``digests.csv`` is not damaged; it may be missing.
+
+    Raises:
+        InputError: it is.
+    """
+    entries = _read_entries(folder)
+    if name in entries.by_name and (folder / name).is_file():
+        _verify(folder, name, entries)
+
+
+def verify_world(path: Path) -> None:
+    """Require that the SDF file of a world in a folder, and those beside it, are not damaged.
+
+    Raises:
+        InputError: one is.
+    """
+    folder = _find_folder(path)
+    begin = str(path.relative_to(folder).with_suffix(""))
+    for name in _read_entries(folder).by_name:
+        if name.startswith(begin):
+            verify_file(folder, name)
+
+
+def read_text(path: Path) -> str:
+    """Read a file in a folder.
+
+    Raises:
+        InputError: it is missing or damaged.
+    """
+    try:
+        folder = _find_folder(path)
+        verify_file(folder, str(path.relative_to(folder)))
+        return path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
+
+
+def _find_folder(path: Path) -> Path:
+    """Return the folder of the run or the evaluation in which a file is."""
+    return next(parent for parent in path.parents if (parent / DIGESTS).is_file())
+
+
+def _read_entries(folder: Path) -> Entries:
+    entries = read_entries(_read(folder, DIGESTS))
+    if entries.damaged:
+        raise _damaged(folder, DIGESTS, f": line {entries.damaged[0]}")
+    return entries
+
+
+def _verify_json(folder: Path, name: str) -> None:
+    content = _read(folder, name)
+    if is_sealed_json(content):
+        return
+    try:
+        json.loads(content)
+    except ValueError as error:
+        raise _damaged(folder, name, f" ({error})") from error
+    raise _damaged(folder, name)
+
+
+def _verify(folder: Path, name: str, entries: Entries) -> None:
+    """Verify one file; a process that writes into the folder may replace it meanwhile."""
+    entry, content = entries.by_name[name], _read(folder, name)
+    line = _find_damage(name, content, entry)
+    if line is None:
+        return
+    now = _read_entries(folder)
+    if now.by_name.get(name) == entry:
+        raise _damaged(folder, name, line)
+    _verify(folder, name, now)
+
+
+def _find_damage(name: str, content: bytes, entry: Entry) -> str | None:
+    """Return where a file is damaged, as ``: line 7``, or empty if unknown; None if it is whole."""
+    if entry.sha256 and is_whole(content, entry):
+        return None
+    row = _find_row(content, entry) if name == MISSIONS else ""
+    if not entry.sha256:
+        return row or None
+    return row or find_line(content, entry)
+
+
+def _find_row(content: bytes, entry: Entry) -> str:
+    """Return the first damaged line of a table of missions; an incomplete last row is none."""
+    header, *lines = split_lines(content) or [b""]
+    if entry.lines and find_line(header, entry):
+        return ": line 1"
+    for number, line in enumerate(lines, 2):
+        if not is_sealed(line) and (line.endswith(b"\n") or is_sealed(line[:-1] + b"\n")):
+            return f": line {number}"
+    return ""
+
+
+def _read(folder: Path, name: str) -> bytes:
+    path = folder / name
+    try:
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        raise InputError(
+            f"{path}: must exist; the run is not finished, or the file was deleted; type: "
+            f"{resume_command(folder)}"
+        ) from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error}); restore the file") from error
+
+
+def _damaged(folder: Path, name: str, where: str = "") -> InputError:
+    return InputError(
+        f"{folder / name}{where}: must be as evoros wrote it, and has changed since (a bad disk, "
+        f"or an editor); to mend it, restore it or type: {resume_command(folder)}"
+    )
+
+
+def read_original(folder: Path, name: str) -> bytes:
+    """Read a file that cannot be made again; a single bit that was flipped is put right.
+
+    Raises:
+        InputError: the file is missing or damaged.
+    """
+    content = _read(folder, name)
+    entry = read_entries(_read_if_any(folder / DIGESTS)).by_name.get(name)
+    if name == MANIFEST:
+        whole: Callable[[bytes], bool] = is_sealed_json
+    elif entry is not None:
+        whole = partial(is_whole, entry=entry)
+    else:
+        return content  # its hash is in the manifest
+    if whole(content):
+        return content
+    line = "" if entry is None else find_line(content, entry)
+    mended = _find_flip(content, whole)
+    if mended is None:
+        raise InputError(
+            f"{folder / name}{line}: must be as evoros wrote it, and more than a bit has changed "
+            f"since (a bad disk, or an editor); restore the file; the rest of the folder is kept"
+        )
+    write_atomically(folder / name, mended)
+    LOGGER.warning("%s%s: a bit was flipped (a bad disk?); put right", folder / name, line)
+    return mended
+
+
+def _read_if_any(path: Path) -> bytes:
+    return path.read_bytes() if path.is_file() else b""
+
+
+def _find_flip(content: bytes, whole: Callable[[bytes], bool]) -> bytes | None:
+    """Return the content with the one bit flipped that makes it whole, if there is one."""
+    if len(content) > LARGEST:
+        return None
+    draft = bytearray(content)
+    for at in range(len(draft)):
+        for bit in range(8):
+            draft[at] ^= 1 << bit
+            if whole(bytes(draft)):
+                return bytes(draft)
+            draft[at] ^= 1 << bit
+    return None

@@ -1,0 +1,168 @@
+"""Any bit of a folder may flip: it is noticed and named, or has no effect, and nothing is lost."""
+
+import random
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from evoros.analysis.tables.records import EvaluationRecord, read_record
+from helpers import TINY, copied, cut, everything, resume, scored, tiny
+
+from evoros.base.console import DONE, INPUT
+from evoros.base.errors import InputError
+from evoros.cli.evaluate import evaluate
+from evoros.storage.figure_context import FigureContext
+
+FREE = ("evoros.log", "status.json", "damaged", "figures")
+"""Files that say when and how long, those that were damaged, and those that are drawn anew."""
+UNUSED = ("evoros.log", "figures")
+"""Files on which nothing depends."""
+
+
+def lasting(folder: Path) -> dict[str, bytes]:
+    return {n: content for n, content in everything(folder).items() if not n.startswith(FREE)}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bad") / "run"
+    assert tiny(folder, "optimizer.generations=2", "record=all") == DONE
+    return folder
+
+
+@pytest.fixture(scope="module")
+def begun(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run, as a kill leaves it."""
+    folder = copied(run, tmp_path_factory.mktemp("begun") / "run")
+    cut(folder, (run / "missions.csv").stat().st_size * 2 // 3)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def scores(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return scored(tmp_path_factory.mktemp("scores") / "scores", run, "trials=2", "record=all")
+
+
+def resume_evaluation(folder: Path) -> int:
+    return evaluate([*TINY[:2], f"resume={folder}"])
+
+
+def flip(path: Path, rng: random.Random) -> None:
+    content = bytearray(path.read_bytes())
+    content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
+    path.write_bytes(bytes(content))
+
+
+def kinds(folder: Path) -> list[str]:
+    """A file of each kind: of those whose names differ in numbers only, one."""
+    names = {
+        "".join(c for c in name if not c.isdigit()): name for name in sorted(everything(folder))
+    }
+    return [name for name in names.values() if name not in UNUSED]
+
+
+def read_all(folder: Path) -> list[object]:
+    """All that figures read of a run or an evaluation."""
+    record = read_record(folder, "run")
+    run = record.run
+    if isinstance(record, EvaluationRecord):
+        tables = [record.missions, record.designs, record.mounts, record.genes]
+    else:
+        tables = [run.missions, run.generations]
+        for row in run.missions.to_dict("records"):
+            key = (int(row["generation"]), int(row["design"]), str(row["world"]), int(row["trial"]))
+            tables.append(run.mission_trajectory(*key))
+        if record.finished:
+            tables += [run.champion, run.genes, *(run.trajectory(name) for name in ("near", "far"))]
+    status = {key: value for key, value in run.status.items() if key != "digest"}
+    return [table.to_csv() for table in tables] + [
+        FigureContext.read(folder),
+        record.values,
+        status,
+    ]
+
+
+def check_analysis(name: str, folder: Path, whole: Path) -> bool:
+    """Return whether it is noticed; if not, it must have no effect."""
+    try:
+        found = read_all(folder)
+    except InputError as error:
+        line = str(error)
+        assert str(folder / name) in line or Path(name).parts[0] == "trajectories", (name, line)
+        assert "\n" not in line
+        return True
+    if name.split("/")[0] not in ("trajectories",) or name.endswith(".csv"):
+        assert found == read_all(whole), name
+    return False
+
+
+def check_resume(
+    name: str,
+    folder: Path,
+    end: Path,
+    again: Callable[[Path], int],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """It is mended, and the folder ends as it would have; or one line names the file."""
+    before = everything(folder)
+    capsys.readouterr()
+    status = again(folder)
+    lines = capsys.readouterr().err.splitlines()
+    if status == DONE:
+        assert lasting(folder) == lasting(end), name
+        unused = name == "status.json" and again is resume_evaluation
+        assert unused or any(str(folder / name) in line for line in lines), name
+        return
+    assert status == INPUT
+    assert str(folder / name) in lines[-1], lines
+    assert {**everything(folder), "evoros.log": b""} == {**before, "evoros.log": b""}
+
+
+CASES = {
+    "a finished run": ("run", "run", resume),
+    "a run that was killed": ("begun", "run", resume),
+    "an evaluation": ("scores", "scores", resume_evaluation),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_flipped_bit_in_any_kind_of_file_loses_nothing(
+    case: str,
+    request: pytest.FixtureRequest,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    flip_and_check(case, 1, lambda folder: kinds(folder)[::3], request, tmp_path, capsys)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_a_flipped_bit_in_any_file_loses_nothing(
+    case: str,
+    request: pytest.FixtureRequest,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    flip_and_check(case, 4, lambda folder: [*everything(folder)], request, tmp_path, capsys)
+
+
+def flip_and_check(
+    case: str,
+    times: int,
+    choose: Callable[[Path], list[str]],
+    request: pytest.FixtureRequest,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    begin, end, again = CASES[case]
+    whole, ended = request.getfixturevalue(begin), request.getfixturevalue(end)
+    names = [name for name in choose(whole) if name not in UNUSED]
+    assert len(names) > 3
+    for name in names:
+        for seed in range(times):
+            folder = copied(whole, tmp_path / "run")
+            flip(folder / name, random.Random(f"{name}{seed}"))
+            check_analysis(name, folder, whole)
+            check_resume(name, folder, ended, again, capsys)
+            shutil.rmtree(folder)
