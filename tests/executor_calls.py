@@ -103,6 +103,13 @@ def kill_worker(tally: str) -> None:
     time.sleep(LONG_S)
 
 
+def stop_worker(tally: str) -> None:
+    """Stop the worker of the cluster, and this process with it."""
+    note(tally)
+    os.kill(os.getppid(), signal.SIGSTOP)
+    time.sleep(LONG_S)
+
+
 # What calls leave behind, and the processes of this machine.
 
 

@@ -85,6 +85,7 @@ def test_a_killed_scheduler_stops_the_run_in_one_line_and_another_goes_on_with_i
     assert content(tmp_path / "run") == whole
 
 
+@pytest.mark.slow
 def test_a_run_in_a_cluster_of_its_own_is_the_same_and_listens_on_loopback_only(
     whole: dict[str, str], tmp_path: Path
 ) -> None:
@@ -100,6 +101,7 @@ def test_a_run_in_a_cluster_of_its_own_is_the_same_and_listens_on_loopback_only(
     assert wait_until(lambda: not any(map(alive, family)), LIMIT_S)
 
 
+@pytest.mark.slow
 def test_a_cluster_of_its_own_ends_with_a_killed_main_process(tmp_path: Path) -> None:
     """Even a worker that is stopped."""
     run = start([*TINY, *SLOWLY, "executor.workers=2"], tmp_path)
@@ -155,6 +157,7 @@ def test_workers_with_other_software_get_no_calls(
     assert all(describe_environment()["numba"] in line and "\n" not in line for line in told)
 
 
+@pytest.mark.slow
 def test_a_call_that_kills_its_workers_is_found_and_costs_no_other(tmp_path: Path) -> None:
     tally = str(tmp_path / "tally")
     with cluster(tmp_path, workers=0) as nannied:

@@ -1,0 +1,142 @@
+"""Carries calls by mpi4py.futures."""
+
+import socket
+from collections.abc import Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from threading import Event, Lock, Thread, Timer
+from time import monotonic
+from typing import Any
+
+from mpi4py import MPI
+from mpi4py.futures import MPIPoolExecutor, _core
+
+from evoros.base.console import STOPPED
+from evoros.base.errors import RunStopped
+from evoros.executor import node
+from evoros.executor.attempts import Limits
+from evoros.executor.remote import RawAnswer
+
+COMMAND = "mpiexec -n RANKS python -m mpi4py.futures -m evoros ..."
+LOOK_S = 0.5
+"""The main process looks that often for calls that should have ended [s]."""
+ABORT_S = 10.0
+"""After this time [s] the job is ended by force if a rank does not answer: it would wait for it."""
+
+
+def answer(wanted: dict[str, str], request: bytes) -> RawAnswer:
+    """Run a call in a rank; see ``node.answer``."""
+    name = f"rank {MPI.COMM_WORLD.Get_rank()} on {socket.gethostname()}"
+    return (*node.answer(wanted, request), name)
+
+
+@contextmanager
+def connect(limits: Limits) -> Iterator["MpiTransport"]:
+    """Take the ranks of the job.
+
+    Raises:
+        RunStopped: there are none, or this is not the first one.
+    """
+    ranks = MPI.COMM_WORLD.Get_size()
+    if getattr(_core, "SharedPool", None) is None or ranks < 2:
+        raise RunStopped(
+            f"executor=mpi: must be started as an MPI job of at least 2 ranks, the first of which "
+            f"runs evoros; type: {COMMAND}"
+        )
+    transport = MpiTransport(MPIPoolExecutor(main=False), ranks - 1, limits.longest_s)
+    try:
+        yield transport
+    finally:
+        transport.close()
+
+
+class MpiTransport:
+    """Sends each call as a task of its own; ranks do not come and go.
+
+    A rank that has not answered a call after ``limit_s`` never will.
+    """
+
+    def __init__(self, executor: Any, workers: int, limit_s: float) -> None:
+        self.workers = workers
+        self._executor = executor
+        self._limit_s = limit_s
+        self._out: dict[Future[RawAnswer], Future[RawAnswer]] = {}  # by the task that carries it
+        self._since: dict[Future[RawAnswer], float] = {}  # when a task was first seen to run
+        self._lock = Lock()
+        self._closing = Event()
+        self._lost: RunStopped | None = None
+        self._watcher = Thread(target=self._watch, daemon=True)
+        self._watcher.start()
+
+    def send(
+        self, name: str, wanted: dict[str, str], request: bytes, node: str | None
+    ) -> "Future[RawAnswer]":
+        """See ``Transport``; a rank cannot be chosen.
+
+        Raises:
+            RunStopped: a rank does not answer.
+        """
+        sent: Future[RawAnswer] = Future()
+        with self._lock:
+            if self._lost is not None:
+                raise self._lost
+            task = self._executor.submit(answer, wanted, request)
+            self._out[task] = sent
+        sent.add_done_callback(lambda done: task.cancel() if done.cancelled() else None)
+        task.add_done_callback(self._receive)
+        return sent
+
+    def exclude(self, node: str, reason: str) -> None:
+        """See ``Transport``; all ranks of a job must fit."""
+        raise RunStopped(f"executor=mpi: {node} cannot run missions: {reason}")
+
+    def stop(self, pool: str) -> None:
+        """See ``Transport``; MPI does not reach a rank that is busy."""
+
+    def close(self) -> None:
+        """Forget all calls; a rank ends the one that it has begun before it takes another.
+
+        This does not wait for them: if the job is being ended, there is hardly a second left.
+        """
+        self._closing.set()
+        self._executor.shutdown(wait=False, cancel_futures=True)
+
+    def _receive(self, task: "Future[RawAnswer]") -> None:
+        with self._lock:
+            sent = self._out.pop(task, None)
+            self._since.pop(task, None)
+        if sent is None:
+            return
+        if task.cancelled():
+            sent.cancel()
+        if sent.set_running_or_notify_cancel():
+            error = task.exception()
+            if error is None:
+                sent.set_result(task.result())
+            else:
+                sent.set_exception(error)
+
+    def _watch(self) -> None:
+        """Look for a rank that does not answer any more."""
+        while self._lost is None and not self._closing.wait(LOOK_S):
+            now = monotonic()
+            with self._lock:
+                for task in self._out:
+                    if task.running() and now - self._since.setdefault(task, now) > self._limit_s:
+                        self._lost = RunStopped(
+                            f"executor=mpi: a rank has not answered for {self._limit_s:g} s, "
+                            f"longer than any call takes; start the job without its machine"
+                        )
+                        break
+        if self._lost is not None:
+            self._lose(self._lost)
+
+    def _lose(self, reason: RunStopped) -> None:
+        abort = Timer(ABORT_S, MPI.COMM_WORLD.Abort, (STOPPED,))  # MPI waits for all ranks
+        abort.daemon = True
+        abort.start()
+        with self._lock:
+            out, self._out = self._out, {}
+        for sent in out.values():
+            if sent.set_running_or_notify_cancel():
+                sent.set_exception(reason)
