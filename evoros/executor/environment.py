@@ -2,48 +2,64 @@
 
 import hashlib
 import math
-import platform
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
 from evoros import __version__
+from evoros.base import elementary
+from evoros.base.arrays import Array
 from evoros.base.resources import PACKAGE
 
 ENGINES = ("mujoco-core", "pybullet")
 """Needed by some runs only: they must be of the same version where they are installed."""
 ARITHMETIC = "arithmetic"
-SAMPLES = 4096
+LIBRARY = "C library"
+SAMPLES = 256
+"""Points at which evoros's functions are compared."""
+LIBRARY_SAMPLES = 20_000
+"""Of the C library's more: few of its values differ between processors."""
 
 
 @cache
 def describe_environment() -> Mapping[str, str]:
     """Return what results depend on beside the experiment, by name.
 
-    ``arithmetic`` has the processor's architecture and a digest of the bits that elementary
-    functions return. They differ between C libraries, and within one between processors.
+    ``ARITHMETIC`` is a digest of the bits of evoros's own functions, and ``LIBRARY`` one of those
+    of the C library, which differ among its versions and processors.
     """
     found = {
         "python": ".".join(map(str, sys.version_info[:2])),
         "evoros": f"{__version__} (sources {_digest_of_sources()})",
         "numpy": np.__version__,
         "numba": _version("numba"),
-        ARITHMETIC: f"{platform.machine()} {_digest_of_functions()}",
+        ARITHMETIC: _digest_of_elementary(),
+        LIBRARY: _digest_of_library(),
     }
     return found | {name: _version(name) for name in ENGINES}
 
 
 def list_differences(wanted: Mapping[str, str]) -> list[str]:
-    """List in words what this process has and another one, which computes with it, has not."""
+    """List in words what this process has and another one, which computes with it, has not.
+
+    Without the C library, on which only some missions depend.
+    """
     here = describe_environment()
     return [
         f"{name} {here.get(name) or '(not installed)'} and not {value}"
         for name, value in wanted.items()
-        if here.get(name, "") != value and not (name in ENGINES and not (here.get(name) and value))
+        if name != LIBRARY
+        and here.get(name, "") != value
+        and not (name in ENGINES and not (here.get(name) and value))
     ]
+
+
+def has_library(wanted: Mapping[str, str]) -> bool:
+    """Whether the C library computes the same here as in the other process."""
+    return describe_environment()[LIBRARY] == wanted.get(LIBRARY)
 
 
 def _version(package: str) -> str:
@@ -68,12 +84,24 @@ def _digest_of_sources() -> str:
     return digest.hexdigest()[:8]
 
 
-def _digest_of_functions() -> str:
-    """Return a digest of functions as the C library and as numpy compute them."""
-    x = (np.arange(1.0, SAMPLES + 1.0) * 0.7390851332151607) % 20.0 + 1e-3
-    library = (math.sin, math.cos, math.tan, math.atan, math.exp, math.log, math.sqrt)
-    values = [np.array([function(each) for each in x.tolist()]) for function in library]
-    values += [np.array([math.atan2(a, b) for a, b in zip(x, x[::-1], strict=True)])]
-    values += [np.sin(x), np.cos(x), np.arctan2(x, x[::-1]), np.exp(x), np.log(x), np.sqrt(x)]
-    values += [np.random.default_rng(0).standard_normal(SAMPLES)]
+def _digest_of_elementary() -> str:
+    """Return a digest of what evoros computes itself, with the same bits on every processor."""
+    points = _points(SAMPLES)
+    functions = (elementary.sin, elementary.cos, elementary.atan, elementary.exp, elementary.log)
+    values = [np.array([function(x) for x in points.tolist()]) for function in functions]
+    return _digest([*values, np.random.default_rng(0).standard_normal(SAMPLES)])
+
+
+def _digest_of_library() -> str:
+    """Return a digest of functions as the C library computes them, for engines among others."""
+    points = _points(LIBRARY_SAMPLES).tolist()
+    functions = (math.sin, math.cos, math.tan, math.atan, math.exp, math.log)
+    return _digest([np.array([function(x) for x in points]) for function in functions])
+
+
+def _points(number: int) -> Array:
+    return (np.arange(1.0, number + 1.0) * 0.7390851332151607) % 20.0 + 1e-3
+
+
+def _digest(values: Sequence[Array]) -> str:
     return hashlib.sha256(np.concatenate(values).astype("<f8").tobytes()).hexdigest()[:8]

@@ -21,7 +21,7 @@ from pathlib import Path
 
 from evoros.base.threads import ONE_THREAD
 from evoros.executor.attempts import Limits
-from evoros.executor.environment import list_differences
+from evoros.executor.environment import has_library, list_differences
 from evoros.executor.modules import unpack_modules
 from evoros.executor.payload import MISSING, RAISED, Answer, Call, Kept, MissingError, Shared
 from evoros.executor.worker_handle import Worker
@@ -45,20 +45,22 @@ class Request:
     contents: tuple[Shared, ...] = ()
 
 
-def answer(wanted: Mapping[str, str], request: bytes) -> tuple[int, bytes]:
-    """Run the pickled ``Request``; returns kind and content of an answer.
+def answer(wanted: Mapping[str, str], request: bytes) -> tuple[int, bytes, bool]:
+    """Run the pickled ``Request``.
+
+    Returns kind and content of an answer, and whether the C library is as in the main process.
 
     A worker with another version of evoros must understand the arguments and be understood, so
     they are of built-in types, and the request is not unpickled where the environment differs.
     """
     differences = list_differences(wanted)
     if differences:
-        return REFUSED, f"on {socket.gethostname()} {', '.join(differences)}".encode()
+        return REFUSED, f"on {socket.gethostname()} {', '.join(differences)}".encode(), True
     try:
         kind, content = _NODE.answer(pickle.loads(request))
     except CancelledError as error:
-        return RAISED, pickle.dumps(error)
-    return kind, content
+        kind, content = RAISED, pickle.dumps(error)
+    return kind, content, has_library(wanted)
 
 
 def stop(pool: str) -> None:

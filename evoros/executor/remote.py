@@ -12,14 +12,15 @@ from threading import Lock
 from typing import Any, Protocol
 
 from evoros.base.errors import EvorosError
+from evoros.base.log import LOGGER
 from evoros.executor.attempts import Limits, settle
-from evoros.executor.environment import ARITHMETIC, describe_environment
+from evoros.executor.environment import describe_environment
 from evoros.executor.modules import UserModules
 from evoros.executor.node import REFUSED, Request
 from evoros.executor.payload import MISSING, Answer, Call, Shared, pack_call
 
-RawAnswer = tuple[int, bytes, str]
-"""What ``node.answer`` returns, kind and content, and the worker's name."""
+RawAnswer = tuple[int, bytes, bool, str]
+"""What ``node.answer`` returns, and the worker's name."""
 
 
 class Transport(Protocol):
@@ -78,6 +79,7 @@ class RemotePool:
         self._modules = UserModules()
         self._lock = Lock()
         self._out: set[_Sent] = set()
+        self._warned: set[str] = set()  # of the C library of these workers
         self._closed = False
 
     @property
@@ -136,7 +138,9 @@ class RemotePool:
         if error is not None:
             self._finish(sent, error)
             return
-        kind, content, node = raw.result()
+        kind, content, same_library, node = raw.result()
+        if not same_library:
+            self._warn(node)
         if kind == MISSING:
             self._send(sent, sent.contents, node)
         elif kind == REFUSED:
@@ -148,6 +152,18 @@ class RemotePool:
                 self._send(sent, (), None)
         else:
             self._finish(sent, Answer(kind, content))
+
+    def _warn(self, node: str) -> None:
+        with self._lock:
+            if node in self._warned:
+                return
+            self._warned.add(node)
+        LOGGER.warning(
+            "executor: on %s the C library returns other last digits, because it or the processor "
+            "is another; missions in a physics engine, and parts of your own that use the module "
+            "math, may differ there in their last digits",
+            node,
+        )
 
     def _finish(self, sent: _Sent, end: Answer | BaseException) -> None:
         with self._lock:
@@ -169,10 +185,4 @@ def _cancel(future: "Future[Any]") -> None:
 
 
 def _explain(differences: str) -> str:
-    fix = "install there what the main process has"
-    if ARITHMETIC in differences:
-        fix = (
-            "results would differ in their last digits; use machines with equal processors and C "
-            "library, or set GLIBC_TUNABLES so that they compute alike"
-        )
-    return f"{differences} as here; {fix}"
+    return f"{differences} as here; install there what the main process has"
