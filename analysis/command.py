@@ -2,13 +2,13 @@
 
 import argparse
 import io
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result
+from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result, run_main
 from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.log import LOGGER, log_to_terminal
+from evoros.base.resources import expand_home
 
 from .drawing.style import save
 from .own_folder import write_folder
@@ -20,7 +20,7 @@ from .tables.study import Study, load_study
 
 def main() -> None:
     """Run the console script."""
-    sys.exit(evoros_analyze(sys.argv[1:]))
+    run_main(evoros_analyze)
 
 
 def evoros_analyze(arguments: Sequence[str]) -> int:
@@ -45,7 +45,7 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
     Raises:
         InputError: no folder is complete, an option does not fit, or a file cannot be written.
     """
-    folders = [path.expanduser() for path in options.folders]
+    folders = [expand_home(path) for path in options.folders]
     subcommand = import_subcommand(options.subcommand)
     if options.output is None:
         options.output = folders[0] / getattr(subcommand, "OUTPUT", "figures")

@@ -8,6 +8,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from evoros.base.resources import expand_home
+
 from ..product import Product
 from ..subcommands import EXPORTS, SUBCOMMANDS
 from ..tables.records import Record
@@ -53,7 +55,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     page = render(
         "page.html",
         policy=_policy(script),
-        title=", ".join(path.expanduser().resolve().name for path in options.folders),
+        title=", ".join(expand_home(path).resolve().name for path in options.folders),
         subtitle=summarize(study),
         style=read_asset("style.css"),
         sections=dict(_render_sections(study, options, playbacks)),

@@ -2,14 +2,48 @@
 
 import os
 import sys
+from collections.abc import Callable
+from typing import NoReturn
+
+from evoros.base.log import LOGGER
 
 DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit statuses: done; stopped and resumable; unusable input; interrupted."""
 
 
+def run_main(command: Callable[[list[str]], int]) -> NoReturn:
+    """Run a command with the arguments of this process, and exit with the status it returns."""
+    _open_standard_streams()
+    sys.exit(command(sys.argv[1:]))
+
+
 def print_result(text: str) -> None:
-    """Print to standard output; a reader that has closed the pipe early is no error."""
+    """Print to standard output.
+
+    A reader that has closed the pipe early is no error. That nothing can be written, as on a full
+    disk, is reported once; what a command has computed is not lost with it.
+    """
     try:
         print(text, flush=True)
-    except BrokenPipeError:
+    except OSError as error:
+        if not isinstance(error, BrokenPipeError):
+            LOGGER.error(
+                "standard output: cannot be written (%s); free some space, or direct it elsewhere",
+                error.strerror,
+            )
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _open_standard_streams() -> None:
+    """Open those of the three standard streams that are closed, on the null device.
+
+    Otherwise the next files that are opened take their numbers, and libraries of C, which print to
+    these, write into a table.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_RDWR), number)
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, "r" if number == 0 else "w", closefd=False))  # noqa: SIM115 - it stays open

@@ -3,10 +3,12 @@
 import logging
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path, PurePath
 from threading import Lock
+
+from evoros.base.errors import InputError
 
 LOGGER = logging.getLogger("evoros")
 
@@ -118,13 +120,40 @@ def withhold_messages() -> Iterator[list[logging.LogRecord]]:
         yield stack.enter_context(collect_messages())
 
 
+class _LogFile(logging.FileHandler):
+    """A file that gives up, and says so, once it cannot be written."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging calls it so
+        error = sys.exc_info()[1]
+        self.setLevel(logging.CRITICAL + 1)
+        LOGGER.error(
+            "%s: cannot be written any more (%s); nothing else depends on it",
+            self.baseFilename,
+            error.strerror if isinstance(error, OSError) else error,
+        )
+
+
+def _open_file(path: Path) -> logging.Handler:
+    try:
+        return _LogFile(path)
+    except OSError as error:
+        raise InputError(
+            f"{path}: must be a file that can be written ({error.strerror}); move away what is "
+            f"there, or correct its permissions"
+        ) from error
+
+
 @contextmanager
 def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterator[None]:
     """Send messages to the file, too; it alone gets tracebacks.
 
-    ``earlier`` are messages from before the file existed; they are written first.
+    ``earlier`` are messages from before the file existed; they are written first. If the file
+    cannot be written later, as on a full disk, that is reported once.
+
+    Raises:
+        InputError: the file cannot be opened.
     """
-    handler = logging.FileHandler(path)
+    handler = _open_file(path)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
     for record in earlier:
         handler.handle(record)
@@ -132,7 +161,8 @@ def log_to_file(path: Path, earlier: Sequence[logging.LogRecord] = ()) -> Iterat
         try:
             yield
         finally:
-            handler.close()
+            with suppress(OSError):  # reported before
+                handler.close()
 
 
 @contextmanager

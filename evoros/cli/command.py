@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evoros import __version__
-from evoros.base.console import DONE
+from evoros.base.console import DONE, print_result
 from evoros.base.errors import EvorosError, InputError
 from evoros.base.log import log_to_terminal
+from evoros.base.resources import expand_home
 from evoros.cli.reporting import (
     JobResult,
     explain_end,
@@ -60,7 +61,7 @@ def _execute(command: Command, arguments: list[str], signals: Signals) -> int:
 
     options = parse_options(arguments)
     if options.version:
-        print(f"{command.name} {__version__}")
+        print_result(f"{command.name} {__version__}")
         return DONE
     if options.config_dir:
         from evoros.config.compose import add_config_dir
@@ -80,7 +81,7 @@ def _execute(command: Command, arguments: list[str], signals: Signals) -> int:
 def _resume(command: Command, options: "Options", signals: Signals) -> int:
     """Go on with the work in the folder of ``resume=FOLDER``."""
     target = next(text for text in options.overrides if text.startswith("resume="))
-    folder = Path(target.partition("=")[2]).expanduser()
+    folder = expand_home(target.partition("=")[2])
     overrides = [text for text in options.overrides if text is not target]
     build = partial(command.open, folder, overrides, options.config_dir)
     return _run_alone(command, build, folder, options.config_dir, signals)

@@ -1,13 +1,12 @@
 """The command ``evoros-compare``: tells whether two runs are equal, or their first difference."""
 
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 from evoros import __version__
-from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result
+from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result, run_main
 from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.log import LOGGER, log_to_terminal
+from evoros.base.resources import expand_home
 
 NAME = "evoros-compare"
 DIFFERENT = 1
@@ -25,7 +24,7 @@ evoros-analyze compare is another command: it compares treatments, with tests an
 
 def main() -> None:
     """Entry point of the console script."""
-    sys.exit(evoros_compare(sys.argv[1:]))
+    run_main(evoros_compare)
 
 
 def evoros_compare(arguments: Sequence[str]) -> int:
@@ -52,6 +51,6 @@ def _compare(arguments: Sequence[str]) -> int:
 
     if len(arguments) != 2:
         raise InputError(f"two folders must be given, not {len(arguments)}; type: {NAME} A B")
-    comparison = compare(*(Path(name).expanduser() for name in arguments))
+    comparison = compare(*(expand_home(name) for name in arguments))
     print_result(describe(comparison))
     return DIFFERENT if comparison.difference else DONE

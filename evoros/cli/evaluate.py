@@ -1,10 +1,10 @@
 """The command ``evoros-evaluate``: scores given designs, or resumes an evaluation."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from evoros.base.console import run_main
 from evoros.cli.command import Command
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def main() -> None:
     """Entry point of the console script."""
-    sys.exit(evaluate(sys.argv[1:]))
+    run_main(evaluate)
 
 
 def _create(config: "Configuration", folder: Path) -> "Work":

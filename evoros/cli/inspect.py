@@ -1,14 +1,14 @@
 """The command ``evoros-inspect``: shows a robot or a world, and writes the YAML to start from."""
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evoros.base.console import DONE, INPUT, print_result
+from evoros.base.console import DONE, INPUT, print_result, run_main
 from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.log import LOGGER, log_to_terminal
+from evoros.base.resources import expand_home
 
 if TYPE_CHECKING:
     from evoros.config.own_files import OwnFile
@@ -52,13 +52,13 @@ class Request:
 
 def main() -> None:
     """Run the console script."""
-    sys.exit(evoros_inspect(sys.argv[1:]))
+    run_main(evoros_inspect)
 
 
 def evoros_inspect(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
     if not arguments or {"-h", "--help"} & set(arguments):
-        print(USAGE)
+        print_result(USAGE)
         return DONE if arguments else INPUT
     with log_to_terminal():
         try:
@@ -72,7 +72,7 @@ def evoros_inspect(arguments: Sequence[str]) -> int:
 def _inspect(arguments: Sequence[str]) -> None:
     words, options = _split_options(arguments)
     requests = _parse(words)
-    folder = Path(options.get("--config-dir", DEFAULT_FOLDER)).expanduser()
+    folder = expand_home(options.get("--config-dir", DEFAULT_FOLDER))
     if "--name" in options and len(requests) > 1:
         raise InputError("--name: names one part, and there are two; inspect them one by one")
     chosen: list[str] = []
@@ -120,7 +120,7 @@ def _parse(words: Sequence[str]) -> list[Request]:
     for group in names:
         if group not in (ROBOT, WORLD) or group in files:
             raise InputError(f"{group}: must be robot FILE or world FILE, once each; correct it")
-        file = Path(next(names, "")).expanduser()
+        file = expand_home(next(names, ""))
         if not file.is_file():
             raise InputError(f"{group} {file}: must be an existing file; correct the path")
         files[group] = file.resolve()

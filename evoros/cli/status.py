@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result
+from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result, run_main
 from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.log import LOGGER, log_to_terminal
+from evoros.base.resources import expand_home
 
 NAME = "evoros-status"
 UPDATE_S = 2.0
@@ -18,7 +19,7 @@ UPDATE_S = 2.0
 
 def main() -> None:
     """Run the console script."""
-    sys.exit(evoros_status(sys.argv[1:]))
+    run_main(evoros_status)
 
 
 def evoros_status(arguments: Sequence[str]) -> int:
@@ -26,7 +27,7 @@ def evoros_status(arguments: Sequence[str]) -> int:
     with log_to_terminal():
         try:
             options = _parser().parse_args(list(arguments))
-            _show(Path(options.folder).expanduser(), options.once)
+            _show(expand_home(options.folder), options.once)
         except EvorosError as error:
             LOGGER.error("%s: %s", NAME, single_line(error))
             return INPUT

@@ -1,12 +1,12 @@
 """The command ``evoros-world``: writes the world of a configuration as an SDF file."""
 
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from evoros.base.console import DONE, INPUT
+from evoros.base.console import DONE, INPUT, print_result, run_main
 from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.log import LOGGER, log_to_terminal
+from evoros.base.resources import expand_home
 
 USAGE = """evoros-world writes a world as an SDF file, for Gazebo and for world=... of your own.
 
@@ -19,17 +19,17 @@ The keys are those of evoros, with world=generated chosen:
 
 def main() -> None:
     """Entry point of the console script."""
-    sys.exit(evoros_world(sys.argv[1:]))
+    run_main(evoros_world)
 
 
 def evoros_world(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
     if not arguments or {"-h", "--help"} & set(arguments):
-        print(USAGE)
+        print_result(USAGE)
         return DONE if arguments else INPUT
     with log_to_terminal():
         try:
-            print(_write(arguments[0], arguments[1:]))
+            print_result(_write(arguments[0], arguments[1:]))
         except EvorosError as error:
             LOGGER.error("evoros-world: %s", single_line(error))
             return INPUT
@@ -50,7 +50,7 @@ def _write(name: str, rest: Sequence[str]) -> str:
             f"world: must be one world, not {len(worlds)} ({', '.join(worlds)}); choose one of them"
         )
     (world,) = worlds.values()
-    path = Path(name).expanduser()
+    path = expand_home(name)
     first, *others = world.files(path.stem).items()
     _write_new({path: first[1], **{path.with_name(other): content for other, content in others}})
     return f"{path}: {len(world.obstacles)} obstacles"

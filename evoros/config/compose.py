@@ -17,7 +17,7 @@ from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
 
 from evoros.base.errors import InputError
-from evoros.base.resources import bundled_folder
+from evoros.base.resources import bundled_folder, expand_home
 from evoros.config.configuration import Configuration, freeze
 from evoros.config.folder_names import job_name
 from evoros.config.messages import describe_error
@@ -132,7 +132,7 @@ def add_config_dir(path: str | Path) -> Path:
     Raises:
         InputError: there is no such folder.
     """
-    folder = Path(path).expanduser().resolve()
+    folder = expand_home(path).resolve()
     if not folder.is_dir():
         raise InputError(
             f"--config-dir {path}: must be a folder with configuration groups, and there is none; "

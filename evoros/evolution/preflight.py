@@ -25,7 +25,7 @@ from evoros.mission.live_layers import open_layers
 from evoros.mission.loop_inputs import Stages, collect_inputs
 from evoros.mission.pipeline import (
     Draws,
-    describe_sensors,
+    draw_faults,
     start_localization,
     start_sensor_filters,
 )
@@ -121,7 +121,7 @@ def _start_stages(experiment: Experiment, scenario: Scenario, draws: Draws) -> S
         for name in experiment.design.sensors
     )
     robot = scenario.with_design(Design(mounts, middle.values)).robot
-    faults = scenario.failure.draw(describe_sensors(robot), draws("failure"))
+    faults = draw_faults(scenario.failure, robot, draws)
     signals, readings = np.zeros(robot.signal_count), np.zeros(robot.channel_count)
     filters = start_sensor_filters(
         robot, faults, signals, readings, scenario.simulator.time_step, draws

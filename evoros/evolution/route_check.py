@@ -13,7 +13,6 @@ from evoros.evolution.experiment import Experiment
 from evoros.evolution.layer_values import find_avoidance_range
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import Footprint, distances, project_bodies
-from evoros.robot.model import Robot
 from evoros.world.course import Course
 from evoros.world.model import World
 
@@ -23,6 +22,8 @@ MAX_RATIO = 3.0
 
 It is 2.5 in ``world=dense``, where the evolved designs of the studies still make progress.
 """
+STANDING_IN = 0.1
+"""The share of the robot by which it may overlap an obstacle at home and still only touch it."""
 CELL_M = 0.1  # of the grid on which a way is searched
 MAX_CELLS = 400  # along each side of that grid
 
@@ -31,7 +32,8 @@ def check_routes(experiment: Experiment) -> Iterator[str]:
     """Yield a warning for each fault of a course.
 
     Raises:
-        InputError: the robot touches an obstacle at home, and missions end on collision.
+        InputError: the robot stands in an obstacle at home, or it touches one and missions end on
+            collision.
     """
     worlds: dict[str, list[str]] = {}
     for name, world in experiment.world.items():
@@ -49,9 +51,10 @@ def _check_route(
     yield from _check_spacing(course)
     if not obstacles:
         return
-    if _touches_at_home(robot, course, obstacles):
+    if _touches_at_home(robot.outline, course, obstacles):
         problem = f"{robot.name} touches an obstacle at home ({_point(course.home[:2])})"
-        if course.end_on_collision and world.sampler is None:
+        stands_in = _touches_at_home(robot.outline * (1.0 - STANDING_IN), course, obstacles)
+        if (course.end_on_collision or stands_in) and world.sampler is None:
             raise InputError(f"{world.source}: {problem}; move course.home_x_m or home_y_m")
         yield f"{problem}; move course.home_x_m or home_y_m"
     half_width = float(np.abs(robot.outline[:, 1]).max())
@@ -73,9 +76,9 @@ def _check_spacing(course: Course) -> Iterator[str]:
         )
 
 
-def _touches_at_home(robot: Robot, course: Course, obstacles: Sequence[Footprint]) -> bool:
+def _touches_at_home(outline: Array, course: Course, obstacles: Sequence[Footprint]) -> bool:
     x, y, _, yaw = course.home
-    return float(compute_clearances(robot.outline, np.array([[x, y, yaw]]), obstacles)[0]) <= 0.0
+    return float(compute_clearances(outline, np.array([[x, y, yaw]]), obstacles)[0]) <= 0.0
 
 
 def _check_waypoints(

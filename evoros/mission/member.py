@@ -26,7 +26,7 @@ from evoros.mission.mission import Mission
 from evoros.mission.outcome import AGENT_COLUMNS
 from evoros.mission.pipeline import (
     Draws,
-    describe_sensors,
+    draw_faults,
     start_localization,
     start_sensor_filters,
 )
@@ -77,7 +77,7 @@ def create_member(name: str, scenario: Scenario, world: World, mission: Mission)
 
     number = count_round(mission.purpose, mission.generation, mission.trial)
     route = world.course.route(world.course.goes_forward(number, draws("course")))
-    faults = scenario.failure.draw(describe_sensors(scenario.robot), draws("failure"))
+    faults = draw_faults(scenario.failure, scenario.robot, draws)
     return Member(scenario, world, route, faults, draws)
 
 

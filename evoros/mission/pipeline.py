@@ -8,7 +8,7 @@ from numpy.random import Generator
 from evoros.base.arrays import NO_PARAMETERS, POSE_SIZE, Array
 from evoros.base.errors import InputError
 from evoros.controller.protocol import Controller, LiveController
-from evoros.failure.protocol import Fault
+from evoros.failure.protocol import Failure, Fault
 from evoros.filter.protocol import Channels, Filter
 from evoros.mission.loop import FilterStage, publish
 from evoros.robot.model import Robot
@@ -27,6 +27,24 @@ def describe_sensors(robot: Robot) -> Channels:
         position=np.ascontiguousarray(robot.sensor_poses()[:, :3]),
         period=min((sensor.period_s for sensor in sensors), default=0.0),
     )
+
+
+def draw_faults(failure: Failure, robot: Robot, draws: Draws) -> tuple[Fault, ...]:
+    """Draw the faults of a mission.
+
+    Raises:
+        InputError: a fault has not one onset for each sensor; compiled code would read past them.
+    """
+    faults = failure.draw(describe_sensors(robot), draws("failure"))
+    count = len(robot.mounts)
+    for fault in faults:
+        onset = np.asarray(fault.onset)
+        if onset.shape != (count,) or onset.dtype.kind != "f" or np.isnan(onset).any():
+            raise InputError(
+                f"failure: {type(failure).__name__} must give each fault one onset for each of the "
+                f"{count} sensors [s], infinity for never, not {fault.onset!r}; correct its draw"
+            )
+    return faults
 
 
 def _describe_channels(robot: Robot, first: int, last: int) -> Channels:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from evoros.base.errors import InputError, single_line
 from evoros.base.log import LOGGER
+from evoros.base.resources import expand_home
 from evoros.formats.strict_csv import read_rows
 from evoros.formats.strict_xml import parse
 from evoros.mission.scenario import Scenario
@@ -46,7 +47,7 @@ def read_given(sources: Sequence[str], scenario: Scenario) -> list[NamedDesign]:
 
 def _read_source(source: str, scenario: Scenario) -> Iterator[tuple[Path, list[NamedDesign]]]:
     """The designs of each file or run that a source stands for."""
-    path = Path(source).expanduser()
+    path = expand_home(source)
     if not path.exists():
         raise InputError(
             f"{path}: must be a CSV file of designs or the folder of a finished run or a sweep, "

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from evoros.base.errors import InputError
+from evoros.base.resources import expand_home
 from evoros.storage.layout import CONFIG, DIGESTS, MANIFEST, MISSIONS, STATUS
 from evoros.storage.trajectory_files import trajectory_file
 from evoros.storage.verification import verify_file, verify_folder
@@ -116,7 +117,7 @@ def load_run(path: str | Path) -> Run:
     Raises:
         InputError: the folder has no run, or one of its files is damaged.
     """
-    folder = Path(path).expanduser()
+    folder = expand_home(path)
     missing = sorted(name for name in FILES if not (folder / name).is_file())
     if missing:
         raise InputError(

@@ -1,12 +1,15 @@
 """Bad input is found before anything is written, and not while an experiment is built."""
 
 from collections import Counter
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from helpers import TINY, USER_PARTS, everything, resume, scored, tiny
+from numpy.random import Generator
 
 from evoros import Evaluator
 from evoros.base.console import DONE, INPUT
@@ -15,7 +18,10 @@ from evoros.cli.evaluate import evaluate
 from evoros.config.compose import compose
 from evoros.controller.rover import Rover
 from evoros.evolution.preflight import preflight
+from evoros.failure.protocol import Fault
 from evoros.failure.random import RandomFailure
+from evoros.filter.protocol import Channels
+from evoros.filter.silence import Silence
 from evoros.mission import compiled_loop
 from evoros.mission.engine_calls import ENGINE_RULES
 from evoros.mission.loop import LoopInputs
@@ -169,3 +175,32 @@ def test_a_controller_must_name_the_modes_of_all_its_layers() -> None:
     preflight(experiment)
     with pytest.raises(InputError, match=r"^controller\.modes: must name one mode for each of"):
         preflight(replace(experiment, controller=Unnamed(rover.avoidance, rover.navigation)))
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """A failure model whose faults have not one number for each sensor."""
+
+    choose: Callable[[int], Any]
+
+    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
+        return (Fault(Silence(), self.choose(channels.size)),)
+
+
+@pytest.mark.parametrize(
+    "choose",
+    [
+        lambda n: np.full(n - 1, 5.0),
+        lambda n: np.full(n + 1, 5.0),
+        lambda n: np.full((n, 1), 5.0),
+        lambda n: np.full(n, np.nan),
+        lambda n: np.full(n, "late"),
+        lambda n: 5.0,
+    ],
+)
+def test_a_fault_must_have_an_onset_for_each_sensor(choose: Callable[[int], Any]) -> None:
+    """Compiled code would read past the end of an array that is too short."""
+    experiment = compose(["simulator=planar", "executor=serial"]).build()
+    preflight(replace(experiment, failure=Wrong(lambda n: np.full(n, 5.0))))
+    with pytest.raises(InputError, match=r"^failure: Wrong must give each fault one onset for"):
+        preflight(replace(experiment, failure=Wrong(choose)))

@@ -192,6 +192,9 @@ def test_a_home_at_which_the_robot_touches_an_obstacle_is_refused() -> None:
         list(check_routes(corridor(2.0, post)))
     assert len(list(check_routes(corridor(2.0, post, end_on_collision=False)))) == 1
     assert list(check_routes(corridor(2.0, wall("post", 0.31, 0, 0.1, 0.1)))) == []
+    inside = wall("post", 0.2, 0, 0.1, 0.1)  # far enough that no mission makes sense
+    with pytest.raises(InputError, match="touches an obstacle at home"):
+        list(check_routes(corridor(2.0, inside, end_on_collision=False)))
 
 
 # Engines ------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from urllib.parse import unquote
 
+from evoros.base.resources import expand_home
 from evoros.formats.sdf.fuel import find_in_cache, parse_address, where_to_get
 from evoros.formats.urdf.packages import PackageIndex, index_packages
 
@@ -65,7 +66,7 @@ class Addresses:
         return f"names {uri}, which is not in {beside}", "correct the path, or add model_paths"
 
     def _candidates(self, path: str, uri: str, beside: Path) -> Iterator[Path]:
-        plain = Path(path).expanduser()
+        plain = expand_home(path)
         if plain.is_absolute():
             yield plain
             return
@@ -118,4 +119,4 @@ def _environment_folders() -> Iterator[Path]:
     for variable in _VARIABLES:
         for entry in os.environ.get(variable, "").split(os.pathsep):
             if entry:
-                yield Path(entry).expanduser()
+                yield expand_home(entry)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
 
+from evoros.base.resources import expand_home
+
 _ADDRESS = re.compile(
     r"https?://(?P<host>[^/]+)/(?:[0-9]+\.[0-9]+/)?(?P<owner>[^/]+)/(?P<kind>models|worlds)/"
     r"(?P<name>[^/]+)(?:/(?P<version>[0-9]+|tip))?(?:/files)?(?:/(?P<inner>.*))?",
@@ -69,7 +71,7 @@ def where_to_get(address: FuelAddress, uri: str) -> tuple[str, str]:
 
 def _cache_folders() -> Iterator[Path]:
     for variable, default in _CACHES.items():
-        yield Path(os.environ.get(variable) or default).expanduser()
+        yield expand_home(os.environ.get(variable) or default)
 
 
 def _cached_folders(address: FuelAddress) -> Iterator[Path]:

@@ -9,6 +9,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.checks import Rule, checked, one_of
 from evoros.base.errors import InputError
+from evoros.base.resources import expand_home
 from evoros.formats.lenient_xml import parse_leniently
 from evoros.formats.sdf.addresses import Addresses
 from evoros.formats.sdf.notes import Notes
@@ -43,7 +44,7 @@ class SdfOptions:
         Raises:
             InputError: a folder does not exist.
         """
-        found = [Path(name).expanduser() for name in self.model_paths]
+        found = [expand_home(name) for name in self.model_paths]
         for name, folder in zip(self.model_paths, found, strict=True):
             if not folder.is_dir():
                 raise InputError(f"model_paths: {name}: no such folder; give an existing one")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evoros.base.errors import InputError
-from evoros.base.resources import bundled_folder
+from evoros.base.resources import bundled_folder, expand_home
 
 _LEVELS_UP = 3  # folders above the file's package whose packages are found
 _LEVELS_DOWN = 4  # folders below each of them
@@ -55,7 +55,7 @@ def index_packages(
     own = [folder for folder in file.parents if (folder / "package.xml").is_file()][:1]
     roots += own
     for name in declared:
-        folder = Path(name).expanduser()
+        folder = expand_home(name)
         if not folder.is_dir():
             raise InputError(f"packages: {name}: no such folder; give an existing one")
         roots.append(folder.resolve())

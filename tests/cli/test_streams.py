@@ -1,0 +1,95 @@
+"""Standard streams that are closed or full, logs that cannot be written, and homes of nobody."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from evoros.analysis.command import evoros_analyze
+from helpers import TINY, content, everything, resume, tiny
+
+from evoros.base.console import DONE, INPUT
+from evoros.cli.compare import evoros_compare
+from evoros.cli.evaluate import evaluate
+from evoros.cli.inspect import evoros_inspect
+from evoros.cli.run import evoros
+from evoros.cli.status import evoros_status
+from evoros.cli.world import evoros_world
+
+OPTIONS = (*TINY, "executor=serial", "optimizer.generations=1")
+NOBODY = "~there_is_no_such_user"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("streams") / "run"
+    assert tiny(folder, "optimizer.generations=1") == DONE
+    return folder
+
+
+@pytest.mark.parametrize("redirected", [">&-", "2>&-", "<&- >&- 2>&-", ">/dev/full", "2>/dev/full"])
+def test_a_run_does_not_depend_on_its_standard_streams(
+    redirected: str, run: Path, tmp_path: Path
+) -> None:
+    """Nor does a table get what a library prints, because it has the number of a closed stream."""
+    code = "import os; from evoros.cli.run import main; main()"
+    command = [sys.executable, "-c", code, *OPTIONS, f"hydra.run.dir={tmp_path / 'run'}"]
+    shell = ["bash", "-c", f'"$@" {redirected}', "bash", *command]
+    process = subprocess.run(shell, capture_output=True, text=True, timeout=300, check=False)
+    assert process.returncode == DONE
+    assert content(tmp_path / "run") == content(run)
+    assert "Traceback" not in process.stderr
+    full = process.stderr.count("standard output: cannot be written (No space left on device)")
+    assert full == (redirected == ">/dev/full")
+
+
+def test_a_log_that_cannot_be_opened_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert tiny(tmp_path / "run", "optimizer.generations=1") == DONE
+    (tmp_path / "run" / "evoros.log").unlink()
+    (tmp_path / "run" / "evoros.log").mkdir()
+    before = everything(tmp_path / "run")
+    assert resume(tmp_path / "run") == INPUT
+    assert "evoros.log: must be a file that can be written" in capsys.readouterr().err
+    assert everything(tmp_path / "run") == before
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a full device")
+def test_a_log_on_a_full_disk_stops_nothing_and_is_told_once(
+    run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    from evoros.base.log import LOGGER, log_to_file, log_to_terminal
+
+    with log_to_terminal(), log_to_file(Path("/dev/full")):
+        LOGGER.info("one")
+        LOGGER.info("another")
+    err = capfd.readouterr().err
+    assert err.count("/dev/full: cannot be written any more (No space left on device)") == 1
+    assert "another" in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments"),
+    [
+        (evoros, [f"resume={NOBODY}"]),
+        (evoros, ["--config-dir", NOBODY]),
+        (evaluate, [f"designs='{NOBODY}'"]),
+        (evoros_analyze, ["fitness", NOBODY]),
+        (evoros_compare, [NOBODY, NOBODY]),
+        (evoros_inspect, ["robot", NOBODY]),
+        (evoros_status, [NOBODY]),
+        (evoros_world, [f"{NOBODY}/world.sdf"]),
+    ],
+)
+def test_the_home_of_nobody_is_a_path_like_any_other(
+    command: Callable[[list[str]], int],
+    arguments: list[str],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert command(arguments) == INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert NOBODY in line
