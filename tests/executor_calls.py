@@ -27,6 +27,22 @@ def die(tally: str, how: int) -> None:
     os._exit(how)
 
 
+def start_and_leave(tally: str, leave: bool) -> None:
+    """Start a program that has left the session, and whose own parent has ended."""
+    script = (
+        f"import subprocess\nprocess = subprocess.Popen(['sleep', '{LONG_S}'])\n"
+        f"open({tally!r}, 'a').write(f'{{process.pid}}\\n')"
+    )
+    subprocess.run([sys.executable, "-c", script], start_new_session=True, check=True)
+    if leave:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def leave(tally: str, code: int) -> None:
+    note(tally)
+    os._exit(code)
+
+
 def segfault(tally: str) -> None:
     note(tally)
     ctypes.string_at(0)
@@ -46,6 +62,7 @@ def hang_in_c(tally: str) -> None:
 def hang_with_child(tally: str) -> None:
     child = subprocess.Popen(["sleep", str(LONG_S)])
     note(tally, child.pid)
+    start_and_leave(tally, leave=False)
     hang_in_c(tally)
 
 

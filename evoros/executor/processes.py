@@ -32,8 +32,6 @@ class Processes:
     therefore guard its code with ``if __name__ == "__main__"``. Its numeric libraries use one
     thread, because there are as many workers as cores.
 
-    A call that ends its process with exit code 0 is noticed only at the time limit.
-
     Linux and macOS only. ``workers`` of 0 or None becomes the number of cores that this process
     may use.
 

@@ -8,6 +8,7 @@ process was busy.
 
 import os
 import signal
+import time
 from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import suppress
@@ -16,6 +17,7 @@ from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
 
+from evoros.executor.descendants import SWEEPER, MarkedProcess, kill_marked
 from evoros.executor.payload import MISSING, Answer, Call, Shared
 from evoros.executor.worker_main import prepare, run_call
 
@@ -23,6 +25,8 @@ START_LIMIT_S = 120.0
 """A process that is not ready by then is killed; all it has to do is import the main script."""
 GRACE_S = 10.0
 """Pebble enforces the time limits; an answer that is missing this much later never comes."""
+LOOK_S = 1.0
+"""Time between two looks at whether the process of a call is still there."""
 
 
 class NoAnswerError(Exception):
@@ -37,11 +41,17 @@ class NoAnswerError(Exception):
 class _Spawn(SpawnContext):
     """Spawns as usual and keeps the newest process, which Pebble does not expose."""
 
-    newest: SpawnProcess | None = None
+    newest: MarkedProcess | None = None
 
     def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # type: ignore[override]  # noqa: N802
-        self.newest = SpawnProcess(*args, **kwargs)
+        self.end_programs()  # of the process that is replaced
+        self.newest = MarkedProcess(*args, **kwargs)
         return self.newest
+
+    def end_programs(self) -> None:
+        """Kill all that the newest process has started and that has left its group."""
+        if self.newest is not None:
+            kill_marked(self.newest.mark)
 
 
 class Worker:
@@ -72,6 +82,7 @@ class Worker:
         self._answered = 0
         if self._pool is None or not self._pool.active:
             self.stop()
+            SWEEPER.acquire()
             self._pool = ProcessPool(1, context=self._spawn)
         self._leader = self._pool.schedule(prepare, (self._folders,), timeout=START_LIMIT_S)
 
@@ -107,6 +118,8 @@ class Worker:
             self._spawn.newest.join()
         self._pool.join()
         self._pool = None
+        self._spawn.end_programs()
+        SWEEPER.release()
 
     def _kill_group(self) -> None:
         if self._leader is not None and self._leader.done() and not self._leader.exception():
@@ -129,7 +142,7 @@ class Worker:
             ) from error
 
     def _attempt(self, call: Call, contents: Sequence[Shared]) -> Answer:
-        limit = self._time_limit_s
+        limit, process = self._time_limit_s, self._spawn.newest
         try:
             attempt = self._pool.schedule(run_call, (call.payload, contents), timeout=limit)
             answer: Answer = self._result(attempt, limit)
@@ -142,14 +155,33 @@ class Worker:
         except ProcessExpired as error:
             raise _crash(error.exitcode) from error
         except RuntimeError as error:  # Pebble's pool broke before it replaced the process
-            newest = self._spawn.newest
-            raise _crash(newest.exitcode if newest is not None else None) from error
+            raise _crash(_await_exit(process)) from error
 
     def _result(self, attempt: "Future[Any]", limit: float) -> Any:
-        wait((attempt, self._closing), limit + GRACE_S, FIRST_COMPLETED)
+        """Wait for the result of an attempt.
+
+        Raises:
+            NoAnswerError: the process ended with exit code 0, which Pebble takes for a regular end.
+            CancelledError: the pool is being closed.
+        """
+        process, ends = self._spawn.newest, time.monotonic() + limit + GRACE_S
+        awaited = (attempt, self._closing)
+        while not wait(awaited, LOOK_S, FIRST_COMPLETED).done and time.monotonic() < ends:
+            regular = process is not None and process.exitcode == 0
+            if regular and not wait(awaited, LOOK_S, FIRST_COMPLETED).done:
+                self.stop()
+                raise _crash(0)
         if self._closing.done():
             raise CancelledError
         return attempt.result(timeout=0)
+
+
+def _await_exit(process: SpawnProcess | None) -> int | None:
+    """Return the exit code of a process that is ending: no message may depend on luck."""
+    if process is None:
+        return None
+    process.join(GRACE_S)
+    return process.exitcode
 
 
 def _crash(code: int | None) -> NoAnswerError:

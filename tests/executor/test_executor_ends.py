@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import executor_calls
@@ -22,10 +23,12 @@ from executor_calls import (
     note,
     noted,
     square,
+    start_and_leave,
     wait_until,
 )
 from pebble.pool.process import WorkerManager
 
+from evoros.base.errors import WorkerLost
 from evoros.executor.processes import Processes
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
@@ -53,7 +56,7 @@ def test_leaving_waits_for_nothing_and_ends_everything(
     with suppress(KeyboardInterrupt, ValueError), Processes(workers=2).open() as pool:
         futures += [pool.submit(hang_with_child, tally) for tally in tallies]
         futures += [pool.submit(square, n) for n in range(5)]
-        assert wait_until(lambda: all(len(noted(tally)) == 2 for tally in tallies), 120)
+        assert wait_until(lambda: all(len(noted(tally)) == 3 for tally in tallies), 120)
         begin = time.monotonic()
         if reason is not None:
             raise reason
@@ -84,6 +87,18 @@ def test_workers_that_are_still_starting_end_too_and_in_silence(
         time.sleep(delay_s)
     assert future.done()
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.usefixtures("no_process_left")
+@pytest.mark.parametrize("leave", [False, True])
+def test_a_program_in_a_session_of_its_own_ends_with_its_worker(tally: str, leave: bool) -> None:
+    """Also if the worker crashes before."""
+    with Processes(workers=1, retries=0).open() as pool:
+        done = pool.submit(start_and_leave, tally, leave)
+        assert isinstance(done.exception(60), WorkerLost if leave else NoneType)
+        assert wait_until(lambda: not leave or not any(map(alive, noted(tally))), 60)
+    assert len(noted(tally)) == 1
+    assert not any(map(alive, noted(tally)))
 
 
 def test_a_cancelled_call_that_waited_is_never_made(tally: str) -> None:
@@ -139,7 +154,7 @@ def test_workers_end_with_the_main_process_however_it_ends(
 ) -> None:
     tallies = [str(tmp_path / str(n)) for n in range(2)]
     main = start_script(tmp_path, tallies)
-    assert wait_until(lambda: len(everyone(tallies)) == 4, 120)
+    assert wait_until(lambda: len(everyone(tallies)) == 6, 120)
     os.kill(main.pid, end)
     assert wait_until(lambda: not any(alive(pid) for pid in everyone(tallies)), 60)
     main.communicate()

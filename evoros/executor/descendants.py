@@ -1,0 +1,102 @@
+"""Ends all that the calls of a worker have started, also programs in sessions of their own.
+
+A program that leaves the worker's group of processes still inherits its environment, which has a
+mark: whatever bears it is killed when the worker ends. If the main process is killed, a process
+beside it, the sweeper, does the same. Linux only: the marks are read from ``/proc``.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from itertools import count
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from threading import Lock
+from uuid import uuid4
+
+VARIABLE = "EVOROS_WORKER"
+"""The environment variable with the marks of a process and of those above it."""
+MAIN = uuid4().hex
+"""What the marks of all workers of this process begin with."""
+ROUNDS = 100
+"""How often survivors are looked for: a program may be starting another one while it is killed."""
+
+_NUMBERS = count()
+_ENVIRONMENT = Lock()  # only one worker is started at a time
+
+
+class MarkedProcess(SpawnProcess):
+    """A worker process whose environment has a mark of its own."""
+
+    def __init__(self, *args: object, **kwargs: object) -> None:
+        super().__init__(*args, **kwargs)  # type: ignore[arg-type]
+        self.mark = f"{MAIN}-{next(_NUMBERS)};"
+
+    def start(self) -> None:
+        """Start the process, which inherits the mark."""
+        with _ENVIRONMENT:
+            before = os.environ.get(VARIABLE)
+            os.environ[VARIABLE] = (before or "") + self.mark
+            try:
+                super().start()
+            finally:
+                if before is None:
+                    del os.environ[VARIABLE]
+                else:
+                    os.environ[VARIABLE] = before
+
+
+def kill_marked(mark: str) -> None:
+    """Kill all processes whose environment has the mark, but this one."""
+    for _ in range(ROUNDS):
+        found = [int(folder.name) for folder in Path("/proc").glob("[0-9]*") if _has(folder, mark)]
+        if not found:
+            return
+        for process in found:
+            with suppress(ProcessLookupError, PermissionError):
+                os.kill(process, signal.SIGKILL)
+
+
+def _has(process: Path, mark: str) -> bool:
+    try:
+        environment = (process / "environ").read_bytes()
+    except OSError:  # it has ended, or is another user's
+        return False
+    own = process.name == str(os.getpid())
+    return not own and f"{VARIABLE}=".encode() in environment and mark.encode() in environment
+
+
+class Sweeper:
+    """A process that kills all that bears ``MAIN`` if this one ends before ``release``."""
+
+    def __init__(self) -> None:
+        self._lock, self._users = Lock(), 0
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def acquire(self) -> None:
+        """Start the process if this is its first user."""
+        with self._lock:
+            self._users += 1
+            if self._users == 1 and sys.platform == "linux":
+                # In a session of its own, so that no signal of a terminal reaches it.
+                command = [sys.executable, "-I", "-S", __file__, MAIN]
+                self._process = subprocess.Popen(
+                    command, stdin=subprocess.PIPE, start_new_session=True
+                )
+
+    def release(self) -> None:
+        """End the process if this was its last user."""
+        with self._lock:
+            self._users -= 1
+            if self._users == 0 and self._process is not None:
+                self._process.communicate(b"released")
+                self._process = None
+
+
+SWEEPER = Sweeper()
+
+if __name__ == "__main__":
+    if not sys.stdin.buffer.read():
+        kill_marked(sys.argv[1])
