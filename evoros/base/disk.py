@@ -1,9 +1,11 @@
-"""Makes files and folders survive a loss of power."""
+"""Makes files and folders survive a loss of power, and follows no link out of a folder."""
 
 import errno
 import os
 from pathlib import Path
 from typing import BinaryIO
+
+from evoros.base.errors import InputError
 
 CANNOT = (errno.EINVAL, errno.ENOTSUP)
 """What some network file systems answer for folders."""
@@ -49,3 +51,26 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     except BaseException:  # a full disk, Ctrl-C
         draft.unlink(missing_ok=True)
         raise
+
+
+def require_no_links(folder: Path) -> None:
+    """Require that everything in a folder is a file or a folder of its own.
+
+    The folder of somebody else may have links to files of the user; none is read, written or
+    deleted through them. The folder itself may be a link.
+
+    Raises:
+        InputError: there is a symbolic link, a pipe or a device in it.
+    """
+    folders = [folder]
+    while folders:
+        with os.scandir(folders.pop()) as entries:
+            for entry in entries:
+                if entry.is_dir(follow_symlinks=False):
+                    folders.append(Path(entry.path))
+                elif not entry.is_file(follow_symlinks=False):
+                    kind = "a symbolic link" if entry.is_symlink() else "a pipe or a device"
+                    raise InputError(
+                        f"{entry.path}: must be a file or a folder of its own, and is {kind}, "
+                        f"which could lead out of {folder}; replace it by a copy, or delete it"
+                    )

@@ -22,6 +22,8 @@ from evoros.config.configuration import Configuration, freeze
 from evoros.config.folder_names import job_name
 from evoros.config.messages import describe_error
 
+NAMED_FOLDERS: list[Path] = []
+"""The configuration folders that the user has named in this process, and so trusts."""
 HYDRA_VERSION = "1.3"
 """Version of Hydra whose defaults evoros relies on."""
 
@@ -140,4 +142,6 @@ def add_config_dir(path: str | Path) -> Path:
         )
     if str(folder) not in sys.path:
         sys.path.append(str(folder))  # spawned workers inherit the path
+    if folder not in NAMED_FOLDERS:
+        NAMED_FOLDERS.append(folder)
     return folder

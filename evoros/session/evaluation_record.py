@@ -151,6 +151,7 @@ class EvaluationRecord(MissionLog):
 
         for number, world, trial, draws, outcome in self.read_missions(parse):
             if number in self._scores:
+                self.table.reject()
                 continue
             mission = self._start(number).missions.get((GENERATION, number, world, trial))
             if mission is None or mission.draws != draws:
@@ -160,7 +161,8 @@ class EvaluationRecord(MissionLog):
                     f"under its draws, not {draws}: the file was made by another version or has "
                     f"been edited; start a new evaluation"
                 )
-            if keeps_all and not self.trajectories.has(mission):
+            known = mission.key in self._unfinished[number].outcomes
+            if known or (keeps_all and not self.trajectories.has(mission)):
                 self.table.reject()
             else:
                 self._take(mission, outcome)

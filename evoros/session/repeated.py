@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from evoros.base.disk import require_no_links
 from evoros.base.errors import InputError
 from evoros.config.configuration import Configuration
 from evoros.config.recorded import find_difference, read_recorded
@@ -61,6 +62,7 @@ def _require_same(folder: Path, config: Configuration, command: str) -> None:
 
     The executor may be another one, because no result depends on it.
     """
+    require_no_links(folder)
     if command_of(folder) != command:
         raise InputError(
             f"{folder}: must be of {command}, and {command_of(folder)} made it; choose another "

@@ -5,9 +5,11 @@ from contextlib import chdir, contextmanager
 from pathlib import Path
 from typing import Any
 
+from evoros.base.disk import require_no_links
 from evoros.base.errors import InputError
-from evoros.config.compose import add_config_dir
+from evoros.config.compose import NAMED_FOLDERS, add_config_dir
 from evoros.config.recorded import override_recorded, read_recorded
+from evoros.config.targets import check_targets
 from evoros.evolution.experiment import Experiment
 from evoros.storage.creation import require_whole
 from evoros.storage.layout import CONFIG, MANIFEST, command_of, resume_command
@@ -41,6 +43,7 @@ def rebuild(
     contents = {name: read_original(folder, name).decode() for name in (CONFIG, *files)}
     recorded = read_recorded(folder / CONFIG)
     config, generations = override_recorded(recorded, overrides, config_dir, command == RUN)
+    check_targets(config.values, NAMED_FOLDERS, folder / CONFIG)
     with _change_to_origin(manifest):
         experiment = config.build()
     contents.pop(CONFIG)
@@ -57,6 +60,8 @@ def _change_to_origin(manifest: Mapping[str, Any]) -> Iterator[None]:
 
 
 def _read_manifest(folder: Path, command: str) -> Mapping[str, Any]:
+    if folder.is_dir():
+        require_no_links(folder)
     require_whole(folder)
     if not (folder / CONFIG).is_file() or not (folder / MANIFEST).is_file():
         raise InputError(

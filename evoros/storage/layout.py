@@ -31,6 +31,6 @@ def command_of(path: Path) -> str:
 def read_json(path: Path) -> dict[str, Any]:
     """Read the mapping in a sealed file; empty if there is none, or if it is damaged."""
     try:
-        return unseal_json(path.read_bytes())
+        return {} if path.is_symlink() else unseal_json(path.read_bytes())
     except (OSError, ValueError):
         return {}

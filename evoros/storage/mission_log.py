@@ -9,7 +9,7 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from evoros.base.disk import make_folder, write_atomically
+from evoros.base.disk import make_folder, require_no_links, write_atomically
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER
 from evoros.mission.mission import Mission
@@ -19,7 +19,7 @@ from evoros.storage.mission_table import MissionTable
 from evoros.storage.seals import seal_json
 
 Row = TypeVar("Row")
-LOST_TOO = " or without the trajectory that belongs to it"
+LOST_TOO = ", repeated, or without the trajectory that belongs to it"
 
 
 class MissionLog:
@@ -30,8 +30,10 @@ class MissionLog:
 
     def __init__(self, path: Path, header: Sequence[str]) -> None:
         self.path = path
+        require_no_links(path)
         self.table = MissionTable(path, header)
         self.digests = DigestLog(path)
+        self._growing = describe_growing(self.table.header)
 
     def __enter__(self) -> Self:
         return self
@@ -88,7 +90,7 @@ class MissionLog:
             self.table.append(rows)
 
     def _note_growth(self) -> None:
-        self.digests.add({MISSIONS: describe_growing(self.table.header)})
+        self.digests.add({MISSIONS: self._growing})
 
     def finish(self, order: Callable[[Mapping[str, str]], tuple[int, ...]]) -> None:
         """Put the rows of missions into the order of their keys, once all are there."""

@@ -34,14 +34,10 @@ class MissionTable:
 
     def __init__(self, folder: Path, header: Sequence[str]) -> None:
         self.path, self._columns = folder / MISSIONS, tuple(header)
+        self.header = begin_table(self._columns).encode()  # the first line
         self.damage: dict[int, bytes] = {}
         self._last = 1, b""  # row that was read
         self._file: BinaryIO = open_locked(self.path)
-
-    @property
-    def header(self) -> bytes:
-        """The first line."""
-        return begin_table(self._columns).encode()
 
     def close(self) -> None:
         """Release the folder to other processes."""

@@ -122,7 +122,7 @@ def load_run(path: str | Path) -> Run:
     if missing:
         raise InputError(
             f"{folder}: must be a run folder, and {', '.join(missing)} is missing; "
-            f"give the path that evoros printed as run folder"
+            f"give the path that evoros printed as run folder, or resume it"
         )
     verify_folder(folder)
     return Run(folder)

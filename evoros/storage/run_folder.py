@@ -58,7 +58,9 @@ class RunFolder(MissionLog):
         self.outcomes: dict[MissionKey, tuple[str, Outcome]] = {}
         try:
             for key, draws, outcome in self.read_missions(partial(read_mission, agents=agents)):
-                self.outcomes[key] = (draws, outcome)
+                if key in self.outcomes:
+                    self.table.reject()
+                self.outcomes.setdefault(key, (draws, outcome))
         except BaseException:
             self.close()
             raise

@@ -5,9 +5,10 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from evoros.base.disk import write_atomically
+from evoros.base.disk import require_no_links, write_atomically
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER
+from evoros.formats.sdf.closed import require_closed
 from evoros.storage.digests import Entries, Entry, find_line, is_whole, read_entries
 from evoros.storage.layout import (
     DIGESTS,
@@ -34,14 +35,15 @@ LARGEST = 1 << 16
 
 
 def verify_folder(folder: Path) -> None:
-    """Require that no table of a folder is damaged, nor what it was made from.
+    """Require that no table of a folder is damaged, nor what it was made from, nor any link there.
 
     Trajectories, robots and worlds are verified when they are read, by ``verify_file``.
 
     Raises:
         InputError: a file is damaged, or the table of a generation is missing; the line names it,
-            and the row if it is known.
+            and the row if it is known. Or there is a link in the folder.
     """
+    require_no_links(folder)
     for name in (MANIFEST, STATUS):
         if (folder / name).is_file():
             _verify_json(folder, name)
@@ -66,13 +68,14 @@ def verify_world(path: Path) -> None:
     """Require that the SDF file of a world in a folder, and those beside it, are not damaged.
 
     Raises:
-        InputError: one is.
+        InputError: one is, or it leads to files elsewhere.
     """
     folder = _find_folder(path)
     begin = str(path.relative_to(folder).with_suffix(""))
     for name in _read_entries(folder).by_name:
         if name.startswith(begin):
             verify_file(folder, name)
+    require_closed(path)
 
 
 def read_text(path: Path) -> str:

@@ -250,7 +250,7 @@ def test_a_class_that_cannot_be_imported_is_one_line(
     process = start([f"resume={whole}"], tmp_path)
     _, err = process.communicate()
     assert process.returncode == INPUT
-    assert "No module named 'planar'" in err
+    assert "--config-dir with the folder of its module planar" in err
     assert err.count("\n") == 1
 
 

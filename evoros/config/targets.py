@@ -1,0 +1,108 @@
+"""Which classes a recorded configuration may name: those of evoros and of the user's own folders.
+
+A folder of somebody else may name anything that Python can import and call.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from importlib.machinery import PathFinder
+from pathlib import Path
+from typing import Any
+
+from hydra.utils import get_object
+
+from evoros.base.errors import InputError
+from evoros.base.resources import bundled_folder
+from evoros.config.messages import describe_error
+
+TARGET = "_target_"
+OWN = "evoros"
+ROOMS = (
+    "controller",
+    "design",
+    "drive",
+    "evolution",
+    "executor",
+    "failure",
+    "field",
+    "filter",
+    "fitness",
+    "optimizer",
+    "robot",
+    "sensor",
+    "simulator",
+    "world",
+)
+"""Rooms of evoros whose classes describe parts: to build one has no effect."""
+
+
+def check_targets(values: Mapping[str, Any], folders: Sequence[Path], where: Path) -> None:
+    """Require that each class which a configuration names is of evoros or of one of the folders.
+
+    ``where`` is the file of the configuration. Modules of the folders are imported, others not.
+
+    Raises:
+        InputError: one is not.
+    """
+    for key, target in _list_targets(values, ""):
+        problem = _find_problem(target, folders)
+        if problem:
+            raise InputError(f"{where}: {key}: {problem}")
+
+
+def _list_targets(node: Any, key: str) -> Iterator[tuple[str, Any]]:
+    if isinstance(node, Mapping):
+        for name, value in node.items():
+            inner = f"{key}.{name}" if key else str(name)
+            if name == TARGET:
+                yield inner, value
+            else:
+                yield from _list_targets(value, inner)
+    elif isinstance(node, list | tuple):
+        for number, value in enumerate(node):
+            yield from _list_targets(value, f"{key}[{number}]")
+
+
+def _find_problem(target: Any, folders: Sequence[Path]) -> str:
+    """Return why a class may not be built, or nothing."""
+    if not isinstance(target, str):
+        return f"must be the name of a class, not {target!r}; restore the file"
+    if target in _list_bundled():
+        return ""
+    first = target.partition(".")[0]
+    if first != OWN and not _is_in(first, folders):
+        return (
+            f"must be a class of evoros or of a folder that you name, not {target}, because "
+            f"building it runs its code; if you trust it, add --config-dir with the folder of "
+            f"its module {first}"
+        )
+    try:
+        found = get_object(target)
+    except Exception as error:  # a user's module raises anything while it is imported
+        return f"{target} cannot be imported ({describe_error(error)}); correct the module"
+    module = str(getattr(found, "__module__", ""))
+    own = first == OWN and module.split(".")[0] == OWN and module.split(".")[1:2] in _ROOM_LISTS
+    theirs = first != OWN and _is_in(module.partition(".")[0], folders)
+    if (isinstance(found, type) and own) or theirs:
+        return ""
+    return f"must be a class of a part, not {target}; restore the file"
+
+
+_ROOM_LISTS = [[room] for room in ROOMS]
+
+
+def _is_in(module: str, folders: Sequence[Path]) -> bool:
+    """Whether Python would import a module from one of the folders."""
+    spec = PathFinder.find_spec(module) if module else None
+    origins = [spec.origin, *(spec.submodule_search_locations or ())] if spec else []
+    paths = [Path(origin).resolve() for origin in origins if origin]
+    return any(path.is_relative_to(folder) for path in paths for folder in folders)
+
+
+@cache
+def _list_bundled() -> frozenset[str]:
+    """List what the files of conf/ name."""
+    texts = (file.read_text() for file in bundled_folder("conf").rglob("*.yaml"))
+    pattern = rf"{TARGET}: *([\w.]+)"
+    return frozenset(name for text in texts for name in re.findall(pattern, text))
