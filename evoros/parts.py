@@ -7,6 +7,7 @@
 
 from numpy.random import Generator
 
+from evoros.base import elementary
 from evoros.base.arrays import (
     CONTACT,
     DRIVE_SPEED,
@@ -46,6 +47,7 @@ from evoros.base.checks import (
 from evoros.base.compilable import compilable
 from evoros.base.errors import InputError, LaunchError, PilotLost, SimulationError, WorkerLost
 from evoros.base.intervals import INTERVAL, Interval, bounds
+from evoros.base.linear import product
 from evoros.bridge.process import OutsideProcess, start_process
 from evoros.controller.protocol import (
     Briefing,
@@ -96,6 +98,8 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     # Arrays and their indices, and rules that numba compiles.
     "Array", "RuleArrays", "NO_PARAMETERS", "NO_MEMORY", "X", "Y", "YAW", "SPEED", "YAW_RATE",
     "CONTACT", "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "compilable",
+    # Functions with the same bits on every processor.
+    "elementary", "product",
     # Protocols, and the values that parts exchange.
     "Generator", "Robot", "World", "Course", "Drive", "DriveDescription", "Urdf",
     "Sensor", "RangeSensor", "SignalSensor", "ContactSensor", "Channel", "RANGE",

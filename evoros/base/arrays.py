@@ -4,8 +4,7 @@ Parts (robots, worlds, filters, controllers ...) are frozen descriptions. Their 
 ``open()`` makes the mutable state of one mission. During a mission a *rule* runs: a plain function
 of arrays, whose parameters and memory are float64 arrays. A rule never allocates, never raises and
 keeps nothing outside its arrays, so that the same source can be interpreted or compiled. Write
-``x * x`` and ``math.sqrt`` in rules; compiled, ``x ** 2``, ``math.hypot`` and numpy reductions give
-other bits.
+``x * x`` in rules; compiled, ``x ** 2`` and numpy reductions give other bits.
 
 Units are SI: metres, seconds, radians, kilograms; a name that ends in ``_deg`` is in degrees.
 World frame: z up. Robot frame: x forward, y left, yaw positive to the left.

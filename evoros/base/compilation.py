@@ -14,22 +14,22 @@ from threading import Lock
 from typing import Any
 
 import numba
-import numpy as np
 from llvmlite import ir
 from numba import njit, types
 from numba.core.caching import FunctionCache
 from numba.core.errors import NumbaError, NumbaExperimentalFeatureWarning
-from numba.extending import intrinsic, register_jitable
+from numba.extending import intrinsic, overload
 
 from evoros.base.compilable import take_waiting
+from evoros.base.compiled_draws import RNG
 from evoros.base.disk import sync
 from evoros.base.log import LOGGER
 from evoros.base.resources import PACKAGE
+from evoros.base.substitution import substitute
 
 # Types of arguments: float, integer, arrays of one and two dimensions, random generator.
 F8, I8 = types.float64, types.int64
 A1, A2 = types.Array(F8, 1, "C"), types.Array(F8, 2, "C")
-RNG = numba.typeof(np.random.default_rng(0))
 # Types of results.
 NOTHING, TRUTH = types.void, types.boolean
 
@@ -138,7 +138,8 @@ def compile_function(function: Any, signature: Any, on_disk: bool) -> Any:
     What cannot be loaded, for example after a loss of power, is discarded and compiled anew.
     """
     for waiting in take_waiting():
-        register_jitable(waiting)
+        _register(waiting)
+    function = substitute(function)
     try:
         dispatcher = njit(signature, cache=on_disk, **NJIT_OPTIONS)(function)
     except NumbaError:
@@ -154,6 +155,12 @@ def compile_function(function: Any, signature: Any, on_disk: bool) -> Any:
             with suppress(FileNotFoundError):  # a draft of another process
                 sync(path)
     return dispatcher
+
+
+def _register(function: Any) -> None:
+    """Tell numba of a function that rules call."""
+    own = substitute(function)
+    overload(function, strict=False)(lambda *args, **keywords: own)
 
 
 @contextmanager

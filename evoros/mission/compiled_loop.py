@@ -19,7 +19,6 @@ from evoros.base.compilation import (
     FILTER,
     I8,
     LAYER,
-    RNG,
     SIMULATION_RULES,
     CompiledRule,
     NotCompilable,
@@ -27,7 +26,10 @@ from evoros.base.compilation import (
     compiling,
     try_compile,
 )
+from evoros.base.compiled_draws import RNG
+from evoros.base.rng import generator
 from evoros.base.signals import hold_signals
+from evoros.base.substitution import substitute
 from evoros.controller.protocol import StartedLayer
 from evoros.mission.engine_calls import run_with_engine
 from evoros.mission.loop import (
@@ -48,8 +50,22 @@ Loop = Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult]
 
 
 def prepare_interpreted(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
-    """Return the interpreted loop, and the rules as they are."""
-    return run_loop, inputs
+    """Return the interpreted loop, and the rules with the functions that compiled ones have."""
+    motion = SimulationRules(*map(_interpret, inputs[:3]))
+    return run_loop, inputs._replace(
+        **motion._asdict(),
+        filters=tuple(map(_interpret_stage, inputs.filters)),
+        localization=tuple(map(_interpret_stage, inputs.localization)),
+        layers=tuple(map(_interpret_stage, inputs.layers)),
+    )
+
+
+def _interpret_stage(stage: Stage) -> Stage:
+    return stage._replace(rule=_interpret(stage.rule))
+
+
+def _interpret(rule: Any) -> Any:
+    return substitute(rule, helpers=True)
 
 
 def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
@@ -62,7 +78,7 @@ def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
     live = not all(isinstance(rule, CompiledRule) for rule in motion)
     layers = tuple(_compile_stage(layer, LAYER) for layer in inputs.layers)
     if live and not all(map(_is_compiled, layers)):
-        return run_loop, inputs
+        return prepare_interpreted(inputs)
     filters, localization = (
         tuple(_compile_stage(stage, FILTER) for stage in stages)
         for stages in (inputs.filters, inputs.localization)
@@ -110,7 +126,7 @@ def _compile_stage(stage: Stage, kind: Any) -> Stage:
 
 def _compile_if_possible(rule: Any, kind: Any) -> Any:
     answer = try_compile(rule, kind)
-    return answer if isinstance(answer, CompiledRule) else rule
+    return answer if isinstance(answer, CompiledRule) else _interpret(rule)
 
 
 def _is_compiled(stage: FilterStage | StartedLayer) -> bool:
@@ -144,7 +160,7 @@ def _no_layer(
 
 @cache
 def _padding() -> tuple[FilterStage, StartedLayer]:
-    rng, nothing = np.random.default_rng(0), np.zeros(0)
+    rng, nothing = generator("", "padding"), np.zeros(0)
     stage = FilterStage(0, _no_filter, NO_PARAMETERS, NO_MEMORY, rng, nothing)
     layer = StartedLayer(_no_layer, NO_PARAMETERS, NO_MEMORY)
     return _compile_stage(stage, FILTER), _compile_stage(layer, LAYER)

@@ -21,6 +21,7 @@ from evoros.base.arrays import NO_PARAMETERS, Array, RuleArrays
 from evoros.base.compilation import FILTER, LAYER, CompiledRule, NotCompilable
 from evoros.base.errors import InputError
 from evoros.base.resources import PACKAGE
+from evoros.base.rng import generator
 from evoros.cli.run import evoros
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
@@ -236,7 +237,7 @@ def divide(p: Array, memory: Array, rng: Generator, values: Array, time: float) 
 def test_a_division_by_zero_is_not_lost_in_compiled_code() -> None:
     values = np.array([0.0, 0.0, 0.0, 1.0])
     rule = compiled.compile_rule(divide, FILTER)
-    rule(np.zeros(0), np.zeros(0), np.random.default_rng(0), values, 3.0)
+    rule(np.zeros(0), np.zeros(0), generator("", ""), values, 3.0)
     assert values[0] == math.inf
     assert math.isnan(values[1])
     assert values[2] == 1.0
@@ -334,11 +335,12 @@ RUN_PROBE = """
 import numpy as np
 from numba.core import event
 from evoros.base.compilation import FILTER, compile_rule
+from evoros.base.rng import generator
 from evoros.filter.probe import probe
 with event.install_recorder("numba:compile") as compiles:
     rule = compile_rule(probe, FILTER)
 values, empty = np.zeros(1), np.zeros(0)
-rule(empty, empty, np.random.default_rng(0), values, 0.0)
+rule(empty, empty, generator("", ""), values, 0.0)
 print(values[0], len(compiles.buffer) > 0)
 """
 

@@ -1,0 +1,102 @@
+"""A planar run has the same bytes on processors with other instructions.
+
+The settings below make the C library, numpy, BLAS and numba choose what they would choose on an
+older processor. On architectures other than x86-64 they change nothing.
+"""
+
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import everything
+
+SMALL = ("simulator=planar", "executor.workers=1", "figures=[]", "record=all")
+TINY = (*SMALL, "optimizer.population_size=3", "optimizer.generations=2", "trials=1")
+CASES = {
+    "failures": ("failure=combined", "+filter@controller.localization.noise=pose_noise"),
+    "spatial": ("failure=spatial", "controller=rover_l1"),
+    "generated": ("experiment=yard", "failure=random"),
+    "team": ("experiment=two_rovers",),
+    "reckoning": ("experiment=reckoning",),
+    "lidar": ("experiment=lidar", "failure=random"),
+    "rooms": ("experiment=rooms",),
+}
+
+
+def older_processor() -> dict[str, str]:
+    """Environment variables that switch off instructions which this processor may have."""
+    found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+    return {
+        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F",
+        "NPY_DISABLE_CPU_FEATURES": " ".join(found),
+        "OPENBLAS_CORETYPE": "Prescott",
+    }
+
+
+def run(folder: Path, settings: Mapping[str, str], *overrides: str) -> None:
+    """Run a small experiment in a process of its own."""
+    arguments = [*TINY, *overrides, f"hydra.run.dir={folder}"]
+    subprocess.run(
+        [sys.executable, "-c", "from evoros.cli.run import main; main()", *arguments],
+        env={**os.environ, **settings},
+        stdout=subprocess.DEVNULL,
+        check=True,
+    )
+
+
+def check_case(case: str, tmp_path: Path, settings: Mapping[str, str]) -> None:
+    run(tmp_path / "here", {}, *CASES[case])
+    run(tmp_path / "there", settings, *CASES[case])
+    here, there = (results(tmp_path / name) for name in ("here", "there"))
+    assert here.keys() == there.keys()
+    assert [name for name in here if here[name] != there[name]] == []
+
+
+def results(folder: Path) -> dict[str, bytes]:
+    """What a run has found: missions, generations, trajectories and the champion."""
+    found = everything(folder)
+    names = ("missions.csv", "generations/", "champion/", "trajectories/")
+    assert any(name.startswith("champion/") for name in found)
+    return {name: found[name] for name in found if name.startswith(names)}
+
+
+def test_a_run_has_the_same_bytes_with_older_instructions(tmp_path: Path) -> None:
+    check_case("failures", tmp_path, older_processor())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [*CASES])
+def test_every_kind_of_run_has_the_same_bytes_with_older_instructions(
+    case: str, tmp_path: Path
+) -> None:
+    check_case(case, tmp_path, older_processor() | {"NUMBA_CPU_NAME": "generic"})
+
+
+def test_the_settings_change_what_the_libraries_compute() -> None:
+    """Or the tests above could not fail."""
+    if platform.machine() != "x86_64":
+        pytest.skip("the settings are for x86-64")
+    here, there = (
+        subprocess.run(
+            [sys.executable, "-c", PROBE],
+            env={**os.environ, **settings},
+            stdout=subprocess.PIPE,
+            check=True,
+        ).stdout
+        for settings in ({}, older_processor())
+    )
+    if here == there:
+        pytest.skip("this processor has no newer instructions")
+
+
+PROBE = """
+import math, numpy as np
+x = np.linspace(0.1, 9.0, 900)
+square = x.reshape(30, 30)
+print(list(map(math.sin, x)), list(map(math.exp, x)), (square @ square).tolist())
+"""
