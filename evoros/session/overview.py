@@ -74,6 +74,8 @@ def _age_s(status: Mapping[str, Any]) -> float:
 
 def _is_locked(folder: Path) -> bool:
     """Whether a process has the folder open for writing."""
+    if not (folder / MISSIONS).is_file():  # a pipe would be waited for
+        return False
     try:
         with (folder / MISSIONS).open("rb") as missions:
             fcntl.flock(missions, fcntl.LOCK_SH | fcntl.LOCK_NB)

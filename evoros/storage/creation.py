@@ -9,7 +9,7 @@ from pathlib import Path
 from evoros.base.disk import make_folder, sync, write_atomically
 from evoros.base.errors import InputError
 from evoros.storage.digests import describe_file, describe_growing, write_entries
-from evoros.storage.layout import CONFIG, DIGESTS, MANIFEST, MISSIONS, resume_command
+from evoros.storage.layout import CONFIG, DIGESTS, LOG, MANIFEST, MISSIONS, resume_command
 
 
 def require_unused(path: Path) -> None:
@@ -32,12 +32,13 @@ def require_unused(path: Path) -> None:
 
 
 def require_whole(path: Path) -> None:
-    """Require that the creation of a folder was finished, which its mission table shows.
+    """Require that the creation of a folder was finished, which its mission table or log shows.
 
     Raises:
         InputError: the process was killed while it created the folder.
     """
-    if (path / CONFIG).exists() and not (path / MISSIONS).exists():
+    begun = any((path / name).exists() for name in (MISSIONS, LOG))
+    if (path / CONFIG).exists() and not begun:
         raise InputError(
             f"{path}: must be a whole run or empty: it has {CONFIG} and no {MISSIONS}, so its run "
             f"was killed before its first mission; delete what is in the folder and start again"

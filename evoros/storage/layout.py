@@ -31,6 +31,7 @@ def command_of(path: Path) -> str:
 def read_json(path: Path) -> dict[str, Any]:
     """Read the mapping in a sealed file; empty if there is none, or if it is damaged."""
     try:
-        return {} if path.is_symlink() else unseal_json(path.read_bytes())
+        own = path.is_file() and not path.is_symlink()
+        return unseal_json(path.read_bytes()) if own else {}
     except (OSError, ValueError):
         return {}

@@ -12,10 +12,11 @@ from typing import BinaryIO, TypeVar
 
 import numpy as np
 
-from evoros.base.disk import create_draft, sync
+from evoros.base.disk import create_draft, sync, write_atomically
 from evoros.base.errors import InputError
+from evoros.base.log import LOGGER
 from evoros.storage.creation import require_whole
-from evoros.storage.layout import FORMAT_VERSION, MISSIONS
+from evoros.storage.layout import FORMAT_VERSION, LOG, MISSIONS
 from evoros.storage.seals import DIGEST, is_sealed, seal_rows
 from evoros.storage.tables import to_csv
 
@@ -37,6 +38,9 @@ class MissionTable:
         self.header = begin_table(self._columns).encode()  # the first line
         self.damage: dict[int, bytes] = {}
         self._last = 1, b""  # row that was read
+        if not self.path.exists() and (folder / LOG).is_file():
+            LOGGER.warning("%s: missing; written anew, and all missions run again", self.path)
+            write_atomically(self.path, self.header)
         self._file: BinaryIO = open_locked(self.path)
 
     def close(self) -> None:

@@ -49,11 +49,17 @@ def test_a_table_that_goes_on_is_not_forgotten_by_an_older_status(folder: Path, 
 
 @pytest.mark.parametrize(
     "name",
-    ["setting.json", "digests.csv", "generations/00001.csv", "champion/robot.urdf"],
+    [
+        "missions.csv",
+        "setting.json",
+        "digests.csv",
+        "generations/00001.csv",
+        "champion/robot.urdf",
+    ],
 )
 def test_a_file_that_was_deleted_is_made_again(name: str, folder: Path, run: Path) -> None:
     (folder / name).unlink()
-    if name.startswith(("digests", "generations")):
+    if name.startswith(("missions", "digests", "generations")):
         with pytest.raises(InputError, match=name):
             evoros.load_run(folder)
     assert resume(folder) == DONE
