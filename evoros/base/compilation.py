@@ -137,8 +137,8 @@ def compile_function(function: Any, signature: Any, on_disk: bool) -> Any:
 
     What cannot be loaded, for example after a loss of power, is discarded and compiled anew.
     """
-    for waiting in take_waiting():
-        _register(waiting)
+    for waiting, inlined in take_waiting():
+        _register(waiting, inlined)
     function = substitute(function)
     try:
         dispatcher = njit(signature, cache=on_disk, **NJIT_OPTIONS)(function)
@@ -157,10 +157,11 @@ def compile_function(function: Any, signature: Any, on_disk: bool) -> Any:
     return dispatcher
 
 
-def _register(function: Any) -> None:
+def _register(function: Any, inlined: bool) -> None:
     """Tell numba of a function that rules call."""
     own = substitute(function)
-    overload(function, strict=False)(lambda *args, **keywords: own)
+    options = {"forceinline": inlined}
+    overload(function, strict=False, jit_options=options)(lambda *args, **keywords: own)
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 import math
 
-from evoros.base.compilable import compilable
+from evoros.base.compilable import compilable, inlined
 from evoros.base.elementary import pairs, tables
 
 _GRID = 6755399441055744.0
@@ -17,7 +17,7 @@ _BLOCKS = 4
 _LEAST = 2.0**-192  # the weight of the last digit
 
 
-@compilable
+@inlined
 def reduce_angle(x: float) -> tuple[int, float, float]:
     """Return the nearest quarter turn (0 to 3) to x [rad] and the pair that remains of x.
 

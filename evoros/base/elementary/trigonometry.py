@@ -2,7 +2,7 @@
 
 import math
 
-from evoros.base.compilable import compilable
+from evoros.base.compilable import compilable, inlined
 from evoros.base.elementary import pairs, tables
 from evoros.base.elementary.reduction import reduce_angle
 
@@ -17,14 +17,22 @@ _S1, _S2, _S3, _S4, _S5 = -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362880.0
 _C1, _C2, _C3, _C4, _C5 = -0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0, -1.0 / 3628800.0
 
 
-@compilable
+@inlined
+def _short_series(x: float) -> tuple[float, float]:
+    """Return sin(x) - x and cos(x) - 1 for small x."""
+    z = x * x
+    return (
+        x * z * (_S1 + z * (_S2 + z * (_S3 + z * (_S4 + z * _S5)))),
+        z * (_C1 + z * (_C2 + z * (_C3 + z * (_C4 + z * _C5)))),
+    )
+
+
+@inlined
 def sin_cos_pairs(y: float, low: float) -> tuple[float, float, float, float]:
     """Return the sine and the cosine, as pairs, of the pair (y, low) from 0 to 0.8."""
     if y < _SMALL:
-        z = y * y
-        sin_low = low + y * z * (_S1 + z * (_S2 + z * (_S3 + z * (_S4 + z * _S5))))
-        cos_low = z * (_C1 + z * (_C2 + z * (_C3 + z * (_C4 + z * _C5)))) - y * low
-        return y, sin_low, 1.0, cos_low
+        sin_low, cos_low = _short_series(y)
+        return y, low + sin_low, 1.0, cos_low - y * low
     steps = (32.0 * y + _GRID) - _GRID
     i = int(steps)
     r = y - steps * 0.03125
@@ -50,10 +58,14 @@ def sin_cos_pairs(y: float, low: float) -> tuple[float, float, float, float]:
     return sin, sin_low, cos, cos_low
 
 
-@compilable
+@inlined
 def sin_cos(x: float) -> tuple[float, float]:
     """Return the sine and the cosine of x [rad], with the bits of ``sin`` and ``cos``."""
-    if not abs(x) < math.inf:
+    size = abs(x)
+    if size < _SMALL:
+        sin_low, cos_low = _short_series(x)
+        return x + sin_low if x != 0.0 else x, 1.0 + cos_low
+    if not size < math.inf:
         return math.nan, math.nan
     quarter, y, low = reduce_angle(x)
     negative = y < 0.0
@@ -66,8 +78,6 @@ def sin_cos(x: float) -> tuple[float, float]:
     if negative:
         sin = -sin
     if quarter == 0:
-        if x == 0.0:
-            sin = x
         return sin, cos
     if quarter == 1:
         return cos, -sin
@@ -76,7 +86,7 @@ def sin_cos(x: float) -> tuple[float, float]:
     return -cos, sin
 
 
-@compilable
+@inlined
 def sin(x: float) -> float:
     """Return the sine of x [rad]."""
     return sin_cos(x)[0]
@@ -88,7 +98,7 @@ def cos(x: float) -> float:
     return sin_cos(x)[1]
 
 
-@compilable
+@inlined
 def tan(x: float) -> float:
     """Return the tangent of x [rad]."""
     if abs(x) < 1e-9:

@@ -126,11 +126,11 @@ def predict(
     # The rear axle moves along an arc, whose chord points half the turn to the side.
     half = 0.5 * memory[YAW_RATE] * step
     chord = memory[SPEED] * step
+    half_sin, half_cos = elementary.sin_cos(half)
     if abs(half) > 1e-6:
-        chord = chord * elementary.sin(half) / half
-    chord_sin, chord_cos = elementary.sin_cos(yaw + half)
-    x = memory[X] + axle * cos + chord * chord_cos
-    y = memory[Y] + axle * sin + chord * chord_sin
+        chord = chord * half_sin / half
+    x = memory[X] + axle * cos + chord * (cos * half_cos - sin * half_sin)
+    y = memory[Y] + axle * sin + chord * (sin * half_cos + cos * half_sin)
     new_yaw = yaw + 2.0 * half
     if new_yaw > math.pi:
         new_yaw -= FULL_TURN
