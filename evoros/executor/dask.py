@@ -13,8 +13,9 @@ from evoros.executor.protocol import Pool
 from evoros.executor.remote import RemotePool
 
 _ADDRESS = Rule(
-    "the address of a dask scheduler, such as tcp://host:8786, or null",
-    lambda v: v is None or (isinstance(v, str) and "://" in v.strip()),
+    "the address of a dask scheduler, such as tcp://host:8786, the path of its scheduler file "
+    "(.json), or null",
+    lambda v: v is None or (isinstance(v, str) and ("://" in v or v.endswith(".json"))),
 )
 
 

@@ -1,10 +1,13 @@
 """Connects to a dask cluster, or starts one on this machine."""
 
+import json
 import logging
 import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
+from time import monotonic, sleep
 from typing import Any
 
 import dask
@@ -21,6 +24,8 @@ LOCAL_SETTINGS = {
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.target": False,
 }
+POLL_S = 0.1
+"""Between two looks for a scheduler file [s]."""
 LOOPBACK = "127.0.0.1"
 
 
@@ -62,6 +67,27 @@ def start_cluster(workers: int) -> Iterator[str]:
         yield cluster.scheduler_address
 
 
+def _read_address(address: str) -> str:
+    """Return the address, or that in the scheduler file of which it is the path.
+
+    Raises:
+        RunStopped: the file cannot be read, also after a while.
+    """
+    if "://" in address:
+        return address
+    end = monotonic() + CONNECT_S
+    while True:
+        try:
+            return str(json.loads(Path(address).expanduser().read_bytes())["address"])
+        except (OSError, ValueError, KeyError, TypeError) as error:  # none yet, or a part of it
+            if monotonic() > end:
+                raise RunStopped(
+                    f"executor.address: {address} must be a file that a scheduler has written "
+                    f"({single_line(error)}); start one (dask scheduler --scheduler-file {address})"
+                ) from error
+            sleep(POLL_S)
+
+
 @contextmanager
 def connect(address: str) -> Iterator[DaskTransport]:
     """Connect to a scheduler.
@@ -69,6 +95,7 @@ def connect(address: str) -> Iterator[DaskTransport]:
     Raises:
         RunStopped: nobody answers.
     """
+    address = _read_address(address)
     try:
         client: Any = Client(  # type: ignore[no-untyped-call]
             address, timeout=CONNECT_S, set_as_default=False, name="evoros"

@@ -145,6 +145,14 @@ class DaskTransport:
             if self._lost is not None:
                 raise self._lost from error
             raise asyncio.CancelledError from error
+        except RunStopped:
+            raise
+        except Exception as error:  # ``answer`` raises nothing: it could not be found or called
+            raise RunStopped(
+                f"executor: the dask scheduler at {self._address} or a worker of it cannot run "
+                f"evoros ({single_line(error)}); install there what the main process has "
+                f"(pip install 'evoros[dask]')"
+            ) from error
         finally:
             self._out.discard(sending)
 

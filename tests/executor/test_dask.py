@@ -130,7 +130,14 @@ def test_nobody_at_the_address_is_told_in_one_line(tmp_path: Path) -> None:
     assert content(tmp_path / "run") == content(tmp_path / "other")
 
 
-UNLIKE = "-AVX2,-FMA,-FMA4,-AVX512F"
+def test_a_scheduler_is_found_by_its_file(started: Cluster, tmp_path: Path) -> None:
+    with Dask(str(started.folder / "scheduler.json")).open() as pool:
+        assert pool.submit(square, 6).result(LIMIT_S) == 36
+    with (
+        pytest.raises(RunStopped, match=r"none\.json must be a file that a scheduler has written"),
+        Dask(str(tmp_path / "none.json")).open(),
+    ):
+        pass
 
 
 def test_workers_with_other_software_get_no_calls(
