@@ -6,6 +6,7 @@ from collections.abc import Callable, Coroutine
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import count
 from threading import Event, Lock, Thread
 from typing import Any
 
@@ -23,6 +24,8 @@ ANSWER_S = 60.0
 """One that has answered before gets longer [s]: it may be busy."""
 LOOK_S = 0.5
 """The main process asks that often which workers there are [s]."""
+GROUPS = 64
+"""Names of groups of tasks that are used in turn."""
 ALONE_S = 10.0
 """Calls that no worker takes are reported after this time [s]."""
 
@@ -48,6 +51,7 @@ class DaskTransport:
         self._threads: dict[str, int] = {}  # of each worker, by its address
         self._excluded: set[str] = set()
         self._out: set[_Sending] = set()  # only the loop's thread uses it
+        self._numbers = count()
         self._lock = Lock()
         self._closing = Event()
         self._lost: RunStopped | None = None
@@ -161,7 +165,7 @@ class DaskTransport:
             answer,
             sending.wanted,
             sending.request,
-            key=f"evoros-{uuid.uuid4().hex}",
+            key=self._new_key(),
             pure=False,
             workers=sending.nodes,
             allow_other_workers=sending.nodes is not None,
@@ -169,6 +173,16 @@ class DaskTransport:
         sending.waiting = asyncio.ensure_future(self._client.gather(task, asynchronous=True))
         found: RawAnswer = await sending.waiting
         return found
+
+    def _new_key(self) -> str:
+        """Return a key whose group, the part before the dash, few tasks share.
+
+        A scheduler keeps tasks of groups with more than two for each thread to itself until a
+        thread is idle, which then waits for the next. Groups end with their last task, so that
+        names can be used again; there are few, because the scheduler remembers them.
+        """
+        group = next(self._numbers) // max(1, self.workers) % GROUPS
+        return f"evoros_{group}-{uuid.uuid4().hex}"
 
     def _watch(self) -> None:
         """Follow which workers there are, and notice when the scheduler is lost."""
