@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from evoros.base import elementary
 from evoros.base.arrays import COMMAND_SIZE, DRIVE_SPEED, STEERING, Array
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
@@ -198,7 +199,7 @@ class ArduPilotPilot:
     def _convert_route(self) -> Sequence[tuple[float, float]]:
         """Return home and the waypoints as latitudes and longitudes [deg]."""
         latitude, longitude = HOME
-        scale = METRES_PER_DEGREE * math.cos(math.radians(latitude))
+        scale = METRES_PER_DEGREE * elementary.cos(math.radians(latitude))
         points = [self._briefing.home[:2], *self._briefing.route.tolist()]
         return [(latitude + x / METRES_PER_DEGREE, longitude - y / scale) for x, y in points]
 

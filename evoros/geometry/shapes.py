@@ -176,7 +176,7 @@ def _check_corners(shape: Shape) -> None:
     corners = np.array(shape.corners, dtype=np.float64)
     if corners.shape[:1] < (4,) or corners.shape[1:] != (3,) or not np.isfinite(corners).all():
         raise invalid(shape, "corners", shape.corners, "must be four or more points [x, y, z]")
-    spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
+    spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)  # noqa: TID251
     if spread[2] <= 1e-9 * spread[0]:
         raise invalid(shape, "corners", shape.corners, "must not lie in one plane")
 

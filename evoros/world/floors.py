@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.linear import product
+from evoros.base.linear import length, product
 from evoros.geometry.footprint import Footprint, contains, convex_hull, project_shape, top_height
 from evoros.geometry.shapes import Body, Pose, Shape, Vector
 from evoros.world.course import Course
@@ -57,7 +57,7 @@ def ground_height(bodies: Sequence[Body], point: Sequence[float]) -> float | Non
 
 def plane_normal(shape: Shape, pose: Pose) -> Array:
     """Return the unit normal (3,) in the world of a plane at ``pose``."""
-    normal: Array = product(pose.rotation, np.array(shape.size)) / np.linalg.norm(shape.size)
+    normal: Array = product(pose.rotation, np.array(shape.size)) / length(np.array(shape.size))
     return normal
 
 

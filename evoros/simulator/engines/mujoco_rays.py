@@ -88,7 +88,7 @@ class MujocoRays:
         rays, groups = sensor.rays, self._engine.geom_group
         before = groups.copy()
         turned, normals = self._turned[rays], self._normals[rays]
-        while (leaving := np.einsum("ij,ij->i", turned, normals) > 0.0).any():
+        while (leaving := (turned * normals).sum(axis=1) > 0.0).any():
             groups[self._seen[rays][leaving]] = HIDDEN
             self._call(*sensor.arguments)
         groups[:] = before

@@ -44,7 +44,7 @@ class PyBulletSimulation:
         self._finer = math.ceil(settings.time_step / FINE_STEP_S - 1e-9)  # steps that replace one
         self._substeps = 1
         self._gap = NEAR_STEPS * robot.drive.max_speed_mps * settings.time_step
-        self._reach = self._gap + 2.0 * float(np.hypot(*robot.outline.T).max())
+        self._reach = self._gap + 2.0 * float(np.linalg.norm(robot.outline, axis=1).max())
         self._command: tuple[float, float] | None = None
         self._touched = False  # since the last observation
         self._rays, self._ranges = BulletRays(bullet, client, self._robot, robot), robot.beam_count
