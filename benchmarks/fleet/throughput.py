@@ -126,7 +126,9 @@ def start_cluster(folder: Path, workers: int) -> list["subprocess.Popen[bytes]"]
     file.unlink(missing_ok=True)
     python = [sys.executable, "-m"]
     scheduler = [*python, "distributed.cli.dask_scheduler", *LOOPBACK, "--port", "0"]
-    here = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    # dask's profiler would look at all threads a hundred times a second.
+    quiet = {"DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False"}
+    here = {**os.environ, **quiet, "PYTHONPATH": str(Path(__file__).parent)}
     command = [*scheduler, "--scheduler-file", str(file)]
     started = [subprocess.Popen(command, env=here, stderr=subprocess.DEVNULL)]
     nodes = max(1, workers // 64)
