@@ -12,7 +12,7 @@ annotated with a rule::
 import math
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from numbers import Real
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
@@ -25,13 +25,25 @@ MAX_VALUE_LENGTH = 80
 """The number of characters that an error message quotes of a value."""
 
 
+LARGEST = 1e9
+"""The greatest size of numbers: beyond lie slips of the keyboard."""
+MOST = 1_000_000
+"""The greatest count of anything."""
+LEAST_STEP_S = 1e-5
+"""The least time step of a simulation [s]: with shorter ones, nothing would seem to move."""
+
+
 @dataclass(frozen=True)
 class Rule:
-    """A condition on one value, and its wording."""
+    """A condition on one value, and its wording.
+
+    The numbers in the value must also be at most ``limit`` in size.
+    """
 
     text: str  # completes "must be ..."
     holds: Callable[[Any], bool]
     plain: bool = False  # of texts and numbers, which no class builds
+    limit: float = LARGEST
 
 
 def checked(cls: type[T]) -> type[T]:
@@ -55,11 +67,23 @@ def checked(cls: type[T]) -> type[T]:
             if not (rule.holds(value) or (optional and value is None)):
                 fix = "" if rule.plain else _missing_target(value)
                 raise invalid(self, name, value, f"must be {rule.text}", fix)
+            for number in _list_numbers(value):
+                if abs(number) > rule.limit:
+                    raise invalid(self, name, number, f"must be at most {rule.limit:g}")
         if check_together is not None:
             check_together(self)
 
     cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
     return cls
+
+
+def _list_numbers(value: object) -> Iterator[float]:
+    """Yield the finite numbers in a value that a configuration can have."""
+    if is_number(value):
+        yield value  # type: ignore[misc]
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from _list_numbers(item)
 
 
 def _field_rules(cls: type) -> Iterator[tuple[str, Rule, bool]]:
@@ -86,8 +110,9 @@ NUMBER = Rule("a number", is_number)
 POSITIVE = Rule("a number greater than 0", lambda v: is_number(v) and v > 0)
 NOT_NEGATIVE = Rule("a number of at least 0", lambda v: is_number(v) and v >= 0)
 PROBABILITY = Rule("a number from 0 to 1", lambda v: is_number(v) and 0 <= v <= 1)
-COUNT = Rule("a whole number of at least 1", lambda v: is_whole(v) and v >= 1)
-WHOLE = Rule("a whole number of at least 0", lambda v: is_whole(v) and v >= 0)
+COUNT = Rule("a whole number of at least 1", lambda v: is_whole(v) and v >= 1, limit=MOST)
+WHOLE = Rule("a whole number of at least 0", lambda v: is_whole(v) and v >= 0, limit=MOST)
+SEED = replace(WHOLE, limit=2**63 - 1)
 TEXT = Rule("a text that is not empty", lambda v: isinstance(v, str) and bool(v.strip()))
 NAME = Rule(  # for names of columns and files
     "a name of letters, digits, - and _",
@@ -96,11 +121,11 @@ NAME = Rule(  # for names of columns and files
 FLAG = Rule("true or false", lambda v: isinstance(v, bool))
 
 
-def positive_up_to(maximum: float) -> Rule:
-    """Require a number greater than 0 and at most ``maximum``."""
+def number_between(low: float, high: float) -> Rule:
+    """Require a number of at least ``low`` and at most ``high``."""
     return Rule(
-        f"a number greater than 0 and at most {maximum}",
-        lambda v: is_number(v) and 0 < v <= maximum,
+        f"a number from {low:g} to {high:g}",
+        lambda v: is_number(v) and low <= v <= high,
     )
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 from evoros.base.checks import (
     COUNT,
     NAME,
-    WHOLE,
+    SEED,
     checked,
     instance_of,
     mapping_of,
@@ -64,7 +64,7 @@ class Experiment:
     fitness: Annotated[Fitness, instance_of(Fitness, "a fitness (score and worst)")]
     optimizer: Annotated[Optimizer, instance_of(Optimizer, "an optimizer (generations and start)")]
     executor: Annotated[Executor, instance_of(Executor, "an executor (open)")]
-    seed: Annotated[int, WHOLE] = 0
+    seed: Annotated[int, SEED] = 0
     trials: Annotated[int, COUNT] = 1  # missions of a design in each world
     draws: Annotated[str, one_of(*POLICIES)] = "generation"  # where missions share random draws
     lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # if a mission crashes or hangs

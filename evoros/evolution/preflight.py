@@ -23,6 +23,8 @@ from evoros.mission.compiled_loop import explain_interpreted, prepare
 from evoros.mission.engine_calls import ENGINE_RULES
 from evoros.mission.live_layers import open_layers
 from evoros.mission.loop_inputs import Stages, collect_inputs
+from evoros.mission.member import MIN_RECORD_S
+from evoros.mission.outcome import AGENT_COLUMNS
 from evoros.mission.pipeline import (
     Draws,
     draw_faults,
@@ -31,6 +33,9 @@ from evoros.mission.pipeline import (
 )
 from evoros.mission.scenario import Scenario
 from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationRules
+
+MAX_TRAJECTORY_BYTES = 2**30
+"""The most memory that the trajectory of one mission may take."""
 
 
 def preflight(experiment: Experiment) -> None:
@@ -48,6 +53,7 @@ def preflight(experiment: Experiment) -> None:
     experiment.optimizer.start(experiment.space, draws("optimizer"))
     teams: dict[str, list[Stages]] = {}  # of all robots, by the key of the scenario
     told: set[str] = set()
+    _check_length(experiment)
     for name, member in experiment.members.items():
         robot = f"agents.{name}." if name else ""
         for key, scenario in _list_scenarios(member).items():
@@ -72,6 +78,25 @@ def preflight(experiment: Experiment) -> None:
     ]
     for line in dict.fromkeys(interpreted):
         LOGGER.warning("%s; missions run step by step, several times slower", line)
+
+
+def _check_length(experiment: Experiment) -> None:
+    """Require that the trajectory of a mission fits into memory.
+
+    Raises:
+        InputError: the time limit of a course is too long.
+    """
+    robot = experiment.scenario.equip(_choose_middle(experiment.space))[""].robot
+    columns = len(AGENT_COLUMNS) + robot.channel_count
+    period = max(experiment.controller.period_s, MIN_RECORD_S)
+    limit = MAX_TRAJECTORY_BYTES / (8 * columns) * period
+    for name, world in experiment.world.items():
+        if world.course.time_limit_s > limit:
+            raise InputError(
+                f"world.{name}.course.time_limit_s: must be at most {limit:.0f} s, so that the "
+                f"trajectory of a mission fits into {MAX_TRAJECTORY_BYTES // 2**20} MiB, not "
+                f"{world.course.time_limit_s:g}; lower it (course.time_limit_s)"
+            )
 
 
 def _list_doubts(experiment: Experiment) -> Iterator[str]:

@@ -6,7 +6,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any
 
-from evoros.base.checks import Rule, is_whole
+from evoros.base.checks import MOST, Rule, is_whole
 from evoros.base.errors import WorkerLost
 from evoros.executor.payload import PILOT_LOST, RAISED, RETURNED, Answer, Call
 from evoros.executor.worker_handle import GRACE_S, START_LIMIT_S, NoAnswerError, Worker
@@ -17,6 +17,7 @@ def null_or_whole(minimum: int) -> Rule:
     return Rule(
         f"a whole number of at least {minimum}, or null",
         lambda v: v is None or (is_whole(v) and v >= minimum),
+        limit=MOST,
     )
 
 

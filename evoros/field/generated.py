@@ -14,7 +14,7 @@ from evoros.base.checks import (
     NAME,
     NOT_NEGATIVE,
     POSITIVE,
-    WHOLE,
+    SEED,
     Rule,
     checked,
     invalid,
@@ -46,7 +46,10 @@ MIN_SHARE = 0.5
 EXTENT = Rule(
     "two numbers [x, y] greater than 0",
     lambda v: isinstance(v, list | tuple) and len(v) == 2 and all(map(POSITIVE.holds, v)),
+    limit=10_000.0,
 )
+MAX_COUNT = 100_000
+"""Obstacles of a field: more take hours to place."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class Field:
     gap_m: Annotated[float, NOT_NEGATIVE]  # minimum distance between obstacles
     passage_m: Annotated[float, POSITIVE]  # width of a way that exists along each leg
     enclosed: Annotated[bool, FLAG]  # a wall around the extent
-    seed: Annotated[int, WHOLE] = 0
+    seed: Annotated[int, SEED] = 0
     others: Annotated[Sequence[Course], sequence_of(Course, "courses")] = ()  # of other robots
 
     def __post_init__(self) -> None:
@@ -80,6 +83,9 @@ class Field:
             rule = f"must be at least {minimum:.3f}, half of passage_m and a margin"
             raise invalid(self, "clearing_m", self.clearing_m, rule)
         low, high = self.corners
+        if self.density * float((high - low).prod()) > MAX_COUNT:
+            rule = f"must give at most {MAX_COUNT} obstacles on extent_m"
+            raise invalid(self, "density", self.density, rule)
         points = np.concatenate(self._routes)
         if (np.minimum(points - low, high - points) < self.clearing_m).any():
             robots = " of all robots" if self.others else ""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -189,6 +189,7 @@ def _check_heights(shape: Shape) -> None:
         raise invalid(shape, "heights", rows, "must be numbers")
 
 
+FRICTION = replace(NOT_NEGATIVE, limit=math.inf)  # 1e10 and more are usual for "never slips"
 MASS = Rule("greater than 0 kg, or null if fixed", POSITIVE.holds)
 
 
@@ -201,7 +202,9 @@ class Body:
     pose: Pose  # in the world; of a movable body: at its centre of mass, along its principal axes
     shapes: Annotated[tuple[Shape, ...], sequence_of(Shape, "shapes")]
     mass: Annotated[float | None, MASS] = None  # [kg]; None: fixed to the ground
-    friction: Annotated[float, NOT_NEGATIVE] = 1.0  # coefficient mu of this body's surface
+    friction: Annotated[float, replace(NOT_NEGATIVE, limit=math.inf)] = (
+        1.0  # coefficient mu of this body's surface
+    )
     inertia: Annotated[Vector | None, _numbers(3)] = None
     """Principal moments [kg m2] about the axes of ``pose``; None: those of homogeneous shapes."""
     floor: bool = False  # a fixed body that robots drive on, such as a floor made of a box

@@ -34,7 +34,7 @@ class GeneticAlgorithm:
     generations: Annotated[int, COUNT] = 25  # including the random first one
     mutation_probability: Annotated[float, PROBABILITY] = 0.15  # per candidate
     crossover_probability: Annotated[float, PROBABILITY] = 0.25  # per pair of parents
-    tournament_size: Annotated[int, COUNT] = 2
+    tournament_size: Annotated[int, replace(COUNT, limit=1000)] = 2
     validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
     mutation_step: Annotated[float, STEP] = 1.0  # redrawn part of the range; 1: all of it
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -32,7 +32,7 @@ class Lidar:
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.15
     range_max_m: Annotated[float, POSITIVE] = 8.0
     fov_deg: Annotated[float, FIELD] = 360.0  # full width, about the sensor's x axis
-    beams: Annotated[int, COUNT] = 360
+    beams: Annotated[int, replace(COUNT, limit=100_000)] = 360
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two scans
     size_m: Annotated[Sequence[float], BOX] = (0.07, 0.07, 0.04)
     mass_kg: Annotated[float, POSITIVE] = 0.17

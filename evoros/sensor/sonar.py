@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -33,7 +33,7 @@ class Sonar:
     range_min_m: Annotated[float, NOT_NEGATIVE] = 0.06
     range_max_m: Annotated[float, POSITIVE] = 4.5
     fov_deg: Annotated[float, BEAM] = 30.0  # full width of the beam, horizontal and vertical alike
-    rays_per_axis: Annotated[int, COUNT] = 5
+    rays_per_axis: Annotated[int, replace(COUNT, limit=100)] = 5
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.02, 0.045, 0.02)  # of common small sonars
     mass_kg: Annotated[float, POSITIVE] = 0.009

@@ -10,7 +10,7 @@ from functools import cache
 from importlib.util import find_spec
 from typing import Annotated, Any
 
-from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked, positive_up_to
+from evoros.base.checks import LEAST_STEP_S, NOT_NEGATIVE, POSITIVE, checked, number_between
 from evoros.base.errors import InputError
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
@@ -36,7 +36,7 @@ class Mujoco:
         InputError: a value out of range.
     """
 
-    time_step: Annotated[float, positive_up_to(MAX_STEP_S)] = 0.01  # [s]
+    time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.01  # [s]
     wheel_friction: Annotated[float, POSITIVE] = 1.0  # the engine multiplies it by the ground's
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     packages = ("mujoco-core",)

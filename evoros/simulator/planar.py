@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated
 
-from evoros.base.checks import NOT_NEGATIVE, checked, positive_up_to
+from evoros.base.checks import LEAST_STEP_S, NOT_NEGATIVE, checked, number_between
 from evoros.base.errors import InputError
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import CONTACT, RANGE, SIGNAL_SIZES
@@ -55,7 +55,7 @@ class Planar:
         InputError: a value out of range.
     """
 
-    time_step: Annotated[float, positive_up_to(MAX_STEP_S)] = 0.02  # [s]
+    time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.02  # [s]
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     drive_lag_s: Annotated[float, NOT_NEGATIVE] = 0.0  # time constant of the speed
     packages = ("numba",)

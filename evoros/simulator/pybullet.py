@@ -14,12 +14,19 @@ import ctypes
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.util import find_spec
 from typing import Annotated, Any
 
-from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, checked, positive_up_to
+from evoros.base.checks import (
+    COUNT,
+    LEAST_STEP_S,
+    NOT_NEGATIVE,
+    POSITIVE,
+    checked,
+    number_between,
+)
 from evoros.base.errors import InputError
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
@@ -46,8 +53,8 @@ class PyBullet:
         InputError: a value out of range.
     """
 
-    time_step: Annotated[float, positive_up_to(MAX_STEP_S)] = 0.025  # [s]
-    solver_iterations: Annotated[int, COUNT] = 20
+    time_step: Annotated[float, number_between(LEAST_STEP_S, MAX_STEP_S)] = 0.025  # [s]
+    solver_iterations: Annotated[int, replace(COUNT, limit=10_000)] = 20
     wheel_friction: Annotated[float, POSITIVE] = 1.0  # the engine multiplies it by the ground's
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     packages = ("pybullet",)
