@@ -3,7 +3,7 @@
 import os
 import sys
 from collections.abc import Callable
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 from evoros.base.log import LOGGER
 
@@ -14,7 +14,13 @@ DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130
 def run_main(command: Callable[[list[str]], int]) -> NoReturn:
     """Run a command with the arguments of this process, and exit with the status it returns."""
     _open_standard_streams()
-    sys.exit(command(sys.argv[1:]))
+    status = command(sys.argv[1:])
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:  # Python would try again as it exits, and change the exit status
+            _silence(stream)
+    sys.exit(status)
 
 
 def print_result(text: str) -> None:
@@ -31,7 +37,11 @@ def print_result(text: str) -> None:
                 "standard output: cannot be written (%s); free some space, or direct it elsewhere",
                 error.strerror,
             )
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _silence(sys.stdout)
+
+
+def _silence(stream: TextIO) -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _open_standard_streams() -> None:

@@ -82,7 +82,7 @@ def _find_problem(target: Any, folders: Sequence[Path]) -> str:
     except Exception as error:  # a user's module raises anything while it is imported
         return f"{target} cannot be imported ({describe_error(error)}); correct the module"
     module = str(getattr(found, "__module__", ""))
-    own = first == OWN and module.split(".")[0] == OWN and module.split(".")[1:2] in _ROOM_LISTS
+    own = module.split(".")[0] == OWN and module.split(".")[1:2] in _ROOM_LISTS
     theirs = first != OWN and _is_in(module.partition(".")[0], folders)
     if (isinstance(found, type) and own) or theirs:
         return ""

@@ -93,8 +93,17 @@ def read_text(path: Path) -> str:
 
 
 def _find_folder(path: Path) -> Path:
-    """Return the folder of the run or the evaluation in which a file is."""
-    return next(parent for parent in path.parents if (parent / DIGESTS).is_file())
+    """Return the folder of the run or the evaluation in which a file is.
+
+    Raises:
+        InputError: it is in none.
+    """
+    for parent in path.parents:
+        if (parent / DIGESTS).is_file():
+            return parent
+    raise InputError(
+        f"{path}: must be in the folder of a run, which has a {DIGESTS}; restore that file"
+    )
 
 
 def _read_entries(folder: Path) -> Entries:

@@ -48,6 +48,7 @@ from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
+from evoros.storage.digests import describe_file, write_entries
 from evoros.storage.figure_context import Beam
 from evoros.storage.tables import design_table, gene_table
 
@@ -92,6 +93,8 @@ def champion_of(record: Record, robot: Robot, mounts: list[Mount], folder: Path)
         record.context, places=dict(robot.sensor_links), beams=dict.fromkeys(sensors, beam)
     )
     (folder / "status.json").write_text((record.path / "status.json").read_text())
+    written = {f"champion/{name}": describe_file(text.encode()) for name, text in files.items()}
+    (folder / "digests.csv").write_text(write_entries(written))
     run = replace(record.run, path=folder)
     return read_champion(Record("random", run, context, record.values))
 
