@@ -99,14 +99,10 @@ def draw_missions(
         grid = upper.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
         panels, free = list(grid.flat)[: len(worlds)], list(grid.flat)[len(worlds) :]
         for axes, (name, world) in zip(panels, worlds.items(), strict=True):
-            path = paths[name]
-            draw_mission(axes, world, path, modes)
+            draw_mission(axes, world, paths[name], modes)
             others = {agent: select_track(everyone, name, agent) for agent in robots if agent}
-            draw_companions(axes, path, others, robots)
-            endings = [_ending(path), *(f"{n}: {_ending(other)}" for n, other in others.items())]
-            axes.set_title("\n".join((name, *endings)))
-            axes.set_xlabel("x [m]")
-            axes.tick_params(labelbottom=True)
+            draw_companions(axes, paths[name], others, robots)
+            _label_panel(axes, name, paths[name], others)
         for row in grid:
             row[0].set_ylabel("y [m]")
         x_span, y_span = (
@@ -159,6 +155,16 @@ def _report(record: Record, runs: int) -> str:
     validated = status.get("best_validated_fitness")
     rest = "" if validated is None else f", {validated:.3f} validated"
     return f"{record.name}: one of {runs} runs, fitness {status['best_fitness']:.3f} recorded{rest}"
+
+
+def _label_panel(
+    axes: Axes, name: str, path: pd.DataFrame, others: Mapping[str, pd.DataFrame]
+) -> None:
+    """Write the world's name and how the mission of each robot ended above a panel."""
+    endings = [_ending(path), *(f"{n}: {_ending(other)}" for n, other in others.items())]
+    axes.set_title("\n".join((name, *endings)))
+    axes.set_xlabel("x [m]")
+    axes.tick_params(labelbottom=True)
 
 
 def _ending(path: pd.DataFrame) -> str:
