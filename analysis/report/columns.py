@@ -1,8 +1,9 @@
 """Columns of trajectories as short lists of whole numbers, which the page of a report plays."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,17 @@ def thin_out(records: int) -> list[int]:
     """Choose at most ``MAX_RECORDS`` rows, evenly, the first and the last included."""
     places = np.linspace(0, records - 1, min(records, MAX_RECORDS))
     return [round(place) for place in places.tolist()]
+
+
+def encode_place(sensor: Mapping[Any, Any]) -> dict[str, Any]:
+    """Encode type, number and place of a row of sensors."""
+    return {
+        "type": str(sensor["type"]),
+        "number": int(sensor["sensor"]),
+        "x": round(sensor["x_m"], 4),
+        "y": round(sensor["y_m"], 4),
+        "yaw": round(math.radians(sensor["yaw_deg"]), 4),
+    }
 
 
 def encode_poses(trajectory: pd.DataFrame) -> dict[str, list[int | None]]:

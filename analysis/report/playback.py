@@ -32,6 +32,7 @@ from .columns import (
     encode_changes,
     encode_differences,
     encode_lengths,
+    encode_place,
     encode_poses,
     thin_out,
     to_thousandths,
@@ -117,11 +118,7 @@ def _encode_parts(context: FigureContext) -> list[Json]:
 def _encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
     for row in table.to_dict("records"):
         yield {
-            "type": str(row["type"]),
-            "number": int(row["sensor"]),
-            "x": round(row["x_m"], 4),
-            "y": round(row["y_m"], 4),
-            "yaw": round(math.radians(row["yaw_deg"]), 4),
+            **encode_place(row),
             "level": round(math.cos(math.radians(row["pitch_deg"])), 4),
             "fov": round(math.radians(row["fov_deg"]), 4),
             "range": row["range_m"],

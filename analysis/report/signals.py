@@ -1,6 +1,5 @@
 """Sensors that cast no rays, as the page of a report plays them."""
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,7 +10,7 @@ from evoros.sensor.protocol import CONTACT, name_readings
 from evoros.storage.figure_context import FigureContext
 
 from ..tables.readings import choose_channels
-from .columns import encode_differences, thin_out, to_thousandths
+from .columns import encode_differences, encode_place, thin_out, to_thousandths
 
 
 def describe_signals(sensors: pd.DataFrame, context: FigureContext) -> Iterator[dict[str, Any]]:
@@ -19,11 +18,7 @@ def describe_signals(sensors: pd.DataFrame, context: FigureContext) -> Iterator[
     for row in sensors.to_dict("records"):
         signal = context.signals[row["type"]]
         yield {
-            "type": str(row["type"]),
-            "number": int(row["sensor"]),
-            "x": round(row["x_m"], 4),
-            "y": round(row["y_m"], 4),
-            "yaw": round(math.radians(row["yaw_deg"]), 4),
+            **encode_place(row),
             "touches": signal.measures == CONTACT,
             "width": row["width_m"],
             "depth": row["depth_m"],
