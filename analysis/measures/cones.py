@@ -24,6 +24,8 @@ def outline_part(part: Part) -> Array:
 
 def dilate(vertices: Array, radius_m: float) -> Array:
     """Return the corners (k, 2) [m] of all points within a radius of a convex polygon (n, 2)."""
+    if radius_m == 0.0:  # as it is: a large world has thousands of boxes
+        return vertices
     turn = np.linspace(0.0, 2 * math.pi, _CORNERS, endpoint=False)
     rim = radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     swept: Array = (vertices[:, None] + rim).reshape(-1, 2)

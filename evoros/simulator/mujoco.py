@@ -14,7 +14,7 @@ from evoros.base.checks import LEAST_STEP_S, NOT_NEGATIVE, POSITIVE, checked, nu
 from evoros.base.errors import InputError
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
-from evoros.simulator.engines.mujoco_model import Models, Settings
+from evoros.simulator.engines.mujoco_model import Models, Settings, count_movable
 from evoros.simulator.engines.mujoco_simulation import MujocoSimulation
 from evoros.simulator.engines.mujoco_team import MujocoTeam
 from evoros.simulator.engines.teams import check_team
@@ -23,6 +23,9 @@ from evoros.world.model import World
 
 MAX_STEP_S = 0.025
 """The longest step at which the rover drives within 1 % of geometry (``docs/fidelity.md``)."""
+
+MOST_MOVABLE = 5000
+"""Movable bodies of a world: MuJoCo compiles these in 5 s for each design, 20,000 in 112 s."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,20 @@ class Mujoco:
     def __post_init__(self) -> None:
         if find_spec("mujoco") is None:
             raise _not_installed()
+
+    def check_world(self, world: World) -> None:
+        """Refuse worlds of too many movable bodies; fixed ones may be any number.
+
+        Raises:
+            InputError: there are more than ``MOST_MOVABLE``.
+        """
+        count = count_movable(world)
+        if count > MOST_MOVABLE:
+            raise InputError(
+                f"must have at most {MOST_MOVABLE} movable bodies for simulator=mujoco, not "
+                f"{count}, because it would compile them for minutes in every design; make those "
+                f"that nothing moves static, or use simulator=pybullet"
+            )
 
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator[MujocoSimulation]:

@@ -44,8 +44,9 @@ def standing_obstacles(world: World) -> tuple[Body, ...]:
     reaches stays where it is. Where the ground is not level, each obstacle is lowered by the height
     of the ground below it.
     """
-    grounds = [0.0 if world.is_level else _ground_below(world, body) for body in world.obstacles]
-    bodies = list(world.obstacles)
+    bodies, is_level = list(world.obstacles), world.is_level
+    floor = [body for body in world.bodies if body.is_ground]
+    grounds = [0.0 if is_level else _ground_below(floor, body) for body in bodies]
     lowest = [min(bottom_height(s, body.pose @ s.pose) for s in body.shapes) for body in bodies]
     falls = [
         body.mass is not None and bottom - ground > GAP_M
@@ -61,8 +62,8 @@ def standing_obstacles(world: World) -> tuple[Body, ...]:
     return tuple(_lower(body, ground) for body, ground in zip(bodies, grounds, strict=True))
 
 
-def _ground_below(world: World, body: Body) -> float:
-    return ground_height(world.bodies, body.pose.position[:2]) or 0.0
+def _ground_below(floor: Sequence[Body], body: Body) -> float:
+    return ground_height(floor, body.pose.position[:2]) or 0.0
 
 
 def _place(body: Body) -> list[_Placed]:
