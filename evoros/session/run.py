@@ -70,7 +70,7 @@ class Session:
     def _report_repeatability(self, pool: Pool) -> None:
         """Check the first mission of a new run, with each of its controllers."""
         experiment = self.experiment
-        if self.record.outcomes:
+        if len(self.record.rows):
             return
         individual = experiment.start_search().ask()[0]
         design = experiment.space.decode(individual.genome)
@@ -123,7 +123,7 @@ class _RunObserver:
             "best_loss": None if last is None else last.loss,
             "mean_loss": None if last is None else last.mean_loss,
             "confirmed": 0 if last is None else len(last.losses),
-            "missions": len(self.record.outcomes),
+            "missions": len(self.record.rows),
         }
 
 
@@ -169,7 +169,7 @@ def _count_generations(record: RunFolder, experiment: Experiment) -> int:
     recorded = record.read_status().get("generations")
     if isinstance(recorded, int):
         return max(recorded, written)
-    if not record.outcomes:  # ended before it wrote one
+    if not len(record.rows):  # ended before it wrote one
         return written
     LOGGER.warning(
         "%s: missing or damaged; the run goes on to %d generations, those of %s or of its tables; "

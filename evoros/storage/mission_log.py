@@ -83,11 +83,16 @@ class MissionLog:
         for name in originals:
             self.digests.add({name: describe_file((self.path / name).read_bytes())})
 
-    def append(self, rows: Sequence[Sequence[object]]) -> None:
-        """Write finished missions, which then survive a kill of this process."""
-        if rows:
-            self._note_growth()
-            self.table.append(rows)
+    def append(self, rows: Sequence[Sequence[object]]) -> list[int]:
+        """Write finished missions, which then survive a kill of this process.
+
+        Returns:
+            The place of each row in the table.
+        """
+        if not rows:
+            return []
+        self._note_growth()
+        return self.table.append(rows)
 
     def _note_growth(self) -> None:
         self.digests.add({MISSIONS: self._growing})

@@ -6,7 +6,7 @@ import hashlib
 import os
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import chain
+from itertools import accumulate, chain
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
@@ -17,7 +17,7 @@ from evoros.base.errors import InputError
 from evoros.base.log import LOGGER
 from evoros.storage.creation import require_whole
 from evoros.storage.layout import FORMAT_VERSION, LOG, MISSIONS
-from evoros.storage.seals import DIGEST, is_sealed, seal_rows
+from evoros.storage.seals import DIGEST, is_sealed, seal_rows, split_lines
 from evoros.storage.tables import to_csv
 
 Row = TypeVar("Row")
@@ -38,6 +38,7 @@ class MissionTable:
         self.header = begin_table(self._columns).encode()  # the first line
         self.damage: dict[int, bytes] = {}
         self._last = 1, b""  # row that was read
+        self.place = 0  # of that row in the file
         if not self.path.exists() and (folder / LOG).is_file():
             LOGGER.warning("%s: missing; written anew, and all missions run again", self.path)
             write_atomically(self.path, self.header)
@@ -48,10 +49,18 @@ class MissionTable:
         self.sync()
         self._file.close()
 
-    def append(self, rows: Sequence[Sequence[object]]) -> None:
-        """Write finished missions, which then survive a kill of this process."""
-        self._file.write(seal_rows(to_csv(rows)))
+    def append(self, rows: Sequence[Sequence[object]]) -> list[int]:
+        """Write finished missions, which then survive a kill of this process.
+
+        Returns:
+            The place of each row in the file.
+        """
+        content = seal_rows(to_csv(rows))
+        end = self._file.seek(0, os.SEEK_END)
+        self._file.write(content)
         self._file.flush()
+        lengths = [len(line) for line in split_lines(content)]
+        return list(accumulate(lengths[:-1], initial=end))
 
     def sync(self) -> None:
         """Make the system write the missions to the disk itself, against a loss of power."""
@@ -69,22 +78,37 @@ class MissionTable:
         """
         self._file.seek(0)
         header, found, end = self._file.readline(), 0, 0
+        at = len(header)
         for number, line in enumerate(self._file, 2):
             if is_sealed(line):
-                self._last = number, line
+                self._last, self.place = (number, line), at
                 yield self._parse(number, line, parse)
                 found += 1
             elif line.endswith(b"\n") or is_sealed(line[:-1] + b"\n"):
                 self.damage[number] = line
             else:
-                end = self._file.tell() - len(line)
+                end = at
+            at += len(line)
         if header != self.header:
             if self.damage and not found:
                 raise self.refuse_header()
             self.damage[1] = header
         if end:
             self._file.truncate(end)
-            self._file.seek(end)
+
+    def read_row(self, place: int, parse: Callable[[Mapping[str, str]], Row]) -> Row:
+        """Read the row at a place again.
+
+        Raises:
+            InputError: it has been damaged since.
+        """
+        line = self._read_line(place)
+        if not is_sealed(line):
+            raise InputError(
+                f"{self.path}: damaged at byte {place} since it was opened (a bad disk, or an "
+                f"editor); resume the run to mend it"
+            )
+        return parse(self._split(line))
 
     def refuse_header(self) -> InputError:
         """Return the error for columns that are those of another version."""

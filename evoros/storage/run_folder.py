@@ -1,6 +1,6 @@
 """The run folder, the journal of an evolution on disk."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -18,6 +18,7 @@ from evoros.mission.scenario import Scenario
 from evoros.storage.creation import create_folder, require_unused
 from evoros.storage.digests import describe_file
 from evoros.storage.figure_context import FigureContext
+from evoros.storage.generation_rows import GenerationRows
 from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, ROBOT_AS_LOADED, SETTING, read_json
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.mission_table import begin_table
@@ -45,8 +46,8 @@ ROBOT = "robot.urdf"  # of the champion, as it was described
 class RunFolder(MissionLog):
     """An open run folder.
 
-    ``outcomes`` maps the key of each finished mission to the key of its draws and its outcome.
-    ``keeps_all`` says whether it has the trajectory of each of them in ``trajectories``.
+    ``rows`` finds the finished missions. ``keeps_all`` says whether ``trajectories`` has those of
+    all of them.
     """
 
     def __init__(self, path: Path) -> None:
@@ -55,15 +56,31 @@ class RunFolder(MissionLog):
         super().__init__(path, _header(agents))
         self.keeps_all = manifest.get("record") == ALL
         self.trajectories = TrajectoryFiles(self)
-        self.outcomes: dict[MissionKey, tuple[str, Outcome]] = {}
+        self._parse = partial(read_mission, agents=agents)
         try:
-            for key, draws, outcome in self.read_missions(partial(read_mission, agents=agents)):
-                if key in self.outcomes:
-                    self.table.reject()
-                self.outcomes.setdefault(key, (draws, outcome))
+            self.rows = self._locate(lambda row: self._parse(row)[0])
         except BaseException:
             self.close()
             raise
+
+    def _locate(self, read: Callable[[Mapping[str, str]], MissionKey] = read_key) -> GenerationRows:
+        """Find the rows of all missions; the second one of a mission counts as damaged."""
+        rows = GenerationRows(lambda place: self.table.read_row(place, self._parse))
+        found: set[MissionKey] = set()
+        for key in self.read_missions(read):
+            if key in found:
+                self.table.reject()
+            else:
+                found.add(key)
+                rows.note(key, self.table.place)
+        return rows
+
+    def mend(self, setting: str, originals: Sequence[str]) -> None:
+        """Mend as in every folder, and find the rows where they are then."""
+        moved = bool(self.table.damage)
+        super().mend(setting, originals)
+        if moved:
+            self.rows = self._locate()
 
     @classmethod
     def create(
@@ -86,8 +103,8 @@ class RunFolder(MissionLog):
             InputError: a mission whose trajectory was missing has another outcome than recorded.
         """
         new = [result for result in results if not self._repeats(*result)]
-        self.append([mission_row(mission, outcome) for mission, outcome in new])
-        self.outcomes |= {mission.key: (mission.draws, outcome) for mission, outcome in new}
+        places = self.append([mission_row(mission, outcome) for mission, outcome in new])
+        self.rows.add([(mission.key, mission.draws, outcome) for mission, outcome in new], places)
 
     def _repeats(self, mission: Mission, outcome: Outcome) -> bool:
         """Whether the mission has a row, which must be that of this outcome."""
@@ -129,8 +146,11 @@ class RunFolder(MissionLog):
         Raises:
             InputError: it was recorded under other draws.
         """
-        draws, outcome = self.outcomes.get(mission.key, ("", None))
-        if outcome is not None and draws != mission.draws:
+        found = self.rows.find(mission.key)
+        if found is None:
+            return None
+        draws, outcome = found
+        if draws != mission.draws:
             raise InputError(
                 f"{self.path / MISSIONS}: the mission {mission.key} was recorded under the draws "
                 f"{draws}, not {mission.draws}: the run was made by another version or has been "
@@ -151,14 +171,14 @@ class RunFolder(MissionLog):
 
     def complete(self) -> None:
         """Put the rows of missions into the order of generation, design, world and trial."""
-        worlds = sorted({world for _, _, world, _ in self.outcomes})
-        ranks = {world: rank for rank, world in enumerate(worlds)}
+        ranks = {world: rank for rank, world in enumerate(sorted(self.rows.worlds))}
 
         def order(row: Mapping[str, str]) -> tuple[int, ...]:
             generation, design, world, trial = read_key(row)
             return generation, design, ranks[world], trial
 
         self.finish(order)
+        self.rows = self._locate()
 
     def has_champion(self, champion: Champion) -> bool:
         """Whether the champion on disk is this one, with the trajectories that are kept."""

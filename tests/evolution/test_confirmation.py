@@ -18,6 +18,7 @@ from evoros.fitness.scoring import compute_fitness
 from evoros.mission.plan import POLICIES, Plan
 from evoros.simulator.pybullet import PyBullet
 from evoros.storage.run_folder import RunFolder
+from evoros.storage.tables import read_mission
 
 STRICT = ("confirmation=strict", "optimizer.population_size=6")
 PLACE = ["generation", "design", "world", "trial"]
@@ -104,7 +105,7 @@ def test_each_generations_best_few_have_the_fitness_of_the_confirming_simulator(
     """And all others that of the run's own: every column follows from the missions."""
     plan, fitness = strict("trials=2").plan, strict().fitness
     with RunFolder(whole) as folder:
-        outcomes = {place: outcome for place, (_, outcome) in folder.outcomes.items()}
+        outcomes = {key: outcome for key, _, outcome in folder.read_missions(read_mission)}
     settled = 0
     table = load_run(whole).generations.drop_duplicates("id")  # where each was new
     for number in range(3):

@@ -17,6 +17,7 @@ from evoros.fitness.scoring import compute_fitness
 from evoros.mission.outcome import TRAJECTORY, Outcome
 from evoros.mission.rollout import run_mission
 from evoros.storage.reading import load_run
+from evoros.storage.tables import read_mission
 
 
 @pytest.mark.parametrize(("draws", "workers"), [("generation", 3), ("individual", 2), ("run", 1)])
@@ -58,7 +59,7 @@ def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
     from evoros.storage.run_folder import RunFolder
 
     with RunFolder(run) as folder:
-        outcomes = {place: outcome for place, (_, outcome) in folder.outcomes.items()}
+        outcomes = {key: outcome for key, _, outcome in folder.read_missions(read_mission)}
     table = load_run(run).generations
     search = experiment.start_search()
     for number in range(experiment.optimizer.generations):

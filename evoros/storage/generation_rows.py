@@ -1,0 +1,51 @@
+"""The outcomes of a run's missions, of which only one generation is kept in memory."""
+
+from array import array
+from collections.abc import Callable, Sequence
+
+from evoros.mission.mission import MissionKey
+from evoros.mission.outcome import Outcome
+
+Recorded = tuple[MissionKey, str, Outcome]
+"""The key of a mission, the key of its draws, and its outcome."""
+
+ReadRow = Callable[[int], Recorded]
+"""Reads the row at a place in the table of missions."""
+
+
+class GenerationRows:
+    """Where the rows of each generation are, and the outcomes of the generation in use.
+
+    A mission costs 8 bytes of memory, so that runs may have any number of them.
+    """
+
+    def __init__(self, read_row: ReadRow) -> None:
+        self._read_row = read_row
+        self.worlds: set[str] = set()  # that the missions are in
+        self._places: dict[int, array[int]] = {}  # in the table, by the generation
+        self._generation = -1  # in use
+        self._outcomes: dict[MissionKey, tuple[str, Outcome]] = {}  # of it
+
+    def __len__(self) -> int:
+        return sum(map(len, self._places.values()))
+
+    def find(self, key: MissionKey) -> tuple[str, Outcome] | None:
+        """Return the key of the draws and the outcome of a mission; None if it has no row."""
+        generation = key[0]
+        if generation != self._generation:
+            rows = map(self._read_row, self._places.get(generation, ()))
+            self._outcomes = {key: (draws, outcome) for key, draws, outcome in rows}
+            self._generation = generation
+        return self._outcomes.get(key)
+
+    def note(self, key: MissionKey, place: int) -> None:
+        """Note the place of a row that has been read."""
+        self.worlds.add(key[2])
+        self._places.setdefault(key[0], array("q")).append(place)
+
+    def add(self, rows: Sequence[Recorded], places: Sequence[int]) -> None:
+        """Add rows that have been written."""
+        for (key, draws, outcome), place in zip(rows, places, strict=True):
+            self.note(key, place)
+            if key[0] == self._generation:
+                self._outcomes[key] = (draws, outcome)
