@@ -5,8 +5,9 @@
 Missions of ``evoros-evaluate`` are replaced by a sleep, or by nothing; everything else is real:
 their plan, calls, answers and rows on disk. Simulated workers are threads of dask workers that
 sleep themselves and start no processes, so that hundreds fit on one machine. Scheduler, simulated
-workers and main process share its cores. Prints tables in Markdown for docs/performance.md. Modes:
-``overhead`` and ``throughput``; ``measure`` is for one row, in a process that the others start.
+workers and main process share its cores, so that the CPU time of each counts beside wall clock.
+Prints tables in Markdown for docs/performance.md. Modes: ``overhead`` and ``throughput``;
+``measure`` is for one row, in a process that the others start.
 """
 
 import json
@@ -16,34 +17,47 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
+from statistics import median
 from typing import Any
 
+from evoros.base.rng import generator
 from evoros.cli.evaluate import evaluate
+from evoros.config.compose import compose
 from evoros.evolution import calls, dispatch
 from evoros.executor.node import Request
 from evoros.executor.payload import MISSING, RETURNED, Kept, MissingError, Shared, unpack_call
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
+from evoros.storage.tables import design_table
 
 LOOPBACK = ("--host", "127.0.0.1", "--no-dashboard")
 KEPT = Kept()
 OUTCOMES: dict[bytes, Any] = {}
-SLEEP = "EVOROS_BENCHMARK_SLEEP_S"
+DESIGNS = 300
+ROUNDS = 3
+SIMULATED = ((0.2, 2, 60), (0.2, 8, 60), (0.2, 64, 60), (0.2, 512, 90), (0.015, 100, 60))
+"""Time of a mission [s], workers, and time of the row [s]. A planar mission takes about 0.015 s."""
 
 
 def sleep_for_outcomes(
     packed: Shared, missions: Sequence[Mission], seconds: float, sleep_s: float
-) -> list[calls.CallResult]:
+) -> calls.CallAnswer:
     """Stand in for ``run_for_outcomes``: each mission sleeps and has the outcome of the first."""
     if packed.digest not in OUTCOMES:
         OUTCOMES[packed.digest] = run_mission(calls._unpack(packed), missions[0])[0]
-    end, done = time.perf_counter() + seconds, 0
+    begun, done = time.perf_counter(), 0
+    end = begun + seconds
     while done < len(missions) and (not done or time.perf_counter() < end):
-        if sleep_s:
-            time.sleep(sleep_s)
         done += 1
-    return [(OUTCOMES[packed.digest], None)] * done
+        # Until a point in time: a thread that wakes late, because others run, catches up.
+        time.sleep(max(0.0, begun + done * sleep_s - time.perf_counter()))
+    # Copies, because pickle would write and read one outcome once.
+    results: list[calls.CallResult] = [
+        (replace(OUTCOMES[packed.digest]), None) for _ in range(done)
+    ]
+    return calls.CallAnswer(results, done, time.perf_counter() - begun)
 
 
 class Replaced:
@@ -54,7 +68,7 @@ class Replaced:
 
     def __call__(
         self, packed: Shared, missions: Sequence[Mission], seconds: float, keep: bool
-    ) -> list[calls.CallResult]:
+    ) -> calls.CallAnswer:
         """Sleep for each mission."""
         return sleep_for_outcomes(packed, missions, seconds, self.sleep_s)
 
@@ -73,37 +87,60 @@ def answer_in_thread(wanted: dict[str, str], request: bytes) -> tuple[int, bytes
 
 
 def measure(arguments: Sequence[str], sleep_s: float | None, threads: bool) -> dict[str, float]:
-    """Run an evaluation with replaced missions (None: with real ones); returns the rate.
+    """Run an evaluation with replaced missions (None: with real ones).
 
-    It is that between a fifth and nine tenths of the missions: without the start of the workers,
-    and without the end, at which some have no work.
+    Returns missions a second, the CPU time of this process in us a mission, and how many workers
+    were busy with missions, all between a fifth and nine tenths of the missions: without the start
+    of the workers, and without the end, at which some have no work.
     """
-    counts: list[tuple[float, int]] = []  # missions that have ended by a time
+    counts: list[tuple[float, float, float, int]] = []  # wall, CPU and busy time, missions so far
     patched: Any = dispatch
-    original = patched.Dispatcher.run
+    original, note, busy_s = patched.Dispatcher.run, patched.Pace.note, 0.0
+
+    def noted(self: Any, finished: int, timed: int, seconds: float) -> None:
+        nonlocal busy_s
+        busy_s += seconds
+        note(self, finished, timed, seconds)
 
     def timed(self: Any, *args: Any) -> Iterator[Any]:
         for results in original(self, *args):
             yield results
-            before = counts[-1][1] if counts else 0
-            counts.append((time.perf_counter(), before + len(results)))
+            before = counts[-1][-1] if counts else 0
+            now = time.perf_counter(), time.process_time()
+            counts.append((*now, busy_s, before + len(results)))
 
-    patched.Dispatcher.run = timed
+    patched.Dispatcher.run, patched.Pace.note = timed, noted
     if sleep_s is not None:
         patched.run_for_outcomes = Replaced(sleep_s)
     if threads:
         from evoros.executor import dask_transport
 
         dask_transport.answer = answer_in_thread
-    cpu, wall = time.process_time(), time.perf_counter()
     status = evaluate(arguments)
     if status:
         raise SystemExit(status)
-    total = counts[-1][1]
-    middle = [each for each in counts if 0.2 * total <= each[1] <= 0.9 * total]
-    (begun, first), (ended, last) = middle[0], middle[-1]
-    busy = (time.process_time() - cpu) / (time.perf_counter() - wall)
-    return {"missions": total, "rate": (last - first) / (ended - begun), "cpu": busy}
+    total = counts[-1][-1]
+    middle = [each for each in counts if 0.2 * total <= each[-1] <= 0.9 * total]
+    wall, cpu, busy, number = (b - a for a, b in zip(middle[0], middle[-1], strict=True))
+    return {
+        "missions": total,
+        "rate": number / wall,
+        "cpu_us": 1e6 * cpu / number,
+        "busy": busy / wall,
+    }
+
+
+def write_designs(file: Path) -> None:
+    """Write a table of random designs."""
+    space, rng = compose(["simulator=planar"]).build().space, generator("0", "fleet")
+    designs = {i: space.decode(rng.random(space.size)) for i in range(DESIGNS)}
+    file.write_text(design_table(designs))
+
+
+def read_cpu(pid: int) -> float:
+    """Return the CPU time of a process so far [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def run_row(words: Sequence[str], launcher: Sequence[str] = ()) -> dict[str, float]:
@@ -146,66 +183,81 @@ def start_cluster(folder: Path, workers: int) -> list["subprocess.Popen[bytes]"]
     return started
 
 
-def measure_throughput(folder: Path, designs: Path) -> None:
-    print("| mission s | workers | missions | missions/s | busy % | main process, CPU % |")
-    print("|---|---|---|---|---|---|")
-    for sleep_s, seconds in ((0.2, 20.0), (0.01, 10.0)):
-        for workers in (2, 8, 64, 512):
-            wanted = min(workers / sleep_s * seconds, 100_000)
-            processes = start_cluster(folder, workers)
-            try:
-                row = run_row(
-                    [
-                        str(folder),
-                        "measure",
-                        str(sleep_s),
-                        "threads",
-                        "simulator=planar",
-                        f"designs={designs}",
-                        f"trials={max(1, int(wanted / 3))}",
-                        "executor=dask",
-                        f"executor.address={folder / 'scheduler.json'}",
-                        f"hydra.run.dir={folder / f'sleep-{sleep_s}-{workers}'}",
-                    ]
-                )
-            finally:
-                for process in processes:
-                    process.kill()
-                    process.wait()
-            rate, cpu = row["rate"], 100 * row["cpu"]
-            busy = 100 * rate * sleep_s / workers
-            print(
-                f"| {sleep_s:g} | {workers} | {row['missions']:,.0f} | {rate:,.0f} | {busy:.1f} "
-                f"| {cpu:.0f} |",
-                flush=True,
-            )
+def measure_simulated(folder: Path, sleep_s: float, workers: int, wanted: float) -> None:
+    processes = start_cluster(folder, workers)
+    try:
+        words = [
+            "simulator=planar",
+            f"designs={folder / 'designs.csv'}",
+            f"trials={max(1, round(wanted / 3 / DESIGNS))}",
+            "executor=dask",
+            f"executor.address={folder / 'scheduler.json'}",
+            f"hydra.run.dir={folder / f'sleep-{sleep_s}-{workers}'}",
+        ]
+        begun, before = time.perf_counter(), [read_cpu(each.pid) for each in processes]
+        row = run_row([str(folder), "measure", str(sleep_s), "threads", *words])
+        wall = time.perf_counter() - begun
+        used = [read_cpu(each.pid) - cpu for each, cpu in zip(processes, before, strict=True)]
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+    rate = row["rate"]
+    print(
+        f"| {sleep_s:g} | {workers} | {row['missions']:,.0f} | {rate:,.0f} "
+        f"| {100 * row['busy'] / workers:.1f} | {row['cpu_us']:.0f} "
+        f"| {1e6 * used[0] / row['missions']:.0f} | {sum(used[1:]) / wall:.2f} "
+        f"| {os.getloadavg()[0]:.1f} |",
+        flush=True,
+    )
 
 
-def measure_overhead(folder: Path, designs: Path) -> None:
-    mpi = ["mpiexec", "--bind-to", "none", "-n", "3", sys.executable, "-m", "mpi4py.futures"]
-    print("| executor | workers | us a mission that does nothing | planar missions/s |")
-    print("|---|---|---|---|")
-    for name, options, launcher in (
+def measure_throughput(folder: Path) -> None:
+    print(
+        "| mission s | workers | missions | missions/s | busy % | us a mission, main process ",
+        end="",
+    )
+    print("| us a mission, scheduler | cores, simulated workers | load |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for sleep_s, workers, seconds in SIMULATED:
+        measure_simulated(folder, sleep_s, workers, workers / sleep_s * seconds)
+
+
+def measure_overhead(folder: Path) -> None:
+    mpi = ["mpiexec", "--oversubscribe", "--bind-to", "none", "-n", "3"]
+    mpi += ["--allow-run-as-root"] * (os.geteuid() == 0) + [sys.executable, "-m", "mpi4py.futures"]
+    executors: list[tuple[str, list[str], list[str]]] = [
         ("serial", [], []),
         ("processes", ["executor.workers=2"], []),
         ("dask", ["executor.workers=2"], []),
         ("mpi", [], mpi),
-    ):
-        rows = []
-        for sleep, trials in (("0", 20_000), ("none", 400)):
-            run = folder / f"{name}-{sleep}"
-            words = [
-                "simulator=planar",
-                f"designs={designs}",
-                f"trials={trials}",
-                f"executor={name}",
-                *options,
-            ]
-            words += [f"hydra.run.dir={run}"]
-            rows.append(run_row([str(folder), "measure", sleep, "processes", *words], launcher))
-        nothing, planar = (1 / row["rate"] for row in rows)
-        workers = 1 if name == "serial" else 2
-        print(f"| {name} | {workers} | {1e6 * nothing:.0f} | {1 / planar:,.0f} |", flush=True)
+    ]
+    rows: dict[tuple[str, str], list[dict[str, float]]] = {}
+    for number in range(ROUNDS):  # in turn, so that other programs disturb all of them
+        for name, options, launcher in executors:
+            for sleep, trials in (("0", 200), ("none", 2)):
+                words = [
+                    "simulator=planar",
+                    f"designs={folder / 'designs.csv'}",
+                    f"trials={trials}",
+                    f"executor={name}",
+                    *options,
+                    f"hydra.run.dir={folder / f'{name}-{sleep}-{number}'}",
+                ]
+                row = run_row([str(folder), "measure", sleep, "processes", *words], launcher)
+                rows.setdefault((name, sleep), []).append(row)
+    print(
+        "| executor | workers | us a mission that does nothing | CPU us of it, main process ",
+        end="",
+    )
+    print("| planar missions/s | load |")
+    print("|---|---|---|---|---|---|")
+    for name, _, _ in executors:
+        nothing = median(1e6 / row["rate"] for row in rows[name, "0"])
+        cpu = median(row["cpu_us"] for row in rows[name, "0"])
+        planar = median(row["rate"] for row in rows[name, "none"])
+        workers, load = 1 if name == "serial" else 2, os.getloadavg()[0]
+        print(f"| {name} | {workers} | {nothing:.0f} | {cpu:.0f} | {planar:,.0f} | {load:.1f} |")
 
 
 def main() -> None:
@@ -219,12 +271,9 @@ def main() -> None:
         print(json.dumps(row))
         return
     folder.mkdir(parents=True)
-    designs = folder / "designs"
-    command = ["evoros", "simulator=planar", "optimizer.generations=1", "figures=[]"]
-    command.append(f"hydra.run.dir={designs}")
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    write_designs(folder / "designs.csv")
     for mode in modes:
-        {"overhead": measure_overhead, "throughput": measure_throughput}[mode](folder, designs)
+        {"overhead": measure_overhead, "throughput": measure_throughput}[mode](folder)
         print()
 
 

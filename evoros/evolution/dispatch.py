@@ -4,6 +4,7 @@ A call to a worker process costs the main process about 0.2 ms, and a mission in
 takes milliseconds.
 """
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
@@ -15,7 +16,9 @@ from typing import Any, Protocol, TypeVar
 
 from evoros.base.arrays import Array
 from evoros.base.errors import EvorosError, LaunchError, PilotLost, RunStopped, WorkerLost
-from evoros.evolution.calls import CallResult, call_time, pack, run_for_outcomes, run_for_trajectory
+from evoros.evolution.calls import CallAnswer, call_time, pack, run_for_outcomes, run_for_trajectory
+from evoros.evolution.pace import Pace
+from evoros.executor.payload import Shared
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import LOST, Outcome
@@ -30,9 +33,8 @@ CALLS_PER_WORKER = 3
 """Calls submitted ahead for each worker: enough that none waits, few to lose."""
 NEW_WORKERS_S = 1.0
 """Workers that join while all calls are long get some after this time [s]."""
-BLOCK = 10_000
-"""Missions dispatched at a time: memory stays flat, and at the end of a block no worker waits
-longer than one mission takes."""
+MISSIONS_OUT = 50_000
+"""Missions in calls at a time, some seconds of work for the main process: memory stays flat."""
 
 
 class MissionRecord(Protocol):
@@ -68,6 +70,7 @@ class Dispatcher:
     keep_log: Callable[[Mission, str], None] = _discard_log  # of a mission that lost its pilot
     keep_trajectory: Callable[[Scenario, Mission, Array], None] | None = None
     """Gets the trajectory of each mission of ``run`` before its outcome is yielded."""
+    paces: dict[bytes, Pace] = field(default_factory=dict)  # of scenarios, by their digest
 
     def run_missing(
         self,
@@ -78,21 +81,20 @@ class Dispatcher:
     ) -> None:
         """Run the missions that ``record`` does not have.
 
-        Each is recorded before ``notify`` is called with it. ``missions`` is consumed in blocks,
-        so that it may be a generator of any length.
+        Each is recorded before ``notify`` is called with it. ``missions`` is consumed as calls are
+        submitted, so that it may be a generator of any length.
 
         Raises:
             InputError: a mission was recorded under other draws.
             RunStopped: see ``run``.
         """
         missing = (mission for mission in missions if not record.has(mission))
-        while block := list(islice(missing, BLOCK)):
-            for results in self.run(scenario, block):
-                record.record(results)
-                for mission, outcome in results:
-                    notify(mission, outcome)
+        for results in self.run(scenario, missing):
+            record.record(results)
+            for mission, outcome in results:
+                notify(mission, outcome)
 
-    def run(self, scenario: Scenario, missions: Sequence[Mission]) -> Iterator[list[MissionResult]]:
+    def run(self, scenario: Scenario, missions: Iterable[Mission]) -> Iterator[list[MissionResult]]:
         """Run the missions and yield their outcomes as calls finish, in no particular order.
 
         A call that raises or is lost is repeated one mission at a time, so that its error is that
@@ -101,7 +103,9 @@ class Dispatcher:
         Raises:
             RunStopped: a mission crashed or hung despite its retries, and ``lost`` is ``STOP``.
         """
-        batch = _Batch(scenario, self.pool, list(reversed(missions)))
+        packed = pack(scenario)
+        pace = self.paces.setdefault(packed.digest, Pace())
+        batch = _Batch(scenario, packed, self.pool, iter(missions), pace)
         batch.keeps = self.keep_trajectory is not None
         try:
             while batch.submit():
@@ -153,38 +157,48 @@ class Dispatcher:
 
 @dataclass
 class _Batch:
-    """The missions of one ``Dispatcher.run``: they wait, the next last, or are in a call."""
+    """The missions of one ``Dispatcher.run``: they are to come, wait, or are in a call."""
 
     scenario: Scenario
+    packed: Shared
     pool: Pool
-    waiting: list[Mission]
+    coming: Iterator[Mission]
+    pace: Pace
+    waiting: deque[Mission] = field(default_factory=deque)
     alone: list[Mission] = field(default_factory=list)  # from calls that failed
-    calls: dict[Future[list[CallResult]], list[Mission]] = field(default_factory=dict)
-    finished: SimpleQueue[Future[list[CallResult]]] = field(default_factory=SimpleQueue)
-    size: int = 1  # how many missions a call has time for, as far as known
+    calls: dict[Future[CallAnswer], list[Mission]] = field(default_factory=dict)
+    finished: SimpleQueue[Future[CallAnswer]] = field(default_factory=SimpleQueue)
     keeps: bool = False  # whether calls return trajectories
 
     def submit(self) -> bool:
         """Keep the workers busy; return whether any call is running."""
         workers = max(1, self.pool.workers)  # the first may be on its way
-        packed, seconds = pack(self.scenario), call_time(workers)
-        while (self.alone or self.waiting) and len(self.calls) < workers * CALLS_PER_WORKER:
-            missions = self._pop_missions(workers)
-            future = self.pool.submit(run_for_outcomes, packed, missions, seconds, self.keeps)
+        seconds = call_time(workers)
+        while len(self.calls) < workers * CALLS_PER_WORKER:
+            missions = self._pop_missions(workers, seconds)
+            if not missions:
+                break
+            future = self.pool.submit(run_for_outcomes, self.packed, missions, seconds, self.keeps)
             self.calls[future] = missions
             future.add_done_callback(self.finished.put)
             if future.done():  # the pool is this process: record before the next mission starts
                 break
         return bool(self.calls)
 
-    def _pop_missions(self, workers: int) -> list[Mission]:
+    def _pop_missions(self, workers: int, seconds: float) -> list[Mission]:
+        """Return the missions of the next call; none if there are no more."""
         if self.alone:
             return [self.alone.pop()]
+        most = max(1, MISSIONS_OUT // (CALLS_PER_WORKER * workers))
+        size = min(self.pace.fit(seconds), most)
         if self.scenario.is_live:
-            return [self.waiting.pop()]  # so that the executor's attempts are those at one mission
-        # A share of what is left, so that at the end all workers have about as much to do.
-        share = len(self.waiting) // (2 * workers)
-        return [self.waiting.pop() for _ in range(max(1, min(self.size, share)))]
+            size = 1  # so that the executor's attempts are those at one mission
+        # All workers get calls of this size. Once that is more than what is left, each gets a share
+        # of it, so that at the end all have about as much to do.
+        shares = 2 * workers
+        self.waiting.extend(islice(self.coming, max(0, size * shares - len(self.waiting))))
+        size = max(1, min(size, len(self.waiting) // shares))
+        return [self.waiting.popleft() for _ in range(min(size, len(self.waiting)))]
 
     def collect(self, dispatcher: Dispatcher) -> tuple[list[MissionResult], EvorosError | None]:
         """Wait for calls to finish; return their results, and the error that ends the run.
@@ -201,33 +215,25 @@ class _Batch:
                 continue
             worst = partial(_lost_outcome, self.scenario, missions[0])
             try:
-                outputs = dispatcher.take_result(missions[0], future, worst)
+                answer = dispatcher.take_result(missions[0], future, worst)
             except EvorosError as problem:
                 first_error = first_error or problem
                 continue
-            for mission, (outcome, trajectory) in zip(missions, outputs, strict=False):
+            for mission, (outcome, trajectory) in zip(missions, answer.results, strict=False):
                 if dispatcher.keep_trajectory is not None and trajectory is not None:
                     dispatcher.keep_trajectory(self.scenario, mission, trajectory)
                 results.append((mission, outcome))
-            if error is None:
-                self._adapt_size(missions, len(outputs))
+            self.pace.note(len(answer.results), answer.timed, answer.seconds)
+            self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # no time for them
         return results, first_error
 
-    def _await_finished(self) -> list[Future[list[CallResult]]]:
+    def _await_finished(self) -> list[Future[CallAnswer]]:
         found = []
         with suppress(Empty):
             found.append(self.finished.get(timeout=NEW_WORKERS_S))
             while True:
                 found.append(self.finished.get_nowait())
         return found
-
-    def _adapt_size(self, missions: Sequence[Mission], finished: int) -> None:
-        """Grow calls that had time for all their missions; put the unfinished ones back."""
-        if finished == len(missions):
-            self.size = max(self.size, finished + finished // 2 + 1)
-        else:
-            self.size = finished
-            self.waiting += reversed(missions[finished:])
 
     def cancel(self) -> None:
         """Cancel the calls that have not started."""
@@ -239,8 +245,9 @@ def _lost_trajectory(scenario: Scenario, mission: Mission, reason: str) -> Array
     return empty_trajectory(scenario, mission)
 
 
-def _lost_outcome(scenario: Scenario, mission: Mission, reason: str) -> list[CallResult]:
-    return [(failed_mission(scenario, mission, LOST, reason), empty_trajectory(scenario, mission))]
+def _lost_outcome(scenario: Scenario, mission: Mission, reason: str) -> CallAnswer:
+    outcome = failed_mission(scenario, mission, LOST, reason)
+    return CallAnswer([(outcome, empty_trajectory(scenario, mission))])
 
 
 def _error_of(future: "Future[Any]") -> BaseException | None:

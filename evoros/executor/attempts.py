@@ -9,7 +9,7 @@ from typing import Any
 from evoros.base.checks import MOST, Rule, is_whole
 from evoros.base.errors import WorkerLost
 from evoros.executor.payload import PILOT_LOST, RAISED, RETURNED, Answer, Call
-from evoros.executor.worker_handle import GRACE_S, START_LIMIT_S, NoAnswerError, Worker
+from evoros.executor.worker_handle import NoAnswerError, Worker
 
 
 def null_or_whole(minimum: int) -> Rule:
@@ -35,14 +35,6 @@ class Limits:
         It imports from ``folders`` first.
         """
         return Worker(closing, self.time_limit_s, self.calls_per_worker, folders)
-
-    @property
-    def longest_s(self) -> float:
-        """The time [s] after which a call has been answered, or never will be.
-
-        A fresh process may have to start for each attempt.
-        """
-        return (self.retries + 1) * (START_LIMIT_S + self.time_limit_s + 2 * GRACE_S)
 
     def attempt(self, call: Call, worker: Worker) -> Answer:
         """Attempt the call until it is answered, as often as the settings allow.

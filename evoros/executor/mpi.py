@@ -20,7 +20,7 @@ class Mpi:
     The job is started by ``mpiexec -n RANKS python -m mpi4py.futures -m evoros ...``. Each rank has
     a process of its own for calls. A call that crashes or hangs therefore costs that process only,
     as with ``Processes``, and the fields mean the same. MPI ends the whole job when a rank is lost.
-    A rank that stops to answer ends the run, because MPI cannot do without it.
+    A rank that is silent for a minute ends the run, because MPI cannot do without it.
 
     Raises:
         InputError: a value breaks its rule.
@@ -47,7 +47,7 @@ class Mpi:
             ) from error
         limits = Limits(self.time_limit_s, self.retries, self.calls_per_worker)
         with ExitStack() as stack:
-            transport = stack.enter_context(mpi_transport.connect(limits))
+            transport = stack.enter_context(mpi_transport.connect())
             pool = RemotePool(transport, limits, shares_files=False)
             stack.callback(pool.close)
             yield pool

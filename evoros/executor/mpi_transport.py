@@ -13,25 +13,28 @@ from mpi4py.futures import MPIPoolExecutor, _core
 
 from evoros.base.console import STOPPED
 from evoros.base.errors import RunStopped
-from evoros.executor import node
-from evoros.executor.attempts import Limits
+from evoros.executor import mpi_heartbeat, node
+from evoros.executor.mpi_heartbeat import Silences
 from evoros.executor.remote import RawAnswer
 
 COMMAND = "mpiexec -n RANKS python -m mpi4py.futures -m evoros ..."
 LOOK_S = 0.5
-"""The main process looks that often for calls that should have ended [s]."""
+"""The main process looks that often for heartbeats [s]."""
+PAUSE_S = 2.0
+"""Two looks that are further apart [s] are so because this process did not run."""
 ABORT_S = 10.0
 """After this time [s] the job is ended by force if a rank does not answer: it would wait for it."""
 
 
 def answer(wanted: dict[str, str], request: bytes) -> RawAnswer:
     """Run a call in a rank; see ``node.answer``."""
+    mpi_heartbeat.begin()
     name = f"rank {MPI.COMM_WORLD.Get_rank()} on {socket.gethostname()}"
     return (*node.answer(wanted, request), name)
 
 
 @contextmanager
-def connect(limits: Limits) -> Iterator["MpiTransport"]:
+def connect() -> Iterator["MpiTransport"]:
     """Take the ranks of the job.
 
     Raises:
@@ -43,7 +46,7 @@ def connect(limits: Limits) -> Iterator["MpiTransport"]:
             f"executor=mpi: must be started as an MPI job of at least 2 ranks, the first of which "
             f"runs evoros; type: {COMMAND}"
         )
-    transport = MpiTransport(MPIPoolExecutor(main=False), ranks - 1, limits.longest_s)
+    transport = MpiTransport(MPIPoolExecutor(main=False), ranks - 1, Silences())
     try:
         yield transport
     finally:
@@ -53,15 +56,14 @@ def connect(limits: Limits) -> Iterator["MpiTransport"]:
 class MpiTransport:
     """Sends each call as a task of its own; ranks do not come and go.
 
-    A rank that has not answered a call after ``limit_s`` never will.
+    If one is silent for too long, the run ends, because MPI cannot do without it.
     """
 
-    def __init__(self, executor: Any, workers: int, limit_s: float) -> None:
+    def __init__(self, executor: Any, workers: int, silences: Silences) -> None:
         self.workers = workers
         self._executor = executor
-        self._limit_s = limit_s
+        self._silences = silences
         self._out: dict[Future[RawAnswer], Future[RawAnswer]] = {}  # by the task that carries it
-        self._since: dict[Future[RawAnswer], float] = {}  # when a task was first seen to run
         self._lock = Lock()
         self._closing = Event()
         self._lost: RunStopped | None = None
@@ -99,12 +101,12 @@ class MpiTransport:
         This does not wait for them: if the job is being ended, there is hardly a second left.
         """
         self._closing.set()
+        self._watcher.join(LOOK_S)  # before MPI is finalized
         self._executor.shutdown(wait=False, cancel_futures=True)
 
     def _receive(self, task: "Future[RawAnswer]") -> None:
         with self._lock:
             sent = self._out.pop(task, None)
-            self._since.pop(task, None)
         if sent is None:
             return
         if task.cancelled():
@@ -117,25 +119,25 @@ class MpiTransport:
                 sent.set_exception(error)
 
     def _watch(self) -> None:
-        """Look for a rank that does not answer any more."""
-        while self._lost is None and not self._closing.wait(LOOK_S):
+        """Look for a rank that is silent."""
+        before = monotonic()
+        while not self._closing.wait(LOOK_S):
             now = monotonic()
+            passed, before = min(now - before, PAUSE_S), now
             with self._lock:
-                for task in self._out:
-                    if task.running() and now - self._since.setdefault(task, now) > self._limit_s:
-                        self._lost = RunStopped(
-                            f"executor=mpi: a rank has not answered for {self._limit_s:g} s, "
-                            f"longer than any call takes; start the job without its machine"
-                        )
-                        break
-        if self._lost is not None:
-            self._lose(self._lost)
+                running = sum(task.running() for task in self._out)
+            lost = self._silences.pass_time(passed, mpi_heartbeat.receive(), running)
+            if lost:
+                reason = f"executor=mpi: {lost}; start the job without its machine"
+                self._lose(RunStopped(reason))
+                return
 
     def _lose(self, reason: RunStopped) -> None:
         abort = Timer(ABORT_S, MPI.COMM_WORLD.Abort, (STOPPED,))  # MPI waits for all ranks
         abort.daemon = True
         abort.start()
         with self._lock:
+            self._lost = reason
             out, self._out = self._out, {}
         for sent in out.values():
             if sent.set_running_or_notify_cancel():

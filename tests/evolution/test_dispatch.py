@@ -3,7 +3,7 @@
 import os
 import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers import USER_PARTS
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
@@ -22,6 +24,7 @@ from evoros.design.design import Design
 from evoros.evolution import calls, dispatch
 from evoros.evolution.dispatch import CALLS_PER_WORKER, Dispatcher, MissionResult
 from evoros.evolution.experiment import Experiment
+from evoros.evolution.pace import FIRST, GROWTH, Pace
 from evoros.executor.processes import Processes
 from evoros.executor.protocol import Executor
 from evoros.executor.serial import Serial
@@ -277,11 +280,11 @@ class Memory:
         self.reported.append(mission.key)
 
 
-@pytest.mark.parametrize("block", [1, 7, 10_000])
+@pytest.mark.parametrize("out", [1, 7, 10_000])
 def test_missions_that_are_recorded_are_not_run_again(
-    block: int, monkeypatch: pytest.MonkeyPatch
+    out: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(dispatch, "BLOCK", block)
+    monkeypatch.setattr(dispatch, "MISSIONS_OUT", out)
     memory, scenario = Memory(), harmless(99)
     known = [mission for i, mission in enumerate(missions()) if i % 3 == 0]
     for results in Dispatcher(Watched(at_once=True), STOP).run(scenario, known):
@@ -302,7 +305,7 @@ def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.Monk
     pool = Watched(at_once=True)
     monkeypatch.setattr(calls, "CALL_S", 1e9)
     list(Dispatcher(pool, STOP).run(experiment().scenario, missions()))
-    assert pool.sizes[0] == 1
+    assert pool.sizes[0] == FIRST
     assert max(pool.sizes) >= 7
     assert len(pool.sizes) < len(missions()) / 2
     begun = np.cumsum([0, *pool.sizes])[:-1]
@@ -313,14 +316,19 @@ def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.Monk
     monkeypatch.setattr(calls, "CALL_S", 0.0)
     monkeypatch.setattr(calls, "CALLS_PER_S", np.inf)
     list(Dispatcher(pool, STOP).run(experiment().scenario, missions()))
-    assert max(pool.sizes[1:]) <= 2  # it tries once more whether there is time now
+    assert set(pool.sizes[1:]) == {1}
     assert len(pool.sizes) == len(missions())
+
+
+def begin(pool: Watched) -> dispatch._Batch:
+    scenario = experiment().scenario
+    return dispatch._Batch(scenario, calls.pack(scenario), pool, iter(missions()), Pace())
 
 
 @pytest.mark.parametrize("workers", [1, 3])
 def test_only_a_few_calls_are_submitted_ahead(workers: int) -> None:
     pool = Watched(workers=workers)
-    batch = dispatch._Batch(experiment().scenario, pool, list(missions()))
+    batch = begin(pool)
     while batch.submit():
         assert len(pool.calls) <= workers * CALLS_PER_WORKER
         pool.finish()
@@ -330,11 +338,62 @@ def test_only_a_few_calls_are_submitted_ahead(workers: int) -> None:
 
 def test_calls_ahead_follow_the_number_of_workers() -> None:
     pool = Watched(workers=0)  # none has joined, but the first may find a call
-    batch = dispatch._Batch(experiment().scenario, pool, list(missions()))
+    batch = begin(pool)
     for workers, calls_out in ((0, 1), (1, 1), (2, 2), (5, 5), (1, 5)):  # none is called back
         pool.workers = workers
         assert batch.submit()
         assert len(pool.calls) == calls_out * CALLS_PER_WORKER
+
+
+def test_missions_are_planned_as_calls_are_submitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that neither memory nor the start of a run grows with the number of missions."""
+    monkeypatch.setattr(dispatch, "MISSIONS_OUT", 12)
+    planned, ended = 0, 0
+
+    def plan() -> Iterator[Mission]:
+        nonlocal planned
+        for mission in missions():
+            planned += 1
+            yield mission
+
+    pool = Watched(at_once=True, workers=2)
+    for results in Dispatcher(pool, STOP).run(experiment().scenario, plan()):
+        ended += len(results)
+        assert planned <= ended + 12
+    assert max(pool.sizes) <= 12 // (2 * CALLS_PER_WORKER)
+    assert planned == ended == len(missions())
+
+
+def test_what_is_known_of_missions_holds_for_the_next_generation() -> None:
+    pool = Watched(at_once=True)
+    dispatcher = Dispatcher(pool, STOP)
+    for generation in range(2):
+        pool.sizes.clear()
+        list(dispatcher.run(experiment().scenario, missions()))
+        assert (pool.sizes[0] == FIRST) == (generation == 0)
+
+
+def test_the_first_mission_of_a_scenario_in_a_process_is_not_timed() -> None:
+    """It loads machine code, which takes seconds."""
+    packed = calls.pack(harmless(99))
+    calls._unpack.cache_clear()
+    timed = [calls.run_for_outcomes(packed, missions()[:3], 1e9, False).timed for _ in range(2)]
+    assert timed == [2, 3]
+
+
+@given(mission_s=st.floats(1e-5, 30.0), call_s=st.floats(0.05, 5.0), before_s=st.floats(1e-5, 30.0))
+def test_calls_get_as_many_missions_as_they_have_time_for(
+    mission_s: float, call_s: float, before_s: float
+) -> None:
+    """Also if missions took another time before, as those of other designs do."""
+    pace = Pace()
+    for now_s in (before_s, mission_s):
+        for _ in range(200):
+            size = pace.fit(call_s)
+            assert 1 <= size <= max(FIRST, GROWTH * pace.most)
+            finished = min(size, int(call_s / now_s) + 1)
+            pace.note(finished, finished, finished * now_s)
+    assert pace.fit(call_s) - 0.5 == pytest.approx(call_s / mission_s, rel=0.01, abs=0.6)
 
 
 def test_many_workers_get_longer_calls_and_few_get_the_shortest() -> None:

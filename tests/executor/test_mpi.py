@@ -14,6 +14,7 @@ from mpi_cases import start_job
 from evoros.base.console import DONE, STOPPED
 from evoros.base.errors import InputError
 from evoros.executor.mpi import Mpi
+from evoros.executor.mpi_heartbeat import FIRST_S, SILENT_S, WARN_S, Silences
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
 
@@ -128,10 +129,11 @@ from mpi4py.futures import MPIPoolExecutor
 from evoros.base.errors import RunStopped
 from evoros.executor import mpi_transport
 from evoros.executor.attempts import Limits
+from evoros.executor.mpi_heartbeat import Silences
 from evoros.executor.remote import RemotePool
 if __name__ == "__main__":
     limits = Limits(60, 0, None)
-    transport = mpi_transport.MpiTransport(MPIPoolExecutor(main=False), 1, 3.0)
+    transport = mpi_transport.MpiTransport(MPIPoolExecutor(main=False), 1, Silences(3.0))
     pool = RemotePool(transport, limits, False)
     assert pool.submit(process_id).result(60)
     try:
@@ -148,8 +150,36 @@ def test_a_stopped_rank_ends_the_run_which_mpi_would_not_notice(tmp_path: Path) 
     (tmp_path / "stopped.py").write_text(STOPPED_RANK)
     job = start_job(2, ["stopped.py", str(TESTS)], tmp_path)
     output, errors = job.communicate(timeout=LIMIT_S)
-    assert output.startswith("executor=mpi: a rank has not answered for 3 s, longer than any call")
+    assert output.startswith("executor=mpi: rank 1 on "), errors
+    assert "has been silent for 3 s; start the job without its machine" in output
     assert job.returncode == STOPPED, errors
+
+
+def test_silent_ranks_are_reported_once_and_then_lost(caplog: pytest.LogCaptureFixture) -> None:
+    """However long their calls take; one that beats again is forgiven."""
+    silences = Silences()
+    assert not silences.pass_time(1.0, ["rank 1", "rank 2"], 2)
+    for _ in range(int(WARN_S) + 1):
+        assert not silences.pass_time(1.0, ["rank 1"], 2)
+    assert [record.getMessage() for record in caplog.records] == [
+        "executor=mpi: rank 2 has been silent for 15 s; the run stops if it is for 60 s"
+    ]
+    assert not silences.pass_time(1.0, ["rank 2", "rank 1"], 2)
+    assert max(silences.by_rank.values()) == 0.0
+    for _ in range(int(SILENT_S)):
+        assert not silences.pass_time(1.0, ["rank 1"], 2)
+    assert silences.pass_time(1.0, ["rank 1"], 2) == "rank 2 has been silent for 60 s"
+    assert len(caplog.records) == 2
+
+
+def test_a_rank_that_was_never_heard_is_lost_only_if_it_has_a_call() -> None:
+    silences = Silences()
+    assert not silences.pass_time(1.0, ["rank 1"], 1)
+    for _ in range(int(FIRST_S)):
+        assert not silences.pass_time(1.0, ["rank 1"], 1)
+    for _ in range(int(FIRST_S)):
+        assert not silences.pass_time(1.0, ["rank 1"], 2)
+    assert "since it got its first call" in silences.pass_time(1.0, ["rank 1"], 2)
 
 
 @pytest.mark.parametrize("values", [{"time_limit_s": 0}, {"retries": -1}, {"calls_per_worker": 0}])
