@@ -26,9 +26,10 @@ class Dask:
 
     Each thread of a dask worker has a process of its own for calls. A call that crashes or hangs
     therefore costs that process only, as with ``Processes``, and ``time_limit_s``, ``retries`` and
-    ``calls_per_worker`` mean the same. Calls of a worker that is lost itself run on another one; a
-    call that loses so many as dask's setting ``distributed.scheduler.allowed-failures`` says is
-    given up. Workers may join and leave at any time.
+    ``calls_per_worker`` mean the same. Calls of a worker that is lost itself run on another one. A
+    call with which more workers end than dask's setting ``distributed.scheduler.allowed-failures``
+    is tried again while no other is suspected, and given up if it ends as many again. Workers may
+    join and leave at any time.
 
     A worker whose Python, evoros, numpy, numba or arithmetic differs from those of the main
     process gets no calls.

@@ -52,6 +52,7 @@ class DaskTransport:
         self._excluded: set[str] = set()
         self._out: set[_Sending] = set()  # only the loop's thread uses it
         self._numbers = count()
+        self._suspect = asyncio.Lock()  # held by the one that is tried
         self._lock = Lock()
         self._closing = Event()
         self._lost: RunStopped | None = None
@@ -128,28 +129,14 @@ class DaskTransport:
         """Submit a call and wait for its answer; this does not depend on other calls."""
         self._out.add(sending)
         try:
-            while True:
-                if self._lost is not None:
-                    raise self._lost
-                try:
-                    return await self._attempt(sending)
-                except asyncio.CancelledError:
-                    if not sending.stranded:
-                        raise
-                    sending.stranded, sending.nodes = False, None
-        except KilledWorker as error:
-            raise WorkerLost(
-                f"{sending.name}: lost {error.allowed_failures + 1} times or more because its "
-                f"dask worker ended; read what {error.last_worker.address} printed, and give "
-                f"workers more memory if theirs ran out"
-            ) from error
+            return await self._try_twice(sending)
         except (asyncio.CancelledError, FutureCancelledError) as error:
             if isinstance(error, FutureCancelledError) and not self._closing.is_set():
                 self._lose("the connection broke")
             if self._lost is not None:
                 raise self._lost from error
             raise asyncio.CancelledError from error
-        except RunStopped:
+        except (RunStopped, WorkerLost):
             raise
         except Exception as error:  # ``answer`` raises nothing: it could not be found or called
             raise RunStopped(
@@ -159,6 +146,41 @@ class DaskTransport:
             ) from error
         finally:
             self._out.discard(sending)
+
+    async def _try_twice(self, sending: "_Sending") -> RawAnswer:
+        """Try a call until workers have ended with it too often; then again as the only suspect.
+
+        dask counts the ends of a worker against all calls that it has, also those that wait behind
+        the one to blame. Those pass the second time, because the suspects are tried one by one.
+
+        Raises:
+            WorkerLost: workers ended with it too often again.
+        """
+        with suppress(KilledWorker):
+            return await self._persist(sending)
+        async with self._suspect:
+            try:
+                return await self._persist(sending)
+            except KilledWorker as error:
+                times = error.allowed_failures + 1  # that dask has counted; it misses some
+                raise WorkerLost(
+                    f"{sending.name}: lost because at least {2 * times} dask workers ended that "
+                    f"had it, {times} of them while no other call was suspected; read what "
+                    f"{error.last_worker.address} printed, and give workers more memory if theirs "
+                    f"ran out"
+                ) from error
+
+    async def _persist(self, sending: "_Sending") -> RawAnswer:
+        """Try a call, and once more whenever the workers have left that it was sent to."""
+        while True:
+            if self._lost is not None:
+                raise self._lost
+            try:
+                return await self._attempt(sending)
+            except asyncio.CancelledError:
+                if not sending.stranded:
+                    raise
+                sending.stranded, sending.nodes = False, None
 
     async def _attempt(self, sending: "_Sending") -> RawAnswer:
         task = self._client.submit(

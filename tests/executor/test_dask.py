@@ -166,19 +166,20 @@ def test_workers_with_other_software_get_no_calls(
 
 @pytest.mark.slow
 def test_a_call_that_kills_its_workers_is_found_and_costs_no_other(tmp_path: Path) -> None:
+    """Not even those behind it in the only worker, which dask blames as much."""
     tally = str(tmp_path / "tally")
     with cluster(tmp_path, workers=0) as nannied:
-        for _ in range(2):
-            nannied.add_worker(None, "--nanny")
+        nannied.add_worker(None, "--nanny")
         with Dask(nannied.address).open() as pool:
-            healthy = [pool.submit(square, n) for n in range(4)]
+            assert pool.submit(square, 0).result(LIMIT_S) == 0
             killer = pool.submit(kill_worker, tally)
-            with pytest.raises(WorkerLost, match="kill_worker: lost 4 times or more") as loss:
+            behind = [pool.submit(square, n) for n in range(1, 5)]
+            with pytest.raises(WorkerLost, match="lost because at least 8 dask workers") as loss:
                 killer.result(LIMIT_S)
-            assert [call.result(LIMIT_S) for call in healthy] == [0, 1, 4, 9]
+            assert [call.result(LIMIT_S) for call in behind] == [1, 4, 9, 16]
             assert pool.submit(square, 5).result(LIMIT_S) == 25
     assert "\n" not in str(loss.value)
-    assert 4 <= len(noted(tally)) <= 8
+    assert 8 <= len(noted(tally)) <= 16
 
 
 def test_the_number_of_workers_follows_the_cluster(tmp_path: Path) -> None:
