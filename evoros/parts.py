@@ -68,7 +68,7 @@ from evoros.filter.silence import Silence
 from evoros.fitness.protocol import Fitness
 from evoros.formats.urdf.tree import Urdf
 from evoros.mission.outcome import Outcome
-from evoros.optimizer.protocol import Candidate, Individual, Optimizer, Search, Space
+from evoros.optimizer.protocol import Candidate, Individual, Optimizer, Score, Search, Space
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import (
     CONTACT as CONTACT_SIGNAL,
@@ -109,7 +109,7 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "LiveController", "LimitedController", "VersionedController", "Briefing", "Pilot",
     "start_process", "OutsideProcess",
     "Simulator", "TeamSimulator", "PlacedRobot", "Simulation", "Optimizer", "Search", "Space",
-    "Individual", "Candidate", "Executor", "Pool", "Fitness", "Outcome",
+    "Individual", "Candidate", "Score", "Executor", "Pool", "Fitness", "Outcome",
     # Errors that a part may raise.
     "InputError", "SimulationError", "WorkerLost", "PilotLost", "LaunchError",
 ]

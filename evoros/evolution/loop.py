@@ -30,8 +30,7 @@ def evolve(
     search = experiment.start_search()
     for number in range(generations):
         individuals = search.ask()
-        fitness = scores.evaluate(number, individuals)
-        candidates = search.tell(fitness)
+        candidates = search.tell(scores.evaluate(number, individuals))
         generation = scores.conclude(number, candidates)
         journal.write_generation(generation)
         observer.generation(generation)

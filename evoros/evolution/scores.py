@@ -9,7 +9,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation, Journal, Observer
 from evoros.fitness.scoring import compute_fitness
 from evoros.mission.plan import CONFIRMATION, SELECTION, VALIDATION
-from evoros.optimizer.protocol import Candidate, Individual
+from evoros.optimizer.protocol import Candidate, Individual, Score
 
 
 @dataclass
@@ -25,8 +25,8 @@ class Scores:
     validated: dict[int, float] = field(default_factory=dict)  # under draws of their own
     born: dict[int, int] = field(default_factory=dict)  # the generation in which each was new
 
-    def evaluate(self, generation: int, individuals: Sequence[Individual]) -> list[float]:
-        """Return the fitness of each new individual; the confirmed one if there is one.
+    def evaluate(self, generation: int, individuals: Sequence[Individual]) -> dict[int, Score]:
+        """Return the score of each new individual; its fitness is confirmed if it was confirmed.
 
         Raises:
             InputError: the journal has a mission under other draws, or a score is not finite.
@@ -44,7 +44,7 @@ class Scores:
         self.born.update(dict.fromkeys(designs, generation))
         self.screened.update(screened)
         self.confirmed.update(confirmed)
-        return [confirmed.get(number, screened[number]) for number in designs]
+        return {number: Score(confirmed.get(number, screened[number])) for number in designs}
 
     def conclude(self, number: int, candidates: Sequence[Candidate]) -> Generation:
         """Return the generation of these candidates, whose best is validated.

@@ -1,7 +1,7 @@
 """The genetic algorithm of Evo-ROS (2018), Section 5, "Evolutionary Parameters", and Table 1."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -11,7 +11,15 @@ from numpy.random import Generator
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, PROBABILITY, WHOLE, Rule, checked, is_number, one_of
 from evoros.base.errors import InputError
-from evoros.optimizer.protocol import Aspect, Candidate, Individual, Search, Space, check_fitness
+from evoros.optimizer.protocol import (
+    Aspect,
+    Candidate,
+    Individual,
+    Score,
+    Search,
+    Space,
+    check_scores,
+)
 
 STEP = Rule("a number greater than 0, at most 1", lambda v: is_number(v) and 0 < v <= 1)
 
@@ -61,6 +69,7 @@ class _GeneticSearch:
         self._fitness: dict[int, float] = {}  # by the individual's id
         self._created = 0
         self._pool: list[tuple[Individual, str]] = []  # with the operator that filled each place
+        self._elite: Individual | None = None
         for _ in range(settings.population_size):
             individual = self._create(rng.random(space.size), (), "initial")
             self._pool.append((individual, "initial"))
@@ -68,14 +77,12 @@ class _GeneticSearch:
     def ask(self) -> list[Individual]:
         return [member for member, _ in self._pool if member.id not in self._fitness]
 
-    def tell(self, fitness: Sequence[float]) -> list[Candidate]:
+    def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
         asked = self.ask()
-        check_fitness(fitness, asked)
-        new = {individual.id for individual in asked}
-        self._fitness |= {
-            individual.id: float(value) for individual, value in zip(asked, fitness, strict=True)
-        }
-        winners = self._select(new)
+        check_scores(scores, asked)
+        self._fitness |= {number: float(score.fitness) for number, score in scores.items()}
+        winners = self._select({individual.id for individual in asked})
+        self._elite = self._pool[winners[0]][0]
         copies = Counter(winners)
         table = [
             Candidate(member, operator, self._fitness[member.id], copies[place])
@@ -83,6 +90,9 @@ class _GeneticSearch:
         ]
         self._breed([self._pool[place][0] for place in winners])
         return table
+
+    def champions(self) -> list[Individual]:
+        return [] if self._elite is None else [self._elite]
 
     def _select(self, new: set[int]) -> list[int]:
         """Return the places in the pool of the next population, the elite first."""

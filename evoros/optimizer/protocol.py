@@ -1,8 +1,8 @@
 """The protocols of optimizers: individuals, the search space, ask and tell."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 from numpy.random import Generator
@@ -22,6 +22,15 @@ class Individual:
 
 
 @dataclass(frozen=True)
+class Score:
+    """What the missions of a design gave."""
+
+    fitness: float  # maximized
+    objectives: tuple[float, ...] = ()  # maximized too, in the order of the experiment's
+    descriptor: tuple[float, ...] = ()  # in the order of the experiment's descriptors
+
+
+@dataclass(frozen=True)
 class Candidate:
     """One row of a generation's table."""
 
@@ -30,16 +39,28 @@ class Candidate:
     fitness: float
     survived: int  # how many copies of it are in the next population
 
+    def rescored(self, scores: Mapping[int, Score]) -> "Candidate":
+        """Return the candidate with its new score, if there is one."""
+        score = scores.get(self.individual.id)
+        return self if score is None else replace(self, fitness=float(score.fitness))
+
 
 class Search(Protocol):
-    """A started optimizer: ask, evaluate, tell. Fitness is maximized."""
+    """A started optimizer: ask, evaluate, tell."""
 
     def ask(self) -> Sequence[Individual]:
         """Return the individuals of the next generation that need evaluation."""
         ...
 
-    def tell(self, fitness: Sequence[float]) -> Sequence[Candidate]:
-        """Take the fitness of these individuals, in order; return the table of the generation."""
+    def tell(self, scores: Mapping[int, Score]) -> Sequence[Candidate]:
+        """Take the scores of individuals, by their id; return the table of the generation.
+
+        They are those of ``ask``, and any earlier ones whose score has changed since.
+        """
+        ...
+
+    def champions(self) -> Sequence[Individual]:
+        """Return what the search has found, the best first: a design, a front or an archive."""
         ...
 
 
@@ -102,14 +123,21 @@ class Optimizer(Protocol):
         ...
 
 
-def check_fitness(fitness: Sequence[float], asked: Sequence[Individual]) -> None:
-    """Check that there is one number, not NaN, for each individual of ``ask``.
+def check_scores(scores: Mapping[int, Score], asked: Sequence[Individual]) -> None:
+    """Check that each individual of ``ask`` has a score, and that no number is NaN.
 
     Raises:
-        InputError: a number is missing, or NaN.
+        InputError: a score is missing, or has NaN.
     """
-    if len(fitness) != len(asked) or any(map(math.isnan, fitness)):
+    missing = [individual.id for individual in asked if individual.id not in scores]
+    if missing:
         raise InputError(
-            f"fitness: must be {len(asked)} numbers, not {list(fitness)}; "
-            f"give one for each individual of ask()"
+            f"scores: must have one for each individual of ask(), and has none for {missing}; "
+            f"add them"
         )
+    for number, score in scores.items():
+        if any(map(math.isnan, (score.fitness, *score.objectives, *score.descriptor))):
+            raise InputError(
+                f"scores: the fitness, objectives and descriptor must be numbers, not {score} of "
+                f"individual {number}; correct what computes them"
+            )

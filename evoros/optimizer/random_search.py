@@ -1,14 +1,14 @@
 """Random search: the baseline that every other optimizer has to beat."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, WHOLE, checked
-from evoros.optimizer.protocol import Candidate, Individual, Search, Space, check_fitness
+from evoros.optimizer.protocol import Candidate, Individual, Score, Search, Space, check_scores
 
 
 @dataclass(frozen=True)
@@ -35,19 +35,23 @@ class _RandomSearch:
     def ask(self) -> list[Individual]:
         return self._asked
 
-    def tell(self, fitness: Sequence[float]) -> list[Candidate]:
-        check_fitness(fitness, self._asked)
-        table = [] if self._best is None else [self._best]
-        table += [
-            Candidate(individual, individual.operator, value, 0)
-            for individual, value in zip(self._asked, fitness, strict=True)
+    def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
+        check_scores(scores, self._asked)
+        table = [
+            Candidate(individual, individual.operator, float(scores[individual.id].fitness), 0)
+            for individual in self._asked
         ]
+        if self._best is not None:
+            table.insert(0, self._best.rescored(scores))
         row = max(range(len(table)), key=lambda row: table[row].fitness)
         best = table[row]
-        self._best = Candidate(best.individual, "survivor", best.fitness, 0)
-        table[row] = Candidate(best.individual, best.operator, best.fitness, 1)
+        self._best = replace(best, operator="survivor")
+        table[row] = replace(best, survived=1)
         self._draw_generation()
         return table
+
+    def champions(self) -> list[Individual]:
+        return [] if self._best is None else [self._best.individual]
 
     def _draw_generation(self) -> None:
         ids = range(self._created, self._created + self._population_size)

@@ -11,6 +11,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import TRAJECTORY, Outcome
 from evoros.mission.rollout import run_mission
+from evoros.optimizer.protocol import Score
 from evoros.session.run import rebuild_experiment
 from evoros.storage.reading import Run, load_run
 
@@ -63,7 +64,7 @@ def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
     if run.generations.empty:
         return designs
     for _, table in run.generations.groupby("generation"):
-        fitness = table.drop_duplicates("id").set_index("id").fitness
-        search.tell([float(fitness[individual.id]) for individual in search.ask()])
+        fitness = table.drop_duplicates("id").set_index("id").fitness.to_dict()
+        search.tell({number: Score(float(value)) for number, value in fitness.items()})
         designs |= {individual.id: space.decode(individual.genome) for individual in search.ask()}
     return designs

@@ -21,6 +21,7 @@ from evoros.design.genes import Gene
 from evoros.design.region import Region
 from evoros.design.space import DesignSpace, SensorDesign
 from evoros.optimizer.ga import GeneticAlgorithm
+from evoros.optimizer.protocol import Score
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
 
@@ -97,7 +98,7 @@ def test_no_operator_ever_leaves_the_valid_designs(name: str, step: float) -> No
         asked = search.ask()
         for individual in asked:
             assert_valid(space, individual.genome)
-        search.tell(rng.random(len(asked)).tolist())
+        search.tell({one.id: Score(rng.random()) for one in asked})
         made += len(asked)
 
 

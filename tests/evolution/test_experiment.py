@@ -16,6 +16,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.fitness.scoring import compute_fitness
 from evoros.mission.outcome import TRAJECTORY, Outcome
 from evoros.mission.rollout import run_mission
+from evoros.optimizer.protocol import Score
 from evoros.storage.reading import load_run
 from evoros.storage.tables import read_mission
 
@@ -64,11 +65,11 @@ def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
     search = experiment.start_search()
     for number in range(experiment.optimizer.generations):
         asked = search.ask()
-        scores = []
+        scores = {}
         for one in asked:
             design = experiment.space.decode(one.genome)
             missions = experiment.plan.selection(number, one.id, design)
-            scores.append(compute_fitness(experiment.fitness, missions, outcomes))
+            scores[one.id] = Score(compute_fitness(experiment.fitness, missions, outcomes))
         candidates = search.tell(scores)
         rows = table[table["generation"] == number]
         assert list(rows["id"]) == [candidate.individual.id for candidate in candidates]

@@ -14,7 +14,16 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.resources import bundled_folder
 from evoros.optimizer.ga import GeneticAlgorithm
-from evoros.optimizer.protocol import Aspect, Block, Candidate, Individual, Optimizer, Search, Space
+from evoros.optimizer.protocol import (
+    Aspect,
+    Block,
+    Candidate,
+    Individual,
+    Optimizer,
+    Score,
+    Search,
+    Space,
+)
 from evoros.optimizer.random_search import RandomSearch
 
 
@@ -59,7 +68,7 @@ def run(optimizer: Optimizer, space: Space, seed: int, fitness: Fitness) -> list
 
 def step(search: Search, fitness: Fitness) -> Generation:
     asked = list(search.ask())
-    return asked, list(search.tell([fitness(one) for one in asked]))
+    return asked, list(search.tell({one.id: Score(fitness(one)) for one in asked}))
 
 
 def noise(seed: int) -> Fitness:
@@ -132,15 +141,31 @@ def test_every_generation_asks_for_new_genomes_of_the_cube_and_tables_them(name:
 
 
 @pytest.mark.parametrize("name", CONFIGURED)
-@pytest.mark.parametrize("bad", ["nan", "few", "many"])
-def test_fitness_that_cannot_be_told_is_refused_and_changes_nothing(name: str, bad: str) -> None:
+@pytest.mark.parametrize(
+    "wrong", [Score(math.nan), Score(0.0, (math.nan,)), Score(0.0, (), (math.nan,)), None]
+)
+def test_scores_that_cannot_be_told_are_refused_and_change_nothing(
+    name: str, wrong: Score | None
+) -> None:
     search = CONFIGURED[name].start(THREE, np.random.default_rng(0))
     asked = search.ask()
-    wrong = {"nan": [math.nan] * len(asked), "few": [], "many": [0.0] * (len(asked) + 1)}
-    with pytest.raises(InputError, match="fitness"):
-        search.tell(wrong[bad])
+    good = {one.id: Score(0.0) for one in asked}
+    bad = {number: score for number, score in good.items() if number != asked[-1].id}
+    with pytest.raises(InputError, match="scores"):
+        search.tell(bad if wrong is None else {**bad, asked[-1].id: wrong})
     assert [one.id for one in search.ask()] == [one.id for one in asked]
-    search.tell([0.0] * len(asked))
+    search.tell(good)
+
+
+@pytest.mark.parametrize("name", CONFIGURED)
+def test_the_first_champion_is_the_best_so_far(name: str) -> None:
+    search = CONFIGURED[name].start(THREE, np.random.default_rng(2))
+    assert not search.champions()
+    best: Individual | None = None
+    for _ in range(4):
+        asked, _ = step(search, sphere)
+        best = max([*asked, *([best] if best else [])], key=sphere)
+        assert search.champions()[0].id == best.id
 
 
 # The genetic algorithm
