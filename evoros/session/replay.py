@@ -64,7 +64,8 @@ def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
     if run.generations.empty:
         return designs
     for _, table in run.generations.groupby("generation"):
-        fitness = table.drop_duplicates("id").set_index("id").fitness.to_dict()
-        search.tell({number: Score(float(value)) for number, value in fitness.items()})
+        rows = table.drop_duplicates("id")
+        fitness = zip(rows["id"].tolist(), rows["fitness"].tolist(), strict=True)
+        search.tell({number: Score(value) for number, value in fitness})
         designs |= {individual.id: space.decode(individual.genome) for individual in search.ask()}
     return designs
