@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result, run_main
-from evoros.base.disk import require_no_links
+from evoros.base.disk import exists, require_no_links
 from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.log import LOGGER, log_to_terminal
 from evoros.base.resources import expand_home
@@ -50,7 +50,7 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
     folders = [expand_home(path) for path in options.folders]
     subcommand = import_subcommand(options.subcommand)
     if options.output is None:
-        if any((folders[0] / name).exists() for name in MARKS):
+        if any(exists(folders[0] / name) for name in MARKS):
             require_no_links(folders[0])  # the figures may not be written through one
         options.output = folders[0] / getattr(subcommand, "OUTPUT", "figures")
     study = study or load_study(folders)

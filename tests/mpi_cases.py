@@ -24,8 +24,11 @@ def start_job(
     words: Sequence[str],
     folder: Path,
     last: Mapping[str, str] | None = None,
+    environment: Mapping[str, str] | None = None,
 ) -> "subprocess.Popen[str]":
-    """Start Python under ``mpi4py.futures``; ``last`` are variables of the last rank only."""
+    """Start Python under ``mpi4py.futures``; ``last`` are variables of the last rank only, and
+    ``environment`` those of all.
+    """
     job = [sys.executable, "-m", "mpi4py.futures", *words]
     parts = ["-n", str(ranks), *job]
     if last:
@@ -35,7 +38,7 @@ def start_job(
     return subprocess.Popen(
         ["mpiexec", *parts],
         cwd=folder,
-        env={**clean, **SETTINGS},
+        env={**clean, **SETTINGS, **(environment or {})},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -9,6 +9,8 @@ from evoros.base.errors import InputError
 
 CANNOT = (errno.EINVAL, errno.ENOTSUP)
 """What some network file systems answer for folders."""
+NO_RIGHTS = (errno.EACCES, errno.EPERM, errno.EROFS)
+GIVE_RIGHTS = "give this user the rights to read and write there"
 
 
 def sync(path: Path) -> None:
@@ -60,11 +62,11 @@ def require_no_links(folder: Path) -> None:
     deleted through them. The folder itself may be a link.
 
     Raises:
-        InputError: there is a symbolic link, a pipe or a device in it.
+        InputError: there is a symbolic link, a pipe or a device in it, or it cannot be read.
     """
     folders = [folder]
     while folders:
-        with os.scandir(folders.pop()) as entries:
+        with _scan(folders.pop()) as entries:
             for entry in entries:
                 if entry.is_dir(follow_symlinks=False):
                     folders.append(Path(entry.path))
@@ -74,3 +76,25 @@ def require_no_links(folder: Path) -> None:
                         f"{entry.path}: must be a file or a folder of its own, and is {kind}, "
                         f"which could lead out of {folder}; replace it by a copy, or delete it"
                     )
+
+
+def _scan(folder: str | Path) -> "os._ScandirIterator[str]":
+    try:
+        return os.scandir(folder)
+    except PermissionError as error:
+        raise InputError(f"{folder}: cannot be read ({error.strerror}); {GIVE_RIGHTS}") from error
+
+
+def exists(path: Path) -> bool:
+    """Whether there is such a file or folder that this user may see."""
+    try:
+        return path.exists()
+    except PermissionError:  # of a folder above it
+        return False
+
+
+def explain_rights(error: BaseException) -> str:
+    """Explain in one line an error for want of rights; empty for any other error."""
+    if not isinstance(error, OSError) or error.errno not in NO_RIGHTS or not error.filename:
+        return ""
+    return f"{error.filename}: cannot be used ({error.strerror}); {GIVE_RIGHTS}"

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED, print_result
+from evoros.base.disk import exists, explain_rights
 from evoros.base.errors import EvorosError, InputError, RunStopped, single_line
 from evoros.base.log import LOGGER
 from evoros.cli.signals import Signals
@@ -39,10 +40,13 @@ def explain_end(
     if isinstance(error, EvorosError):
         shown = hint if isinstance(error, RunStopped) else ""
         return JobResult(status_of(error), f"{error}{shown}")
+    rights = explain_rights(error)
+    if rights:
+        return JobResult(STOPPED, f"{rights}{hint}")
     # An error in the user's own part, a full disk, or a bug of evoros.
     message = single_line(f"{type(error).__name__}: {error}")
     log = folder / LOG
-    traceback = f" (traceback in {log})" if log.exists() else ""
+    traceback = f" (traceback in {log})" if exists(log) else ""
     return JobResult(STOPPED, f"{message}{traceback}{hint}")
 
 
@@ -50,7 +54,7 @@ def _resume_hint(folder: Path, config_dir: str | None) -> str:
     """What to type to go on; empty if the folder has not been made."""
     from evoros.storage.layout import MISSIONS, resume_command
 
-    if not (folder / MISSIONS).exists():
+    if not exists(folder / MISSIONS):
         return ""
     option = f" --config-dir {shlex.quote(config_dir)}" if config_dir else ""
     return f"; to continue type: {resume_command(folder)}{option}"

@@ -12,7 +12,7 @@ from typing import BinaryIO, TypeVar
 
 import numpy as np
 
-from evoros.base.disk import create_draft, sync, write_atomically
+from evoros.base.disk import GIVE_RIGHTS, create_draft, sync, write_atomically
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER
 from evoros.storage.creation import require_whole
@@ -200,12 +200,17 @@ def open_locked(path: Path) -> BinaryIO:
     """Open a table of missions for reading and writing, for this process alone.
 
     Raises:
-        InputError: there is none, or another process has it open.
+        InputError: there is none, this user cannot write there, or another process has it open.
     """
     require_whole(path.parent)
     if not path.is_file():
         raise InputError(
             f"{path.parent}: no run to resume: it has no {MISSIONS}; give the folder of a run"
+        )
+    if not all(os.access(each, os.R_OK | os.W_OK) for each in (path.parent, path)):
+        raise InputError(
+            f"{path.parent}: must be a folder that this user can write to, also to verify a "
+            f"finished run; {GIVE_RIGHTS}, or copy the folder and take the copy"
         )
     file = path.open("r+b")
     try:

@@ -8,14 +8,20 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from dask_cases import cluster
 from helpers import everything
+from mpi_cases import start_job
+
+from evoros.base.console import DONE
+from evoros.session.comparison import compare
 
 SMALL = ("simulator=planar", "executor.workers=1", "figures=[]", "record=all")
+WORKERS = ["executor.workers=2"]
 TINY = (*SMALL, "optimizer.population_size=3", "optimizer.generations=2", "trials=1")
 CASES = {
     "failures": ("failure=combined", "+filter@controller.localization.noise=pose_noise"),
@@ -40,7 +46,10 @@ def older_processor() -> dict[str, str]:
 
 def run(folder: Path, settings: Mapping[str, str], *overrides: str) -> None:
     """Run a small experiment in a process of its own."""
-    arguments = [*TINY, *overrides, f"hydra.run.dir={folder}"]
+    run_command([*TINY, *overrides, f"hydra.run.dir={folder}"], settings)
+
+
+def run_command(arguments: Sequence[str], settings: Mapping[str, str]) -> None:
     subprocess.run(
         [sys.executable, "-c", "from evoros.cli.run import main; main()", *arguments],
         env={**os.environ, **settings},
@@ -75,6 +84,36 @@ def test_every_kind_of_run_has_the_same_bytes_with_older_instructions(
     case: str, tmp_path: Path
 ) -> None:
     check_case(case, tmp_path, older_processor() | {"NUMBA_CPU_NAME": "generic"})
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="takes processors of Linux")
+def test_every_executor_has_the_same_folder_with_all_instructions_and_older_ones(
+    tmp_path: Path,
+) -> None:
+    """And so has a dask cluster of two workers, each of which computes like another processor."""
+    arguments = [each for each in TINY if not each.startswith("executor.")]
+    arguments += [*CASES["failures"], "trials=2"]
+    folders = []
+    for name, settings in {"here": {}, "there": older_processor()}.items():
+        for executor, workers in (("serial", []), ("processes", WORKERS), ("dask", WORKERS)):
+            folders.append(tmp_path / f"{executor}-{name}")
+            chosen = [f"executor={executor}", *workers, f"hydra.run.dir={folders[-1]}"]
+            run_command([*arguments, *chosen], settings)
+        folders.append(tmp_path / f"mpi-{name}")
+        chosen = ["executor=mpi", f"hydra.run.dir={folders[-1]}"]
+        job = start_job(3, ["-m", "evoros", *arguments, *chosen], tmp_path, None, settings)
+        _, errors = job.communicate(timeout=300)
+        assert job.returncode == DONE, errors
+    with cluster(tmp_path, workers=1) as mixed:
+        mixed.add_worker(older_processor())
+        folders.append(tmp_path / "mixed")
+        chosen = ["executor=dask", mixed.key, f"hydra.run.dir={folders[-1]}"]
+        run_command([*arguments, *chosen], {})
+    assert len(folders) == 9
+    compared = [compare(folders[0], folder) for folder in folders[1:]]
+    assert [each.difference for each in compared] == [""] * 8
+    assert {each.missions for each in compared} == {compared[0].missions}
 
 
 def test_the_settings_change_what_the_libraries_compute() -> None:

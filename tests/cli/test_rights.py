@@ -1,0 +1,225 @@
+"""Commands of a user without rights in a folder: one line, and nothing is lost.
+
+Root may write everywhere, so that commands of root give up this privilege first.
+"""
+
+import ctypes
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from dask_cases import cluster
+from helpers import TINY, USER_PARTS, content, everything, resume, start, tiny, wait_for_missions
+
+from evoros.base.console import DONE, INPUT, STOPPED
+
+LIMIT_S = 120.0
+DROP_FROM_BOUNDING_SET = 24  # PR_CAPBSET_DROP of prctl
+PASS_OVER_RIGHTS = (1, 2)  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH
+
+
+def obey_rights() -> None:
+    """Let the program that this process becomes have no more rights than the bits of files say."""
+    if os.geteuid() == 0:
+        for capability in PASS_OVER_RIGHTS:
+            ctypes.CDLL(None).prctl(DROP_FROM_BOUNDING_SET, capability, 0, 0, 0)
+
+
+def obedient(
+    code: str, arguments: list[str], cwd: Path, **environment: str
+) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *arguments],
+        cwd=cwd,
+        env={**os.environ, "PYTHONUNBUFFERED": "1", **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=obey_rights,
+    )
+
+
+def command(
+    entry: str, *arguments: str, cwd: Path, **environment: str
+) -> tuple[int, str, list[str]]:
+    """The exit status of a command, what it prints and the lines of its messages."""
+    code = f"from {entry} import main; main()"
+    process = obedient(code, [*arguments], cwd, **environment)
+    output, errors = process.communicate(timeout=LIMIT_S)
+    return process.returncode, output, errors.splitlines()
+
+
+@contextmanager
+def closed(folder: Path, bits: int = 0o222) -> Iterator[Path]:
+    """Take these rights away from a folder and all that is in it."""
+    paths = [folder, *folder.rglob("*")]
+    modes = {path: path.stat().st_mode for path in paths}
+    for path in reversed(paths):
+        path.chmod(modes[path] & ~bits)
+    try:
+        yield folder
+    finally:
+        for path in paths:
+            path.chmod(modes[path])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _rights_are_obeyed(tmp_path_factory: pytest.TempPathFactory) -> None:
+    with closed(tmp_path_factory.mktemp("probe")) as folder:
+        probe = obedient("open('file', 'w')", [], folder)
+        _, errors = probe.communicate(timeout=LIMIT_S)
+        if probe.returncode == 0:
+            pytest.skip("this user may write everywhere, and cannot give that up")
+        assert "PermissionError" in errors
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    run = tmp_path_factory.mktemp("whole") / "run"
+    assert tiny(run) == DONE
+    return run
+
+
+@pytest.mark.parametrize(
+    ("entry", "more"),
+    [
+        ("evoros.cli.run", ["hydra.run.dir=closed/new"]),
+        ("evoros.cli.run", ["-m", "seed=0", "hydra.sweep.dir=closed/new"]),
+        ("evoros.cli.evaluate", ["designs={whole}", "hydra.run.dir=closed/new"]),
+    ],
+)
+def test_a_folder_that_cannot_be_made_is_told_in_one_line(
+    entry: str, more: list[str], whole: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "closed").mkdir()
+    with closed(tmp_path / "closed") as folder:
+        arguments = [*(text.format(whole=whole) for text in more), *TINY, "executor=serial"]
+        status, _, errors = command(entry, *arguments, cwd=tmp_path)
+        assert status == INPUT
+        (line,) = errors
+        assert "closed/new" in line
+        assert "cannot be made (Permission denied); choose another with hydra.run.dir" in line
+        assert not any(folder.iterdir())
+
+
+def test_a_begun_run_that_can_be_read_only_is_left_as_it_is(whole: Path, tmp_path: Path) -> None:
+    run = begin(tmp_path)
+    before = everything(run)
+    with closed(run):
+        arguments = ["--config-dir", str(USER_PARTS), "resume=run"]
+        status, _, errors = command("evoros.cli.run", *arguments, cwd=tmp_path)
+        assert status == INPUT
+        (line,) = errors
+        assert "run: must be a folder that this user can write to" in line
+        assert "give this user the rights to read and write there, or copy the folder" in line
+    assert everything(run) == before
+    assert resume(run, "executor=serial") == DONE
+    assert content(run) == content(whole)
+
+
+def begin(folder: Path) -> Path:
+    """A run that was killed."""
+    run = start([*TINY, "executor=serial", "simulator.pause_s=0.1", "hydra.run.dir=run"], folder)
+    wait_for_missions(folder / "run", 5)
+    run.kill()
+    run.communicate(timeout=LIMIT_S)
+    return folder / "run"
+
+
+def test_rights_that_go_in_mid_run_stop_it_in_one_line_and_it_goes_on_with_them(
+    whole: Path, tmp_path: Path
+) -> None:
+    arguments = [*TINY, "executor=serial", "simulator.pause_s=0.1", "hydra.run.dir=run"]
+    code = "from evoros.cli.run import main; main()"
+    process = obedient(code, arguments, tmp_path)
+    wait_for_missions(tmp_path / "run", 3)
+    with closed(tmp_path / "run"):
+        _, errors = process.communicate(timeout=LIMIT_S)
+        assert process.returncode == STOPPED
+        last = errors.splitlines()[-1]
+        assert "cannot be used (Permission denied); give this user the rights" in last
+        assert "to continue type: evoros resume=run" in last
+        assert "Traceback" not in errors
+    assert resume(tmp_path / "run", "executor=serial") == DONE
+    assert content(tmp_path / "run") == content(whole)
+
+
+def test_a_run_that_can_be_read_only_is_evaluated_compared_and_shown(
+    whole: Path, tmp_path: Path
+) -> None:
+    before = everything(whole)
+    with closed(whole):
+        arguments = [*TINY, "executor=serial", f"designs={whole}", "hydra.run.dir=scores"]
+        status, _, errors = command("evoros.cli.evaluate", *arguments, cwd=tmp_path)
+        assert status == DONE, errors
+        status, output, errors = command("evoros.cli.compare", str(whole), str(whole), cwd=tmp_path)
+        assert (status, errors) == (DONE, [])
+        assert output.startswith("equal")
+        status, output, errors = command("evoros.cli.status", str(whole), cwd=tmp_path)
+        assert (status, errors) == (DONE, [])
+        assert "finished" in output
+        arguments = ["fitness", str(whole)]
+        status, _, errors = command("evoros.analysis.command", *arguments, cwd=tmp_path)
+        assert status == INPUT
+        (line,) = errors
+        assert f"--output {whole}/figures: cannot be written (Permission denied)" in line
+    assert everything(whole) == before
+
+
+@pytest.mark.parametrize(
+    ("entry", "arguments", "status"),
+    [
+        ("evoros.cli.run", ["--config-dir", str(USER_PARTS), "resume=run"], INPUT),
+        ("evoros.cli.evaluate", [*TINY, "designs=run", "hydra.run.dir=scores"], STOPPED),
+        ("evoros.cli.status", ["run"], INPUT),
+        ("evoros.cli.compare", ["run", "run"], INPUT),
+        ("evoros.analysis.command", ["fitness", "run"], INPUT),
+    ],
+)
+def test_a_folder_that_cannot_be_read_is_told_without_a_traceback(
+    entry: str, arguments: list[str], status: int, whole: Path, tmp_path: Path
+) -> None:
+    subprocess.run(["cp", "-r", str(whole), str(tmp_path / "run")], check=True)
+    with closed(tmp_path / "run", 0o777):
+        found, _, errors = command(entry, *arguments, cwd=tmp_path)
+    assert found == status
+    assert "run" in errors[0]
+    assert "(Permission denied); give this user the rights to read and write there" in errors[0]
+    assert not any("Traceback" in line for line in errors)
+
+
+@pytest.mark.slow
+def test_a_cache_that_cannot_be_written_costs_time_only(whole: Path, tmp_path: Path) -> None:
+    (tmp_path / "cache").mkdir()
+    with closed(tmp_path / "cache") as cache:
+        arguments = [*TINY, "executor=serial", "hydra.run.dir=run"]
+        away = {"XDG_CACHE_HOME": str(cache)}
+        status, _, errors = command("evoros.cli.run", *arguments, cwd=tmp_path, **away)
+        assert status == DONE, errors
+        assert not any(cache.iterdir())
+    assert content(tmp_path / "run") == content(whole)
+
+
+@pytest.mark.slow
+def test_a_run_waits_for_another_dask_worker_than_one_that_has_no_folder(
+    whole: Path, tmp_path: Path
+) -> None:
+    """dask itself says in the worker's output which folder that is."""
+    (tmp_path / "closed").mkdir()
+    with cluster(tmp_path, workers=0) as running, closed(tmp_path / "closed") as folder:
+        module = "from distributed.cli.dask_worker import main; main()"
+        words = [running.address, "--no-dashboard", "--local-directory", str(folder)]
+        failed = obedient(module, words, tmp_path)
+        _, errors = failed.communicate(timeout=LIMIT_S)
+        assert failed.returncode != 0
+        assert "PermissionError" in errors
+        run = start([*TINY, "executor=dask", running.key, "hydra.run.dir=run"], tmp_path)
+        wait_for_missions(tmp_path / "run", 0)
+        running.add_worker()
+        _, errors = run.communicate(timeout=LIMIT_S)
+        assert run.returncode == DONE, errors
+    assert content(tmp_path / "run") == content(whole)
