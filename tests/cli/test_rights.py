@@ -97,7 +97,8 @@ def test_a_folder_that_cannot_be_made_is_told_in_one_line(
 ) -> None:
     (tmp_path / "closed").mkdir()
     with closed(tmp_path / "closed") as folder:
-        arguments = [*(text.format(whole=whole) for text in more), *TINY, "executor=serial"]
+        words = [*TINY, "executor=serial", *(text.format(whole=whole) for text in more)]
+        arguments = sorted(words, key=lambda word: word != "-m")  # the flag first
         status, _, errors = command(entry, *arguments, cwd=tmp_path)
         assert status == INPUT
         (line,) = errors
