@@ -7,6 +7,7 @@
 
 from numpy.random import Generator
 
+from evoros.allocation.protocol import Allocation, Standing
 from evoros.base import elementary
 from evoros.base.arrays import (
     CONTACT,
@@ -109,7 +110,8 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "LiveController", "LimitedController", "VersionedController", "Briefing", "Pilot",
     "start_process", "OutsideProcess",
     "Simulator", "TeamSimulator", "PlacedRobot", "Simulation", "Optimizer", "Search", "Space",
-    "Individual", "Candidate", "Score", "Executor", "Pool", "Fitness", "Outcome",
+    "Individual", "Candidate", "Score", "Allocation", "Standing",
+    "Executor", "Pool", "Fitness", "Outcome",
     # Errors that a part may raise.
     "InputError", "SimulationError", "WorkerLost", "PilotLost", "LaunchError",
 ]

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated
 
+from evoros.allocation.once import Once
+from evoros.allocation.protocol import Allocation
 from evoros.base.checks import (
     COUNT,
     NAME,
@@ -34,6 +36,7 @@ from evoros.simulator.protocol import Simulator
 from evoros.world.course import A_COURSE, Course
 from evoros.world.model import World
 
+AN_ALLOCATION = instance_of(Allocation, "an allocation (most_trials and next_round)")
 AGENTS = mapping_of(Agent, "agents (evoros.evolution.agent.Agent)")
 
 CHAMPION, ALL, NONE = "champion", "all", "none"
@@ -67,6 +70,8 @@ class Experiment:
     seed: Annotated[int, SEED] = 0
     trials: Annotated[int, COUNT] = 1  # missions of a design in each world
     draws: Annotated[str, one_of(*POLICIES)] = "generation"  # where missions share random draws
+    # Which designs of a generation get how many trials.
+    allocation: Annotated[Allocation, AN_ALLOCATION] = field(default_factory=Once)
     lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # if a mission crashes or hangs
     record: Annotated[str, one_of(CHAMPION, ALL, NONE)] = CHAMPION  # whose trajectories are kept
     confirmation: Annotated[Confirmation | None, A_CONFIRMATION] = None
@@ -196,4 +201,5 @@ class Experiment:
             self.trials,
             self.optimizer.validation_trials,
             self.draws,
+            self.allocation.most_trials(self.trials),
         )

@@ -25,6 +25,7 @@ class Generation:
     candidates: Sequence[Candidate]
     genes: Sequence[Mapping[str, object]]  # the values of each candidate, by name
     best: Candidate
+    trials: Mapping[int, int]  # that the fitness is the mean of
     validated_fitness: Mapping[int, float]  # of each generation's best
     screened_fitness: Mapping[int, float]  # empty without a confirmation
     losses: Mapping[int, float]  # screened minus confirmed fitness; empty without a confirmation

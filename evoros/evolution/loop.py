@@ -35,7 +35,7 @@ def evolve(
         journal.write_generation(generation)
         observer.generation(generation)
     champion = generation.best.individual
-    _record_champion(experiment, journal, dispatcher, champion, scores.born[champion.id])
+    _record_champion(experiment, journal, dispatcher, champion, *scores.shown[champion.id])
     return generation
 
 
@@ -44,7 +44,8 @@ def _record_champion(
     journal: Journal,
     dispatcher: Dispatcher,
     individual: Individual,
-    born: int,
+    generation: int,
+    earlier: int,
 ) -> None:
     """Record the champion, with the trajectories of its first mission in each world.
 
@@ -52,8 +53,8 @@ def _record_champion(
     """
     purpose = CONFIRMATION if experiment.confirmation else SELECTION
     scenario, design = experiment.scenario_for(purpose), experiment.space.decode(individual.genome)
-    missions = experiment.plan.missions(purpose, born, individual.id, design)
-    missions = missions[: len(experiment.world)]
+    plan = experiment.plan.confirmation if experiment.confirmation else experiment.plan.selection
+    missions = plan(generation, individual.id, design, range(1), earlier)
     robots: dict[str, Robot] = {}
     with suppress(InputError):  # a part refuses every design of the run, and so this one
         robots = {name: each.robot for name, each in scenario.equip(design).items()}

@@ -4,67 +4,143 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from evoros.design.design import Design
+from evoros.evolution.contest import Contest
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation, Journal, Observer
-from evoros.fitness.scoring import compute_fitness
+from evoros.fitness.scoring import score_trials
+from evoros.mission.mission import Mission
 from evoros.mission.plan import CONFIRMATION, SELECTION, VALIDATION
 from evoros.optimizer.protocol import Candidate, Individual, Score
+
+DROPPED = "dropped"
+"""The operator of a survivor that was scored again and that the search no longer has."""
 
 
 @dataclass
 class Scores:
-    """The fitness of the individuals of a run so far, by their id."""
+    """The scores of the trials of a run's individuals so far, by their id."""
 
     experiment: Experiment
     journal: Journal
     observer: Observer
     dispatcher: Dispatcher
-    screened: dict[int, float] = field(default_factory=dict)  # in the run's own simulator
-    confirmed: dict[int, float] = field(default_factory=dict)  # in the confirming simulator
+    screened: dict[int, list[float]] = field(default_factory=dict)  # in the run's own simulator
+    confirmed: dict[int, list[float]] = field(default_factory=dict)  # in the confirming simulator
+    repeated: dict[int, list[float]] = field(default_factory=dict)  # screened, of confirmed trials
     validated: dict[int, float] = field(default_factory=dict)  # under draws of their own
-    born: dict[int, int] = field(default_factory=dict)  # the generation in which each was new
+    fitness: dict[int, float] = field(default_factory=dict)  # as told to the search
+    shown: dict[int, tuple[int, int]] = field(default_factory=dict)
+    """The generation whose trials a champion shows, and the number of its earlier trials."""
+    survivors: list[Individual] = field(default_factory=list)  # of the last generation
+    rescored: list[Individual] = field(default_factory=list)  # of these, in this generation
 
     def evaluate(self, generation: int, individuals: Sequence[Individual]) -> dict[int, Score]:
-        """Return the score of each new individual; its fitness is confirmed if it was confirmed.
+        """Return the scores of new individuals, and of survivors that got further trials.
+
+        Their fitness is confirmed if it was confirmed.
 
         Raises:
-            InputError: the journal has a mission under other draws, or a score is not finite.
+            InputError: the journal has a mission under other draws, a score is not finite, or the
+                allocation gives a design too many trials, or a new one none.
             RunStopped: a mission was lost, and the experiment stops at that.
         """
-        confirmation = self.experiment.confirmation
-        designs = self._decode(individuals)
-        screened = self._score(generation, designs, SELECTION)
+        new = {individual.id for individual in individuals}
+        old = [each for each in self.survivors if each.id not in new]
+        designs = self._decode([*individuals, *old])
+        contest = self._hold_contest(generation, designs)
+        self.fitness |= contest.means()
+        self._confirm_best(generation, designs, contest)
+        for number, scores in contest.scores.items():
+            self.shown.setdefault(number, (generation, 0))
+            self.screened.setdefault(number, []).extend(scores)
+        self.rescored = [each for each in old if each.id in contest.scores]
+        return {number: Score(self.fitness[number]) for number in contest.scores}
+
+    def _hold_contest(self, generation: int, designs: Mapping[int, Design]) -> Contest:
+        """Run the trials of a generation, round by round."""
+        experiment = self.experiment
+        earlier = {number: self.screened.get(number, []) for number in designs}
+        contest = Contest(experiment.allocation, experiment.trials, earlier)
+        while wanted := contest.next_round():
+            missions = {
+                number: experiment.plan.selection(
+                    generation, number, designs[number], trials, len(earlier[number])
+                )
+                for number, trials in wanted.items()
+            }
+            contest.add(self._score(generation, missions, SELECTION))
+        return contest
+
+    def _confirm_best(
+        self, generation: int, designs: Mapping[int, Design], contest: Contest
+    ) -> None:
+        """Repeat the trials of the best designs of a generation in the confirming simulator."""
+        confirmation, plan = self.experiment.confirmation, self.experiment.plan
+        if confirmation is None:
+            return
 
         def confirm(best: Iterable[int]) -> dict[int, float]:
-            chosen = {number: designs[number] for number in best}
-            return self._score(generation, chosen, CONFIRMATION)
+            missions = {}
+            for number in best:
+                trials, earlier = range(len(contest.scores[number])), len(contest.earlier[number])
+                missions[number] = plan.confirmation(
+                    generation, number, designs[number], trials, earlier
+                )
+                if number not in self.confirmed:
+                    self.shown[number] = (generation, earlier)
+            for number, scores in self._score(generation, missions, CONFIRMATION).items():
+                self.confirmed.setdefault(number, []).extend(scores)
+                self.repeated.setdefault(number, []).extend(contest.scores[number])
+            return {number: _mean(self.confirmed[number]) for number in missions}
 
-        confirmed = confirmation.confirm_best(screened, confirm) if confirmation else {}
-        self.born.update(dict.fromkeys(designs, generation))
-        self.screened.update(screened)
-        self.confirmed.update(confirmed)
-        return {number: Score(confirmed.get(number, screened[number])) for number in designs}
+        self.fitness |= confirmation.confirm_best(contest.means(), confirm)
+        self.fitness |= {
+            number: _mean(self.confirmed[number])
+            for number in contest.scores
+            if number in self.confirmed
+        }
 
     def conclude(self, number: int, candidates: Sequence[Candidate]) -> Generation:
         """Return the generation of these candidates, whose best is validated.
+
+        Survivors that were scored again and are not among them follow, so that the table has
+        everything that the search was told.
 
         Raises:
             InputError, RunStopped: see ``evaluate``.
         """
         best, space = self._find_best(candidates), self.experiment.space
-        if self.experiment.plan.validation_trials and best.individual.id not in self.validated:
-            designs = self._decode([best.individual])
-            self.validated |= self._score(number, designs, VALIDATION)
+        present = {candidate.individual.id for candidate in candidates}
+        dropped = [
+            Candidate(each, DROPPED, self.fitness[each.id], 0)
+            for each in self.rescored
+            if each.id not in present
+        ]
+        rows = [*candidates, *dropped]
+        alive = {row.individual.id: row.individual for row in candidates if row.survived}
+        self.survivors = list(alive.values())
+        self._validate(number, best.individual)
+        screened = {i: _mean(self.repeated.get(i, scores)) for i, scores in self.screened.items()}
         return Generation(
             number=number,
-            candidates=candidates,
-            genes=[space.to_row(candidate.individual.genome) for candidate in candidates],
+            candidates=rows,
+            genes=[space.to_row(candidate.individual.genome) for candidate in rows],
             best=best,
+            trials={i: len(self.confirmed.get(i, scores)) for i, scores in self.screened.items()},
             validated_fitness=dict(self.validated),
-            screened_fitness=dict(self.screened) if self.experiment.confirmation else {},
-            losses={i: self.screened[i] - fitness for i, fitness in self.confirmed.items()},
+            screened_fitness=screened if self.experiment.confirmation else {},
+            losses={i: screened[i] - _mean(scores) for i, scores in self.confirmed.items()},
         )
+
+    def _validate(self, generation: int, individual: Individual) -> None:
+        """Validate an individual, unless it has been validated or the run does not validate."""
+        plan = self.experiment.plan
+        if plan.validation_trials and individual.id not in self.validated:
+            (design,) = self._decode([individual]).values()
+            missions = {individual.id: plan.validation(generation, individual.id, design)}
+            scores = self._score(generation, missions, VALIDATION)
+            self.validated[individual.id] = _mean(scores[individual.id])
 
     def _find_best(self, candidates: Sequence[Candidate]) -> Candidate:
         """Return the fittest candidate, one of the confirmed ones if there are any.
@@ -81,14 +157,10 @@ class Scores:
         return {individual.id: space.decode(individual.genome) for individual in individuals}
 
     def _score(
-        self, generation: int, designs: Mapping[int, Design], purpose: str
-    ) -> dict[int, float]:
-        """Return the fitness of each design; run and record the missions that are missing."""
+        self, generation: int, missions: Mapping[int, Sequence[Mission]], purpose: str
+    ) -> dict[int, list[float]]:
+        """Return the score of each trial of each design; run and record the missing missions."""
         experiment, journal = self.experiment, self.journal
-        missions = {
-            number: experiment.plan.missions(purpose, generation, number, design)
-            for number, design in designs.items()
-        }
         needed = [mission for of_design in missions.values() for mission in of_design]
         self.observer.begin(generation, len(needed), sum(map(journal.has, needed)))
         scenario = experiment.scenario_for(purpose)
@@ -96,6 +168,10 @@ class Scores:
         found = ((mission.key, journal.find(mission)) for mission in needed)
         outcomes = {key: outcome for key, outcome in found if outcome is not None}
         return {
-            number: compute_fitness(experiment.scoring, of_design, outcomes)
+            number: score_trials(experiment.scoring, of_design, outcomes)
             for number, of_design in missions.items()
         }
+
+
+def _mean(scores: Sequence[float]) -> float:
+    return sum(scores) / len(scores)

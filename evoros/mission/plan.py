@@ -24,6 +24,7 @@ class Plan:
     trials: int
     validation_trials: int
     policy: str  # one of POLICIES: selection repeats its draws within it
+    most_trials: int = 0  # of a design in one generation, in selection, if more than ``trials``
 
     def missions(
         self, purpose: str, generation: int, design_id: int, design: Design
@@ -37,34 +38,53 @@ class Plan:
         }
         return plans[purpose](generation, design_id, design)
 
-    def selection(self, generation: int, design_id: int, design: Design) -> list[Mission]:
-        """Return the missions that give a design its fitness."""
+    def selection(
+        self,
+        generation: int,
+        design_id: int,
+        design: Design,
+        trials: range | None = None,
+        earlier: int = 0,
+    ) -> list[Mission]:
+        """Return the missions that give a design its fitness.
+
+        ``trials`` numbers those of this generation, by default as many as each new design gets.
+        ``earlier`` counts the design's trials in earlier generations; no draw is met again.
+        """
         groups = {
             "generation": f"{generation}",
             "individual": f"{generation}:{design_id}",
             "run": "all",
         }
-        return self._missions(
-            generation, design_id, design, SELECTION, groups[self.policy], range(self.trials)
-        )
+        trials = range(self.trials) if trials is None else trials
+        skipped = earlier if self.policy == "run" else 0
+        group = groups[self.policy]
+        return self._missions(generation, design_id, design, SELECTION, group, trials, skipped)
 
     def validation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
         """Return missions under draws that no selection uses, the same for every design.
 
         Their trials are numbered after those of the selection.
         """
-        trials = range(self.trials, self.trials + self.validation_trials)
+        trials = range(self._selected, self._selected + self.validation_trials)
         return self._missions(generation, design_id, design, VALIDATION, "all", trials)
 
-    def confirmation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
-        """Return the missions of the selection, with the same draws, for another simulator.
+    def confirmation(
+        self,
+        generation: int,
+        design_id: int,
+        design: Design,
+        trials: range | None = None,
+        earlier: int = 0,
+    ) -> list[Mission]:
+        """Return the missions of ``selection``, with the same draws, for another simulator.
 
         Their trials are numbered after those of the validation.
         """
-        after = self.trials + self.validation_trials
+        after = self._selected + self.validation_trials
         return [
             replace(mission, trial=after + mission.trial, purpose=CONFIRMATION)
-            for mission in self.selection(generation, design_id, design)
+            for mission in self.selection(generation, design_id, design, trials, earlier)
         ]
 
     def evaluation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
@@ -72,6 +92,11 @@ class Plan:
         return self._missions(
             generation, design_id, design, EVALUATION, f"{generation}", range(self.trials)
         )
+
+    @property
+    def _selected(self) -> int:
+        """The first number that no trial of the selection has."""
+        return max(self.trials, self.most_trials)
 
     def _missions(
         self,
@@ -81,8 +106,12 @@ class Plan:
         purpose: str,
         group: str,
         trials: range,
+        skipped: int = 0,
     ) -> list[Mission]:
-        """Return missions in all worlds; those of one ``group`` have the same draws."""
+        """Return missions in all worlds; those of one ``group`` have the same draws.
+
+        The draws are numbered as the trials are, after so many that are skipped.
+        """
         return [
             Mission(
                 generation,
@@ -91,7 +120,7 @@ class Plan:
                 world,
                 trial,
                 purpose,
-                f"{self.seed}/{purpose}/{group}/{world}/{trial}",
+                f"{self.seed}/{purpose}/{group}/{world}/{skipped + trial}",
             )
             for trial in trials
             for world in self.worlds

@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # reading a table must not load what runs missions
     from evoros.evolution.journal import Generation
 
 MISSION_COLUMNS = ("generation", "design", "world", "trial", "purpose", "draws")
-CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fitness")
+CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fitness", "trials")
 VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
 MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two with a confirmation only
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
@@ -126,7 +126,7 @@ def generation_table(generation: "Generation") -> str:
     for candidate, values in zip(generation.candidates, generation.genes, strict=True):
         individual = candidate.individual
         row = [generation.number, individual.id, individual.parents, candidate.operator]
-        row += [candidate.survived, candidate.fitness]
+        row += [candidate.survived, candidate.fitness, generation.trials[individual.id]]
         row += [numbers.get(individual.id, math.nan) for numbers in measured.values()]
         rows.append([*row, *(values[name] for name in genes)])
     return to_csv(rows)

@@ -1,0 +1,1 @@
+"""Allocations: which designs of a generation get how many trials."""

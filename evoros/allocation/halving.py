@@ -1,0 +1,42 @@
+"""Sequential halving: a fixed number of trials in rounds, of which each has half the designs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from evoros.allocation.protocol import Standing, ask_for, choose_entrants, rank
+from evoros.base.checks import COUNT, WHOLE, checked
+
+
+@dataclass(frozen=True)
+@checked
+class SequentialHalving:
+    """New designs and the best survivors get trials in rounds; each keeps the better half.
+
+    The rounds share the budget equally, so that designs in later rounds get more trials each. A
+    round gives each design at least ``trials`` of the experiment, even beyond the budget. Sources:
+    Karnin, Koren and Somekh, Almost optimal exploration in multi-armed bandits, ICML 2013;
+    Jamieson and Talwalkar, Non-stochastic best arm identification, AISTATS 2016.
+    """
+
+    survivors: Annotated[int, WHOLE] = 5  # the best of the last generation, which take part too
+    budget: Annotated[int, COUNT] = 3  # trials of the whole contest, for each design in it
+    max_trials: Annotated[int, COUNT] = 16  # of a design in one generation
+
+    def most_trials(self, trials: int) -> int:
+        """Return ``max_trials``, or ``trials`` if these are more."""
+        return max(trials, self.max_trials)
+
+    def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
+        """Return the next round, or nothing after the last one."""
+        remaining = choose_entrants(standings, self.survivors)
+        total, rounds = self.budget * len(remaining), max(1, (len(remaining) - 1).bit_length())
+        done = 0
+        for _ in range(rounds):
+            share = max(trials, total // (rounds * max(1, len(remaining))))
+            done = min(done + share, self.most_trials(trials))
+            missing = ask_for(remaining, done)
+            if missing:
+                return missing
+            remaining = rank(remaining, done)[: (len(remaining) + 1) // 2]
+        return {}

@@ -1,0 +1,19 @@
+"""Trials for new designs only, as in the 2018 paper on Evo-ROS."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from evoros.allocation.protocol import Standing
+
+
+@dataclass(frozen=True)
+class Once:
+    """Each new design gets its trials, and keeps this fitness for its life."""
+
+    def most_trials(self, trials: int) -> int:
+        """Return the trials of each new design."""
+        return trials
+
+    def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
+        """Return one round, of the new designs."""
+        return {each.id: trials for each in standings if each.new and not each.scores}

@@ -1,0 +1,78 @@
+"""The protocol of allocations, and what the trials of a design have shown so far."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A design that may get trials: a new one, or a survivor of earlier generations."""
+
+    id: int
+    scores: tuple[float, ...] = ()  # of its trials in this contest, in the order of the trials
+    earlier: tuple[float, ...] = ()  # of its trials in earlier generations; empty: it is new
+
+    @property
+    def new(self) -> bool:
+        """Whether it has never been scored before this contest."""
+        return not self.earlier
+
+    def mean(self, trials: int) -> float:
+        """The mean over its life, of this contest only the first so many trials."""
+        scores = (*self.earlier, *self.scores[:trials])
+        return sum(scores) / len(scores)
+
+
+@runtime_checkable
+class Allocation(Protocol):
+    """Decides in rounds which designs of a generation get how many further trials."""
+
+    def most_trials(self, trials: int) -> int:
+        """Return the maximum number of trials that a design gets in one generation."""
+        ...
+
+    def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
+        """Return the further trials of each design that gets some, by its id; empty: none does.
+
+        ``trials`` is the experiment's key of that name. The same standings must give the same
+        round, because resuming asks again. Under common random numbers the first trial of every
+        design in a generation meets the same draws, and so does each later one.
+        """
+        ...
+
+
+def choose_entrants(standings: Sequence[Standing], survivors: int) -> list[Standing]:
+    """Return the new designs and the best survivors of earlier generations, at most so many."""
+    old = sorted((each for each in standings if not each.new), key=_by_rank)
+    return [*(each for each in standings if each.new), *old[:survivors]]
+
+
+def rank(standings: Iterable[Standing], trials: int) -> list[Standing]:
+    """Sort by the mean over so many trials, the best first; of equals the first stays first."""
+    return sorted(standings, key=lambda each: -each.mean(trials))
+
+
+def ask_for(standings: Iterable[Standing], trials: int) -> dict[int, int]:
+    """Return what each design lacks to so many trials, by its id."""
+    lacks = {each.id: trials - len(each.scores) for each in standings}
+    return {number: lack for number, lack in lacks.items() if lack > 0}
+
+
+def cap_fitness(fitness: Mapping[int, float], rounds: Sequence[Iterable[int]]) -> dict[int, float]:
+    """Return the fitness in which no design ranks above those that stayed in longer.
+
+    Means over few trials spread more than means over many, so the best of those that left early
+    would otherwise pass for the best of all. ``rounds`` has the ids of each round, in order.
+    """
+    capped = dict(fitness)
+    for last in range(len(rounds) - 1, 0, -1):
+        stayed = set(rounds[last])
+        floor = min(capped[number] for number in stayed)
+        for number in set(rounds[last - 1]) - stayed:
+            capped[number] = min(capped[number], floor)
+    return capped
+
+
+def _by_rank(standing: Standing) -> float:
+    return -standing.mean(0)

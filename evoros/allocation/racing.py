@@ -1,0 +1,76 @@
+"""Races: designs that are worse than the leader leave, and the others get further trials."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+from scipy.special import stdtrit
+
+from evoros.allocation.protocol import Standing, ask_for, choose_entrants
+from evoros.base.checks import COUNT, WHOLE, Rule, checked, is_number
+from evoros.base.errors import InputError
+
+LEVEL = Rule("a number greater than 0 and less than 0.5", lambda v: is_number(v) and 0 < v < 0.5)
+DIGITS = 6
+"""Digits of a quantile, so that a race is decided alike on every processor."""
+
+
+@dataclass(frozen=True)
+@checked
+class Racing:
+    """New designs and the best survivors race on common random numbers.
+
+    Each round is one trial of each design in the race. After a round, those leave whose scores are
+    below the leader's by a one-sided paired t-test. The race ends when only ``best`` are left, or
+    after ``max_trials``. It is the race with t-tests without a correction of Birattari, Stützle,
+    Paquete and Varrentrapp (A racing algorithm for configuring metaheuristics, GECCO 2002, beside
+    F-Race); Heidrich-Meisner and Igel (ICML 2009) race in evolution strategies, as here.
+    """
+
+    survivors: Annotated[int, WHOLE] = 5  # the best of the last generation, which race too
+    first: Annotated[int, replace(COUNT, limit=1000)] = 2  # trials before any design leaves
+    max_trials: Annotated[int, COUNT] = 8  # of a design in one generation
+    best: Annotated[int, COUNT] = 3  # designs that need not be told apart
+    level: Annotated[float, LEVEL] = 0.1  # of each test
+
+    def __post_init__(self) -> None:
+        if self.first > self.max_trials:
+            raise InputError(
+                f"allocation.first: must be at most allocation.max_trials ({self.max_trials}), not "
+                f"{self.first}; lower it"
+            )
+
+    def most_trials(self, trials: int) -> int:
+        """Return the length of the longest race."""
+        return max(trials, self.max_trials)
+
+    def next_round(self, standings: Sequence[Standing], trials: int) -> Mapping[int, int]:
+        """Return the next round of the race, or nothing after its end."""
+        racing = choose_entrants(standings, self.survivors)
+        start = max(trials, min(self.first, self.max_trials))
+        for done in range(start, self.most_trials(trials) + 1):
+            missing = ask_for(racing, done)
+            if missing:
+                return missing
+            racing = self._leave(racing, done)
+            if len(racing) <= self.best:
+                break
+        return {}
+
+    def _leave(self, racing: Sequence[Standing], trials: int) -> list[Standing]:
+        """Return the designs that stay in the race after so many trials."""
+        if trials < 2 or not racing:
+            return list(racing)
+        leader = max(racing, key=lambda each: sum(each.scores[:trials]))
+        quantile = round(float(stdtrit(trials - 1, 1 - self.level)), DIGITS)
+        return [each for each in racing if not _is_worse(each, leader, trials, quantile)]
+
+
+def _is_worse(standing: Standing, leader: Standing, trials: int, quantile: float) -> bool:
+    """Whether the paired t statistic of the first trials exceeds the quantile."""
+    pairs = zip(leader.scores[:trials], standing.scores[:trials], strict=True)
+    behind = [ahead - score for ahead, score in pairs]
+    mean = sum(behind) / trials
+    squares = sum((each - mean) * (each - mean) for each in behind)
+    # t = mean / sqrt(squares / (n - 1) / n), compared without the root
+    return mean > 0 and mean * mean * trials * (trials - 1) > quantile * quantile * squares

@@ -1,0 +1,70 @@
+"""The trials that the designs of one generation get, in the rounds of the allocation."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from evoros.allocation.protocol import Allocation, Standing, cap_fitness
+from evoros.base.errors import InputError
+
+
+@dataclass
+class Contest:
+    """Designs that may get trials, and the scores of the trials that they got.
+
+    ``earlier`` has the scores of each design in earlier generations, none of a new one.
+    """
+
+    allocation: Allocation
+    trials: int  # of the experiment
+    earlier: Mapping[int, list[float]]
+    scores: dict[int, list[float]] = field(default_factory=dict)  # of those that got trials
+    rounds: list[Mapping[int, int]] = field(default_factory=list)
+
+    def next_round(self) -> dict[int, range]:
+        """Return the numbers of the trials that designs get now; empty: the contest is over.
+
+        Raises:
+            InputError: the allocation gives a design too many trials, or a new one none.
+        """
+        standings = [
+            Standing(number, tuple(self.scores.get(number, ())), tuple(earlier))
+            for number, earlier in self.earlier.items()
+        ]
+        further = dict(self.allocation.next_round(standings, self.trials))
+        if not further:
+            self._check_new()
+            return {}
+        most = self.allocation.most_trials(self.trials)
+        wanted = {}
+        for number, trials in further.items():
+            done = len(self.scores.get(number, ()))
+            if number not in self.earlier or trials < 1 or done + trials > most:
+                raise self._refuse(
+                    f"must give at least 1 further trial, and at most {most} in a generation, to "
+                    f"designs of this generation, not {trials} to design {number}, which has {done}"
+                )
+            wanted[number] = range(done, done + trials)
+        self.rounds.append(further)
+        return wanted
+
+    def add(self, scores: Mapping[int, list[float]]) -> None:
+        """Add the scores of the trials of a round."""
+        for number, new in scores.items():
+            self.scores.setdefault(number, []).extend(new)
+
+    def means(self) -> dict[int, float]:
+        """Return the mean score over the life of each design that got trials.
+
+        None ranks above designs that stayed in the contest longer.
+        """
+        lives = {number: [*self.earlier[number], *new] for number, new in self.scores.items()}
+        means = {number: sum(life) / len(life) for number, life in lives.items()}
+        return cap_fitness(means, self.rounds)
+
+    def _check_new(self) -> None:
+        for number, earlier in self.earlier.items():
+            if not earlier and number not in self.scores:
+                raise self._refuse(f"must give trials to each new design, not none to {number}")
+
+    def _refuse(self, rule: str) -> InputError:
+        return InputError(f"allocation: {rule}; correct {type(self.allocation).__name__}")
