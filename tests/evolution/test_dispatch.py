@@ -196,8 +196,9 @@ def test_a_fault_amid_a_call_costs_its_own_mission_only(what: str, tmp_path: Pat
     assert all(reasons[what] in outcomes[place].reason for place in lost)
 
 
-def test_a_fault_that_stops_the_run_is_that_of_one_mission() -> None:
+def test_a_fault_that_stops_the_run_is_that_of_one_mission(monkeypatch: pytest.MonkeyPatch) -> None:
     """And what was flown before or in the same call is not lost with it."""
+    monkeypatch.setattr(calls, "CALL_S", 1e9)  # no call ends before its last mission
     with Processes(workers=1, retries=0).open() as pool:
         for what in ("fail", "refuse", "crash"):
             recorded: list[tuple[Mission, Outcome]] = []
@@ -364,7 +365,10 @@ def test_missions_are_planned_as_calls_are_submitted(monkeypatch: pytest.MonkeyP
     assert planned == ended == len(missions())
 
 
-def test_what_is_known_of_missions_holds_for_the_next_generation() -> None:
+def test_what_is_known_of_missions_holds_for_the_next_generation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(calls, "CALL_S", 1e9)
     pool = Watched(at_once=True)
     dispatcher = Dispatcher(pool, STOP)
     for generation in range(2):
