@@ -150,8 +150,8 @@ class DaskTransport:
     async def _try_twice(self, sending: "_Sending") -> RawAnswer:
         """Try a call until workers have ended with it too often; then again as the only suspect.
 
-        dask counts the ends of a worker against all calls that it has, also those that wait behind
-        the one to blame. Those pass the second time, because the suspects are tried one by one.
+        dask counts the ends of a worker against all calls that it has, also those that run beside
+        the one to blame or wait behind it. They pass the second time, tried one by one.
 
         Raises:
             WorkerLost: workers ended with it too often again.

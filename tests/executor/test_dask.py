@@ -4,6 +4,7 @@ import os
 import signal
 import socket
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -166,16 +167,18 @@ def test_workers_with_other_software_get_no_calls(
 
 @pytest.mark.slow
 def test_a_call_that_kills_its_workers_is_found_and_costs_no_other(tmp_path: Path) -> None:
-    """Not even those behind it in the only worker, which dask blames as much."""
+    """Not even those beside and behind it in the only worker, which dask blames as much."""
     tally = str(tmp_path / "tally")
     with cluster(tmp_path, workers=0) as nannied:
-        nannied.add_worker(None, "--nanny")
+        nannied.add_worker(None, "--nanny", "--nthreads", "2")
         with Dask(nannied.address).open() as pool:
             assert pool.submit(square, 0).result(LIMIT_S) == 0
             killer = pool.submit(kill_worker, tally)
+            beside = pool.submit(time.sleep, 4)  # it ends with each worker that the other kills
             behind = [pool.submit(square, n) for n in range(1, 5)]
             with pytest.raises(WorkerLost, match="lost because at least 8 dask workers") as loss:
                 killer.result(LIMIT_S)
+            assert beside.result(LIMIT_S) is None
             assert [call.result(LIMIT_S) for call in behind] == [1, 4, 9, 16]
             assert pool.submit(square, 5).result(LIMIT_S) == 25
     assert "\n" not in str(loss.value)
