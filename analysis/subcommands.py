@@ -34,6 +34,7 @@ SUBCOMMANDS: Mapping[str, str] = {
     "transfer": ".figures.transfer",
     "strategies": ".figures.strategies",
     "claims": ".figures.claims",
+    "worst": ".figures.worst",
     "report": ".report.page",
     "replay": ".video.replay",
     "deploy": ".deploy.subcommand",

@@ -146,7 +146,7 @@ def _start_stages(experiment: Experiment, scenario: Scenario, draws: Draws) -> S
         for name in experiment.design.sensors
     )
     robot = scenario.with_design(Design(mounts, middle.values)).robot
-    faults = draw_faults(scenario.failure, robot, draws)
+    faults = draw_faults(scenario.failure, robot, draws, 0)
     signals, readings = np.zeros(robot.signal_count), np.zeros(robot.channel_count)
     filters = start_sensor_filters(
         robot, faults, signals, readings, scenario.simulator.time_step, draws

@@ -38,3 +38,16 @@ class Failure(Protocol):
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return the faults of one mission; ``channels`` covers all sensors of the robot."""
         ...
+
+
+@runtime_checkable
+class SystematicFailure(Failure, Protocol):
+    """A failure model whose faults follow from the number of the trial."""
+
+    def count_cases(self, sensors: int) -> int:
+        """Return after how many trials a robot with so many sensors meets the same faults again."""
+        ...
+
+    def draw_case(self, channels: Channels, trial: int) -> tuple[Fault, ...]:
+        """Return the faults of all missions of a trial, counted from 0."""
+        ...

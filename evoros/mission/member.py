@@ -77,7 +77,7 @@ def create_member(name: str, scenario: Scenario, world: World, mission: Mission)
 
     number = count_round(mission.purpose, mission.generation, mission.trial)
     route = world.course.route(world.course.goes_forward(number, draws("course")))
-    faults = draw_faults(scenario.failure, scenario.robot, draws)
+    faults = draw_faults(scenario.failure, scenario.robot, draws, mission.trial)
     return Member(scenario, world, route, faults, draws)
 
 

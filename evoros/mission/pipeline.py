@@ -8,7 +8,7 @@ from numpy.random import Generator
 from evoros.base.arrays import NO_PARAMETERS, POSE_SIZE, Array
 from evoros.base.errors import InputError
 from evoros.controller.protocol import Controller, LiveController
-from evoros.failure.protocol import Failure, Fault
+from evoros.failure.protocol import Failure, Fault, SystematicFailure
 from evoros.filter.protocol import Channels, Filter
 from evoros.mission.loop import FilterStage, publish
 from evoros.robot.model import Robot
@@ -29,13 +29,17 @@ def describe_sensors(robot: Robot) -> Channels:
     )
 
 
-def draw_faults(failure: Failure, robot: Robot, draws: Draws) -> tuple[Fault, ...]:
-    """Draw the faults of a mission.
+def draw_faults(failure: Failure, robot: Robot, draws: Draws, trial: int) -> tuple[Fault, ...]:
+    """Draw the faults of a mission of this trial.
 
     Raises:
         InputError: a fault has not one onset for each sensor; compiled code would read past them.
     """
-    faults = failure.draw(describe_sensors(robot), draws("failure"))
+    channels = describe_sensors(robot)
+    if isinstance(failure, SystematicFailure):
+        faults = failure.draw_case(channels, trial)
+    else:
+        faults = failure.draw(channels, draws("failure"))
     count = len(robot.mounts)
     for fault in faults:
         onset = np.asarray(fault.onset)

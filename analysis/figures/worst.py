@@ -1,0 +1,209 @@
+"""What stops a design: the smallest set of failed sensors, and the risk under drawn failures."""
+
+import argparse
+
+import matplotlib as mpl
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+
+from evoros.base.errors import InputError
+from evoros.storage.figure_context import FigureContext
+
+from ..drawing.robot import (
+    AXES,
+    assign_markers,
+    draw_cones,
+    draw_robot,
+    draw_sensors,
+    frame_axes,
+    to_page,
+)
+from ..drawing.style import BLUE, PAGE_IN, STYLE, VERMILLION, figure_width
+from ..measures.cones import outline_part
+from ..product import Product, to_csv
+from ..tables.designs import place_sensors
+from ..tables.study import Study
+from ..tables.worst_cases import (
+    KEYS,
+    collect_missions,
+    count_sensors,
+    count_sets,
+    estimate_risks,
+    find_smallest,
+    list_cases,
+    read_set,
+)
+
+ONE_ROBOT = True
+HELP = "what stops a design: the smallest set of failed sensors, the probability of failure"
+REACH_M = 0.25  # of the cones that are drawn, beyond the robot
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the design."""
+    parser.add_argument(
+        "--design", metavar="NAME", help="the design that is drawn, of several; the first one"
+    )
+
+
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Draw one design; the tables have all designs: cases, sets by their size, and risks."""
+    missions = collect_missions(study)
+    sensors = dict(pair for record in study.evaluations for pair in count_sensors(record))
+    missions = missions.assign(**{key: missions[key].astype(str) for key in KEYS})
+    cases, risks = list_cases(missions), estimate_risks(missions)
+    sets = count_sets(cases, sensors)
+    key = _choose(cases, options.design)
+    record = next(each for each in study.evaluations if key in dict(count_sensors(each)))
+    mounts = record.mounts.assign(**{name: record.mounts[name].astype(str) for name in KEYS})
+    placed = place_sensors(_of(mounts, *key), record.context)
+    figure = draw_worst(
+        _of(cases, *key),
+        _of(sets, *key),
+        placed,
+        record.context,
+        figure_width(options.columns, 2),
+    )
+    messages = [line for each in sensors for line in describe(cases, sets, risks, *each)]
+    files = {"worst_sets.csv": to_csv(sets), "worst_risks.csv": to_csv(risks)}
+    return Product(cases, figure, messages, files)
+
+
+def _choose(cases: pd.DataFrame, wanted: str | None) -> tuple[str, str]:
+    known = cases[list(KEYS)].drop_duplicates()
+    chosen = known if wanted is None else known[known["design"] == wanted]
+    if chosen.empty:
+        names = ", ".join(dict.fromkeys(known["design"]))
+        raise InputError(
+            f"--design: must be a design of the evaluations, not {wanted!r}; choose one of {names}"
+        )
+    row = chosen.iloc[0]
+    return str(row["source"]), str(row["design"])
+
+
+def _of(table: pd.DataFrame, source: str, design: str) -> pd.DataFrame:
+    return table[(table["source"] == source) & (table["design"] == design)]
+
+
+def describe(
+    cases: pd.DataFrame, sets: pd.DataFrame, risks: pd.DataFrame, source: str, design: str
+) -> list[str]:
+    """Say what stops a design, how much was tried, how to repeat it, and the risks."""
+    own, name = _of(cases, source, design), f"design {design} of {source}"
+    if own.empty:
+        return []
+    smallest, tried = find_smallest(own), _of(sets, source, design)
+    lines = [
+        f"{name}: without a failure, {row['stopped']} of {row['missions']} missions are not "
+        f"completed"
+        for row in tried[tried["failed"] == 0].to_dict("records")
+    ]
+    if smallest.empty:
+        lines.append(f"{name}: no set of failed sensors stops it ({_describe_extent(tried)})")
+    else:
+        first = smallest.iloc[0]
+        numbers = ",".join(map(str, read_set(first["failed_sensors"])))
+        lines.append(
+            f"{name}: the failure of {_count(first)} ({numbers}) at {first['failed_at_s']:g} s "
+            f"stops it in {first['stopped_in'].replace(' ', ', ')}, and so do {len(smallest) - 1} "
+            f"other cases of so few ({_describe_extent(tried)}); to score it: failure=given "
+            f"failure.sensors=[{numbers}] failure.time_s={first['failed_at_s']:g}"
+        )
+    lines += [
+        f"{name}: a trial of {row['evaluation']} fails with a probability of {row['risk']:.3f} "
+        f"(95 % interval {row['risk_low']:.3f} to {row['risk_high']:.3f}, {row['missions']} trials)"
+        for row in _of(risks[risks["world"] == ""], source, design).to_dict("records")
+    ]
+    return lines
+
+
+def _describe_extent(tried: pd.DataFrame) -> str:
+    """Say up to which number of failed sensors all sets were met."""
+    most = 0
+    for row in tried[tried["failed"] > 0].to_dict("records"):
+        if row["failed"] != most + 1 or row["sets"] != row["of"]:
+            break
+        most = int(row["failed"])
+    return f"all sets of up to {most} were met" if most else "not all sets were met"
+
+
+def _count(case: "pd.Series[float]") -> str:
+    return "1 sensor" if case["failed"] == 1 else f"{case['failed']:.0f} sensors"
+
+
+def draw_worst(
+    cases: pd.DataFrame,
+    sets: pd.DataFrame,
+    sensors: pd.DataFrame,
+    context: FigureContext,
+    width: float = PAGE_IN,
+) -> Figure:
+    """Draw the share of sets that stop a design by their size, and its smallest stopping set.
+
+    ``cases`` and ``sets`` are those of one design; ``sensors`` has the columns of
+    ``designs.COLUMNS``. ``width`` is in inches.
+    """
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(width, 0.42 * PAGE_IN), layout="constrained")
+        shares, plan = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
+        _draw_shares(shares, sets)
+        smallest = find_smallest(cases)
+        failed = read_set(smallest["failed_sensors"].iloc[0]) if len(smallest) else ()
+        _draw_plan(plan, sensors, context, failed)
+        if failed:
+            first = smallest.iloc[0]
+            plan.set_title(
+                f"stopped in {first['stopped_in']}, failure at {first['failed_at_s']:g} s"
+            )
+    return figure
+
+
+def _draw_shares(axes: Axes, sets: pd.DataFrame) -> None:
+    whole = sets["sets"] == sets["of"]
+    bars = axes.bar(sets["failed"], sets["stopped"] / sets["missions"], color=VERMILLION, width=0.7)
+    for bar, complete in zip(bars, whole, strict=True):
+        if not complete:
+            bar.set(facecolor="none", edgecolor=VERMILLION, hatch="////")
+    for row in sets.to_dict("records"):
+        label = f"{row['stopping']}/{row['sets']}" if row["failed"] else ""
+        place = row["failed"], row["stopped"] / row["missions"]
+        axes.annotate(label, place, (0, 2), textcoords="offset points", ha="center", fontsize=6.5)
+    axes.set(ylim=(0.0, 1.1), xlabel="failed sensors", ylabel="missions not completed")
+    axes.set_title("above: sets that stop the robot / sets met")
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0])
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    if not whole.all():
+        handle = Patch(fc="none", ec=VERMILLION, hatch="////", label="not all sets were met")
+        axes.legend(handles=[handle], frameon=False, loc="upper left")
+
+
+def _draw_plan(
+    axes: Axes, sensors: pd.DataFrame, context: FigureContext, failed: tuple[int, ...]
+) -> None:
+    draw_robot(axes, context)
+    colours = [VERMILLION if number in failed else BLUE for number in sensors["sensor"]]
+    draw_cones(axes, sensors, colours, REACH_M)
+    draw_sensors(axes, sensors, colours, assign_markers(sensors))
+    for row in sensors.to_dict("records"):
+        weight = "bold" if row["sensor"] in failed else "normal"
+        place = row["y_m"], row["x_m"]
+        axes.annotate(
+            str(row["sensor"]),
+            place,
+            (3, 3),
+            textcoords="offset points",
+            fontsize=6.5,
+            weight=weight,
+            zorder=6,
+        )
+    corners = [to_page(outline_part(part)) for part in context.parts]
+    reach = max(float(abs(points).max()) for points in corners) + REACH_M
+    frame_axes(axes, (-reach, reach, -reach, reach))
+    axes.set(xlabel=AXES[0], ylabel=AXES[1])
+    kinds = [(VERMILLION, "failed"), (BLUE, "works")] if failed else [(BLUE, "sensor")]
+    handles = [Patch(fc=colour, alpha=0.6, label=label) for colour, label in kinds]
+    axes.legend(handles=handles, frameon=False, loc="lower center", ncols=2)

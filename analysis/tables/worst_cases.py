@@ -1,0 +1,155 @@
+"""What stops a design: the cases of failed sensors that evaluations have met, and their risk."""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from evoros.base.errors import InputError
+
+from ..measures.statistics import share_interval
+
+if TYPE_CHECKING:
+    from .records import EvaluationRecord
+    from .study import Study
+
+KEYS = ("source", "design")
+CASES = (*KEYS, "failed_sensors", "failed", "failed_at_s", "missions", "stopped", "stopped_in")
+SETS = (*KEYS, "sensors", "failed", "sets", "of", "stopping", "missions", "stopped")
+RISKS = (*KEYS, "evaluation", "world", "missions", "stopped", "risk", "risk_low", "risk_high")
+NO_FAULT = ""
+NO_FAILURE, EXHAUSTIVE, STATED = ".NoFailure", ".ExhaustiveFailure", ".GivenFailure"
+
+
+def collect_missions(study: "Study") -> pd.DataFrame:
+    """Concatenate the missions of all evaluations, with the columns ``evaluation`` and ``drawn``.
+
+    ``drawn`` says whether the failures are drawn, so that their shares estimate a risk. ``intact``
+    says whether no sensor was to fail; other missions without a failure had ended before it.
+
+    Raises:
+        InputError: there is no evaluation with missions.
+    """
+    frames = [
+        missions.assign(
+            evaluation=record.name,
+            drawn=not _chooses(record, (EXHAUSTIVE, STATED)),
+            intact=_find_intact(record, missions["trial"]),
+        )
+        for record, missions in study.read_each(study.evaluations, lambda each: each.missions)
+        if len(missions)
+    ]
+    if not frames:
+        raise InputError(
+            "worst: must be given evaluations, and there is none; make one with evoros-evaluate "
+            "designs=FOLDER failure=exhaustive trials=..."
+        )
+    table = pd.concat(frames, ignore_index=True)
+    failed = table["failed_sensors"].map(_write_set)
+    return table.assign(failed_sensors=failed, failed_at_s=table["failed_at_s"].map(_first_time))
+
+
+def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
+    """List the cases that the missions have met, with ``CASES`` as columns.
+
+    A case is the set of sensors that failed, and the time of the first failure [s], NaN if none
+    failed. It stops a design in the worlds in which one of its missions was not completed.
+    """
+    rows = []
+    missions = missions[missions["intact"] | (missions["failed_sensors"] != NO_FAULT)]
+    by = missions.groupby([*KEYS, "failed_sensors", "failed_at_s"], dropna=False, sort=False)
+    for (source, design, failed, time), found in by:
+        lost = found[~found["completed"].astype(bool)]
+        worlds = " ".join(dict.fromkeys(lost["world"].astype(str)))
+        count = len(read_set(str(failed)))
+        rows.append((source, design, failed, count, time, len(found), len(lost), worlds))
+    table = pd.DataFrame(rows, columns=list(CASES))
+    order = [*KEYS, "failed", "failed_sensors", "failed_at_s"]
+    return table.sort_values(order, kind="stable", ignore_index=True)
+
+
+def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> pd.DataFrame:
+    """Count, for each design and number of failed sensors, the sets met and those that stop it.
+
+    ``sensors`` has the number of sensors of each design. ``SETS`` are the columns; ``of`` is the
+    number of all sets of that size. ``missions`` are those with as many failed sensors, of which
+    ``stopped`` were not completed.
+    """
+    rows = []
+    for (source, design), own in cases.groupby(list(KEYS), sort=False):
+        total = sensors[str(source), str(design)]
+        for failed, found in own.groupby("failed"):
+            sets = found.groupby("failed_sensors")["stopped"].sum()
+            every = math.comb(total, len(read_set(str(sets.index[0]))))
+            counts = len(sets), every, int((sets > 0).sum())
+            flown = int(found["missions"].sum()), int(found["stopped"].sum())
+            rows.append((source, design, total, failed, *counts, *flown))
+    return pd.DataFrame(rows, columns=list(SETS))
+
+
+def estimate_risks(missions: pd.DataFrame) -> pd.DataFrame:
+    """Estimate the probability that a mission is not completed, for failures that are drawn.
+
+    A row for each design, evaluation and world, and for all worlds together (``world`` is empty),
+    where a trial fails if one of its missions does. ``RISKS`` are the columns; the interval is
+    Wilson's, of 95 %.
+    """
+    rows: list[tuple[Any, ...]] = []
+    drawn = missions[missions["drawn"]]
+    for (source, design, evaluation), own in drawn.groupby([*KEYS, "evaluation"], sort=False):
+        for world, found in own.groupby("world", sort=False):
+            lost = int((~found["completed"].astype(bool)).sum())
+            rows.append((source, design, evaluation, world, *_share(lost, len(found))))
+        whole = own.groupby("trial")["completed"].all()
+        rows.append((source, design, evaluation, "", *_share(int((~whole).sum()), len(whole))))
+    return pd.DataFrame(rows, columns=list(RISKS))
+
+
+def find_smallest(cases: pd.DataFrame) -> pd.DataFrame:
+    """Return the cases with the fewest failed sensors that stop a design; empty if none does.
+
+    Missions that were not completed without a failure are no case.
+    """
+    stopping = cases[(cases["stopped"] > 0) & (cases["failed"] > 0)]
+    smallest: pd.DataFrame = stopping[stopping["failed"] == stopping["failed"].min()]
+    return smallest
+
+
+def read_set(failed: str) -> tuple[int, ...]:
+    """Read the numbers of the sensors in the column ``failed_sensors``."""
+    return tuple(map(int, failed.split())) if failed else ()
+
+
+def count_sensors(record: "EvaluationRecord") -> Iterator[tuple[tuple[str, str], int]]:
+    """Yield the number of sensors of each design of an evaluation, by source and name."""
+    for (source, design), own in record.mounts.groupby(list(KEYS), sort=False):
+        yield (str(source), str(design)), int(own["sensor"].notna().sum())
+
+
+def _chooses(record: "EvaluationRecord", kinds: tuple[str, ...]) -> bool:
+    """Whether the failure model of an evaluation is of one of these classes."""
+    return str(record.values.get("failure._target_", "")).endswith(kinds)
+
+
+def _find_intact(record: "EvaluationRecord", trials: "pd.Series[int]") -> "pd.Series[bool]":
+    first = _chooses(record, (EXHAUSTIVE,)) and record.values.get("failure.least") == 0
+    return (trials == 0) & first | _chooses(record, (NO_FAILURE,))
+
+
+def _share(count: int, total: int) -> tuple[float, ...]:
+    interval = share_interval(count, total)
+    return total, count, count / total, interval.low, interval.high
+
+
+def _write_set(cell: object) -> str:
+    """Write the sensors that failed in increasing order; the file has them by semicolons."""
+    if not isinstance(cell, str | int | float) or cell != cell:
+        return NO_FAULT
+    return " ".join(map(str, sorted({int(float(part)) for part in str(cell).split(";")})))
+
+
+def _first_time(cell: object) -> float:
+    if not isinstance(cell, str | int | float) or cell != cell:
+        return math.nan
+    return min(map(float, str(cell).split(";")))
