@@ -110,7 +110,7 @@ def _validate(record: "Record", evaluations: Sequence[Scores]) -> pd.DataFrame:
         "validated": fresh.get("fresh", in_run),
         "validated_by": by,
         "in_run": in_run,
-        "in_run_trials": record.values.get("optimizer.validation_trials"),
+        "in_run_trials": status.get("validated_trials"),
         **dict.fromkeys(("fresh", "fresh_sd", "fresh_trials"), math.nan),
         "evaluation": "",
     }

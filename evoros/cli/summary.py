@@ -18,6 +18,7 @@ def summarize_run(folder: Path) -> str:
         + ("" if validated is None else f", {validated:.3f} validated on fresh draws"),
         f"generations       {status['generations_done']}",
         _describe_missions(status),
+        *_describe_certificate(folder),
         f"champion          {folder / 'champion'}",
         f"run folder        {folder}",
     ]
@@ -50,6 +51,28 @@ def _describe_missions(status: Mapping[str, Any]) -> str:
         f"missions          {status['missions']}, of which {status['session_missions']} now "
         f"({simulated:.0f} simulated s in {wall:.0f} s{speed})"
     )
+
+
+def _describe_certificate(folder: Path) -> list[str]:
+    """The champion's fitness and success on fresh draws, with their intervals, and its rivals."""
+    certificate = json.loads((folder / "champion" / "certificate.json").read_text())
+    trials, percent = certificate["validated_trials"], f"{100 * certificate['confidence']:g} %"
+    if not trials:
+        return []
+    lines = []
+    if certificate["fitness_low"] is not None:
+        low, high = certificate["fitness_low"], certificate["fitness_high"]
+        lines.append(f"fitness, {percent:9}{low:.3f} to {high:.3f}, by {trials} fresh trials")
+    worlds = ", ".join(
+        f"{name} {rate['completed']}/{rate['trials']} ({rate['low']:.2f} to {rate['high']:.2f})"
+        for name, rate in certificate["worlds"].items()
+    )
+    lines.append(f"completed, {percent:7}{worlds}")
+    chance = certificate["chance_of_better"]
+    if chance is not None:
+        among = f"among {len(certificate['rivals'])} that met the same draws"
+        lines.append(f"a better design   chance {chance:.2f}, {among}")
+    return lines
 
 
 def _describe_loss(status: Mapping[str, Any]) -> str:

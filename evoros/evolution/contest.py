@@ -61,6 +61,11 @@ class Contest:
         means = {number: sum(life) / len(life) for number, life in lives.items()}
         return cap_fitness(means, self.rounds)
 
+    def stays(self) -> dict[int, int]:
+        """Return how many rounds each design stayed in; the last round counts, not its trials."""
+        last = {number: place for place, ids in enumerate(self.rounds) for number in ids}
+        return {number: last.get(number, -1) for number in self.scores}
+
     def _check_new(self) -> None:
         for number, earlier in self.earlier.items():
             if not earlier and number not in self.scores:

@@ -24,11 +24,13 @@ from evoros.design.team import TeamSpace
 from evoros.evolution.agent import Agent, make_room
 from evoros.evolution.agents_check import check_agents
 from evoros.evolution.confirmation import A_CONFIRMATION, Confirmation
+from evoros.evolution.final_choice import A_FINAL_CHOICE, AN_ALLOCATION, FinalChoice
+from evoros.evolution.validation import A_VALIDATION, Validation
 from evoros.executor.protocol import Executor
 from evoros.failure.protocol import Failure
 from evoros.fitness.protocol import Fitness
 from evoros.fitness.team import TeamFitness
-from evoros.mission.plan import CONFIRMATION, POLICIES, STOP, VALIDATION, WORST, Plan
+from evoros.mission.plan import CONFIRMATION, FINAL, POLICIES, STOP, VALIDATION, WORST, Plan
 from evoros.mission.scenario import Scenario
 from evoros.optimizer.protocol import Optimizer, Search
 from evoros.robot.model import Robot
@@ -36,7 +38,6 @@ from evoros.simulator.protocol import Simulator
 from evoros.world.course import A_COURSE, Course
 from evoros.world.model import World
 
-AN_ALLOCATION = instance_of(Allocation, "an allocation (most_trials and next_round)")
 AGENTS = mapping_of(Agent, "agents (evoros.evolution.agent.Agent)")
 
 CHAMPION, ALL, NONE = "champion", "all", "none"
@@ -75,6 +76,8 @@ class Experiment:
     lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # if a mission crashes or hangs
     record: Annotated[str, one_of(CHAMPION, ALL, NONE)] = CHAMPION  # whose trajectories are kept
     confirmation: Annotated[Confirmation | None, A_CONFIRMATION] = None
+    final_choice: Annotated[FinalChoice | None, A_FINAL_CHOICE] = None
+    validation: Annotated[Validation, A_VALIDATION] = field(default_factory=Validation)
     agents: Annotated[Mapping[str, Agent], AGENTS] = field(default_factory=dict)
     figures: Sequence[str] = ()
     course: Annotated[Course | None, A_COURSE] = None
@@ -163,11 +166,12 @@ class Experiment:
             raise InputError(f"{key}: {error}") from None
 
     def scenario_for(self, purpose: str) -> Scenario:
-        """Return ``confirming`` for confirmation and validation, and ``scenario`` otherwise.
+        """Return ``confirming`` for what follows the selection, and ``scenario`` otherwise.
 
-        So validated and confirmed fitness are comparable.
+        So validated, final and confirmed fitness are comparable.
         """
-        return self.confirming if purpose in (CONFIRMATION, VALIDATION) else self.scenario
+        confirming = purpose in (CONFIRMATION, VALIDATION, FINAL)
+        return self.confirming if confirming else self.scenario
 
     @cached_property
     def own_space(self) -> DesignSpace:
@@ -202,4 +206,5 @@ class Experiment:
             self.optimizer.validation_trials,
             self.draws,
             self.allocation.most_trials(self.trials),
+            self.validation.max_trials,
         )

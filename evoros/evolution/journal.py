@@ -8,6 +8,7 @@ from typing import Protocol
 
 from evoros.base.arrays import Array
 from evoros.design.design import Design
+from evoros.evolution.certificate import Certificate
 from evoros.evolution.dispatch import MissionRecord
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
@@ -70,6 +71,15 @@ class Champion:
     worlds: Mapping[str, World]  # by name
     tracks: Sequence[str]  # names of the worlds whose trajectories are kept
     columns: Sequence[str]  # of a trajectory, after those of ``TRAJECTORY``
+    certificate: Certificate
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended."""
+
+    last: Generation
+    certificate: Certificate  # of the champion
 
 
 class Observer(Protocol):

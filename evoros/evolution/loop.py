@@ -3,9 +3,11 @@
 from contextlib import suppress
 
 from evoros.base.errors import InputError
+from evoros.evolution.certificate import Certificate
 from evoros.evolution.dispatch import Dispatcher
+from evoros.evolution.ending import certify, choose_champion
 from evoros.evolution.experiment import ALL, CHAMPION, NONE, Experiment
-from evoros.evolution.journal import Champion, Generation, Journal, Observer
+from evoros.evolution.journal import Champion, Ending, Journal, Observer
 from evoros.evolution.scores import Scores
 from evoros.executor.protocol import Pool
 from evoros.mission.plan import CONFIRMATION, SELECTION
@@ -15,8 +17,8 @@ from evoros.robot.model import Robot
 
 def evolve(
     experiment: Experiment, journal: Journal, observer: Observer, generations: int, pool: Pool
-) -> Generation:
-    """Run the experiment for so many generations, record its champion, return the last generation.
+) -> Ending:
+    """Run the experiment for so many generations, and record its champion, which is certified.
 
     Missions that the journal has are not run again; so an interrupted run goes on where it ended.
 
@@ -34,9 +36,12 @@ def evolve(
         generation = scores.conclude(number, candidates)
         journal.write_generation(generation)
         observer.generation(generation)
-    champion = generation.best.individual
-    _record_champion(experiment, journal, dispatcher, champion, *scores.shown[champion.id])
-    return generation
+    choice = choose_champion(scores, generation)
+    certificate = certify(scores, generation, choice)
+    champion = choice.individual
+    shown = scores.shown[champion.id]
+    _record_champion(experiment, journal, dispatcher, champion, certificate, *shown)
+    return Ending(generation, certificate)
 
 
 def _record_champion(
@@ -44,6 +49,7 @@ def _record_champion(
     journal: Journal,
     dispatcher: Dispatcher,
     individual: Individual,
+    certificate: Certificate,
     generation: int,
     earlier: int,
 ) -> None:
@@ -69,6 +75,7 @@ def _record_champion(
         worlds={each.world: scenario.world[each.world].at(each.draws) for each in missions},
         tracks=[] if experiment.record == NONE else [each.world for each in missions],
         columns=scenario.name_columns(design),
+        certificate=certificate,
     )
     if not journal.has_champion(champion):
         if experiment.record == CHAMPION:

@@ -9,7 +9,8 @@ from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation, Journal, Observer
 from evoros.fitness.scoring import score_trials
-from evoros.mission.mission import Mission
+from evoros.mission.mission import Mission, MissionKey
+from evoros.mission.outcome import Outcome
 from evoros.mission.plan import CONFIRMATION, SELECTION, VALIDATION
 from evoros.optimizer.protocol import Candidate, Individual, Score
 
@@ -28,8 +29,10 @@ class Scores:
     screened: dict[int, list[float]] = field(default_factory=dict)  # in the run's own simulator
     confirmed: dict[int, list[float]] = field(default_factory=dict)  # in the confirming simulator
     repeated: dict[int, list[float]] = field(default_factory=dict)  # screened, of confirmed trials
-    validated: dict[int, float] = field(default_factory=dict)  # under draws of their own
+    validated: dict[int, list[float]] = field(default_factory=dict)  # under draws of their own
+    validated_in: dict[int, int] = field(default_factory=dict)  # the generation of these missions
     fitness: dict[int, float] = field(default_factory=dict)  # as told to the search
+    individuals: dict[int, Individual] = field(default_factory=dict)  # for a final choice
     shown: dict[int, tuple[int, int]] = field(default_factory=dict)
     """The generation whose trials a champion shows, and the number of its earlier trials."""
     survivors: list[Individual] = field(default_factory=list)  # of the last generation
@@ -46,8 +49,10 @@ class Scores:
             RunStopped: a mission was lost, and the experiment stops at that.
         """
         new = {individual.id for individual in individuals}
+        if self.experiment.final_choice is not None:
+            self.individuals |= {individual.id: individual for individual in individuals}
         old = [each for each in self.survivors if each.id not in new]
-        designs = self._decode([*individuals, *old])
+        designs = self.decode([*individuals, *old])
         contest = self._hold_contest(generation, designs)
         self.fitness |= contest.means()
         self._confirm_best(generation, designs, contest)
@@ -69,7 +74,7 @@ class Scores:
                 )
                 for number, trials in wanted.items()
             }
-            contest.add(self._score(generation, missions, SELECTION))
+            contest.add(self.score(generation, missions, SELECTION))
         return contest
 
     def _confirm_best(
@@ -89,7 +94,7 @@ class Scores:
                 )
                 if number not in self.confirmed:
                     self.shown[number] = (generation, earlier)
-            for number, scores in self._score(generation, missions, CONFIRMATION).items():
+            for number, scores in self.score(generation, missions, CONFIRMATION).items():
                 self.confirmed.setdefault(number, []).extend(scores)
                 self.repeated.setdefault(number, []).extend(contest.scores[number])
             return {number: _mean(self.confirmed[number]) for number in missions}
@@ -120,7 +125,7 @@ class Scores:
         rows = [*candidates, *dropped]
         alive = {row.individual.id: row.individual for row in candidates if row.survived}
         self.survivors = list(alive.values())
-        self._validate(number, best.individual)
+        self.validate(number, best.individual)
         screened = {i: _mean(self.repeated.get(i, scores)) for i, scores in self.screened.items()}
         return Generation(
             number=number,
@@ -128,19 +133,38 @@ class Scores:
             genes=[space.to_row(candidate.individual.genome) for candidate in rows],
             best=best,
             trials={i: len(self.confirmed.get(i, scores)) for i, scores in self.screened.items()},
-            validated_fitness=dict(self.validated),
+            validated_fitness={i: _mean(scores) for i, scores in self.validated.items() if scores},
             screened_fitness=screened if self.experiment.confirmation else {},
             losses={i: screened[i] - _mean(scores) for i, scores in self.confirmed.items()},
         )
 
-    def _validate(self, generation: int, individual: Individual) -> None:
-        """Validate an individual, unless it has been validated or the run does not validate."""
-        plan = self.experiment.plan
-        if plan.validation_trials and individual.id not in self.validated:
-            (design,) = self._decode([individual]).values()
-            missions = {individual.id: plan.validation(generation, individual.id, design)}
-            scores = self._score(generation, missions, VALIDATION)
-            self.validated[individual.id] = _mean(scores[individual.id])
+    def validate(self, generation: int, individual: Individual) -> None:
+        """Validate an individual, unless it has been validated or the run does not validate.
+
+        Raises:
+            InputError, RunStopped: see ``evaluate``.
+        """
+        if individual.id not in self.validated:
+            self.validated_in[individual.id] = generation
+            trials = self.experiment.plan.validation_trials
+            self.validated[individual.id], _ = self.validate_longer(individual, trials)
+
+    def validate_longer(
+        self, individual: Individual, trials: int
+    ) -> tuple[list[float], dict[str, list[Outcome]]]:
+        """Return the scores of so many validation trials, and their outcomes in each world.
+
+        Raises:
+            InputError, RunStopped: see ``evaluate``.
+        """
+        number, generation = individual.id, self.validated_in[individual.id]
+        (design,) = self.decode([individual]).values()
+        missions = self.experiment.plan.validation(generation, number, design, trials)
+        outcomes = self._run(generation, missions, VALIDATION)
+        by_world: dict[str, list[Outcome]] = {}
+        for mission in missions:
+            by_world.setdefault(mission.world, []).append(outcomes[mission.key])
+        return score_trials(self.experiment.scoring, missions, outcomes), by_world
 
     def _find_best(self, candidates: Sequence[Candidate]) -> Candidate:
         """Return the fittest candidate, one of the confirmed ones if there are any.
@@ -152,25 +176,38 @@ class Scores:
             key=lambda candidate: (candidate.individual.id in self.confirmed, candidate.fitness),
         )
 
-    def _decode(self, individuals: Sequence[Individual]) -> dict[int, Design]:
+    def decode(self, individuals: Sequence[Individual]) -> dict[int, Design]:
+        """Return the design of each individual, by its id."""
         space = self.experiment.space
         return {individual.id: space.decode(individual.genome) for individual in individuals}
 
-    def _score(
+    def score(
         self, generation: int, missions: Mapping[int, Sequence[Mission]], purpose: str
     ) -> dict[int, list[float]]:
-        """Return the score of each trial of each design; run and record the missing missions."""
-        experiment, journal = self.experiment, self.journal
+        """Return the score of each trial of each design; run and record the missing missions.
+
+        Raises:
+            InputError, RunStopped: see ``evaluate``.
+        """
         needed = [mission for of_design in missions.values() for mission in of_design]
-        self.observer.begin(generation, len(needed), sum(map(journal.has, needed)))
-        scenario = experiment.scenario_for(purpose)
-        self.dispatcher.run_missing(scenario, needed, journal, self.observer.mission)
-        found = ((mission.key, journal.find(mission)) for mission in needed)
-        outcomes = {key: outcome for key, outcome in found if outcome is not None}
+        outcomes = self._run(generation, needed, purpose)
         return {
-            number: score_trials(experiment.scoring, of_design, outcomes)
+            number: score_trials(self.experiment.scoring, of_design, outcomes)
             for number, of_design in missions.items()
         }
+
+    def _run(
+        self, generation: int, needed: Sequence[Mission], purpose: str
+    ) -> dict[MissionKey, Outcome]:
+        """Return the outcomes of missions of one generation."""
+        journal = self.journal
+        if not needed:
+            return {}
+        self.observer.begin(generation, len(needed), sum(map(journal.has, needed)))
+        scenario = self.experiment.scenario_for(purpose)
+        self.dispatcher.run_missing(scenario, needed, journal, self.observer.mission)
+        found = ((mission.key, journal.find(mission)) for mission in needed)
+        return {key: outcome for key, outcome in found if outcome is not None}
 
 
 def _mean(scores: Sequence[float]) -> float:

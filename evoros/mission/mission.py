@@ -14,7 +14,7 @@ class Mission:
     design: Design
     world: str
     trial: int
-    purpose: str  # selection, confirmation, validation or evaluation
+    purpose: str  # selection, confirmation, validation, final or evaluation
     draws: str  # the key of all random draws
 
     @property

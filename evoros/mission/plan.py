@@ -1,5 +1,6 @@
 """Plans the missions that score a design, and the keys of their random draws."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from evoros.design.design import Design
@@ -7,6 +8,7 @@ from evoros.mission.mission import Mission
 
 SELECTION, CONFIRMATION = "selection", "confirmation"
 VALIDATION, EVALUATION = "validation", "evaluation"
+FINAL = "final"
 POLICIES = ("generation", "individual", "run")
 STOP, WORST = "stop", "worst"
 
@@ -25,12 +27,13 @@ class Plan:
     validation_trials: int
     policy: str  # one of POLICIES: selection repeats its draws within it
     most_trials: int = 0  # of a design in one generation, in selection, if more than ``trials``
+    most_validation_trials: int = 0  # of a champion, if more than ``validation_trials``
 
     def missions(
         self, purpose: str, generation: int, design_id: int, design: Design
     ) -> list[Mission]:
         """Return the missions of a design for a purpose, for example ``SELECTION``."""
-        plans = {
+        plans: dict[str, Callable[[int, int, Design], list[Mission]]] = {
             SELECTION: self.selection,
             VALIDATION: self.validation,
             CONFIRMATION: self.confirmation,
@@ -61,13 +64,33 @@ class Plan:
         group = groups[self.policy]
         return self._missions(generation, design_id, design, SELECTION, group, trials, skipped)
 
-    def validation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
+    def validation(
+        self, generation: int, design_id: int, design: Design, count: int | None = None
+    ) -> list[Mission]:
         """Return missions under draws that no selection uses, the same for every design.
 
-        Their trials are numbered after those of the selection.
+        Their trials are numbered after those of the selection. A champion may get a ``count`` of
+        more trials than ``validation_trials``; these are numbered after those of the confirmation.
         """
-        trials = range(self._selected, self._selected + self.validation_trials)
-        return self._missions(generation, design_id, design, VALIDATION, "all", trials)
+        count = self.validation_trials if count is None else count
+        trials = range(self._selected, self._selected + min(count, self.validation_trials))
+        further = range(self._confirmed, self._confirmed + count - len(trials))
+        return [
+            mission
+            for part in (trials, further)
+            for mission in self._missions(generation, design_id, design, VALIDATION, "all", part)
+        ]
+
+    def final(
+        self, generation: int, design_id: int, design: Design, trials: range
+    ) -> list[Mission]:
+        """Return missions of the final choice, under draws of their own, the same for all designs.
+
+        Their trials are numbered after all others.
+        """
+        after = self._confirmed + max(0, self.most_validation_trials - self.validation_trials)
+        numbers = range(after + trials.start, after + trials.stop)
+        return self._missions(generation, design_id, design, FINAL, "all", numbers)
 
     def confirmation(
         self,
@@ -97,6 +120,11 @@ class Plan:
     def _selected(self) -> int:
         """The first number that no trial of the selection has."""
         return max(self.trials, self.most_trials)
+
+    @property
+    def _confirmed(self) -> int:
+        """The first number that no trial of selection, validation and confirmation has."""
+        return 2 * self._selected + self.validation_trials
 
     def _missions(
         self,
@@ -135,7 +163,7 @@ def count_round(purpose: str, generation: int, trial: int) -> int:
     """
     if purpose in (SELECTION, CONFIRMATION):
         return generation
-    return trial if purpose == VALIDATION else generation + trial
+    return trial if purpose in (VALIDATION, FINAL) else generation + trial
 
 
 def describe(mission: Mission) -> str:

@@ -9,9 +9,10 @@ from typing import Any
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER, collect_messages
 from evoros.config.configuration import Configuration
+from evoros.evolution.certificate import Certificate
 from evoros.evolution.drive_check import report_drive
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.journal import Generation
+from evoros.evolution.journal import Ending, Generation
 from evoros.evolution.loop import evolve
 from evoros.evolution.preflight import preflight
 from evoros.evolution.repeatability import report_repeatability
@@ -44,8 +45,8 @@ class Session:
         """Computes the missions."""
         return self.experiment.executor
 
-    def run(self, display: Display, opener: PoolOpener = open_pool) -> Generation:
-        """Run to the end and return the last generation.
+    def run(self, display: Display, opener: PoolOpener = open_pool) -> Ending:
+        """Run to the end and return how it ended.
 
         Raises:
             RunStopped: a mission was lost; the run can be resumed.
@@ -61,11 +62,12 @@ class Session:
                 log_start(record.path, f"{generations} generations", self.experiment, pool)
                 report_drive(self.experiment, pool)
                 self._report_repeatability(pool)
-                last = evolve(self.experiment, record, observer, generations, pool)
+                ending = evolve(self.experiment, record, observer, generations, pool)
+                observer.certificate = ending.certificate
                 record.complete()
                 observer.status.write(FINISHED)  # first: figures are drawn of finished runs
                 draw_figures(record.path, figures, pool)
-        return last
+        return ending
 
     def _report_repeatability(self, pool: Pool) -> None:
         """Check the first mission of a new run, with each of its controllers."""
@@ -90,6 +92,7 @@ class _RunObserver:
     display: Display
     generations: int
     last: Generation | None = None
+    certificate: Certificate | None = None  # at the end
     status: Status = field(init=False)
 
     def __post_init__(self) -> None:
@@ -114,17 +117,20 @@ class _RunObserver:
 
     def _describe(self) -> dict[str, Any]:
         """The fields of ``status.json`` that only a run has."""
-        last = self.last
-        return {
+        last, certificate = self.last, self.certificate
+        fields = {
             "generations": self.generations,
             "generations_done": 0 if last is None else last.number + 1,
             "best_fitness": None if last is None else last.best.fitness,
             "best_validated_fitness": None if last is None else last.validated,
+            **dict.fromkeys(("validated_trials", "fitness_low", "fitness_high")),
+            "chance_of_better": None,
             "best_loss": None if last is None else last.loss,
             "mean_loss": None if last is None else last.mean_loss,
             "confirmed": 0 if last is None else len(last.losses),
             "missions": len(self.record.rows),
         }
+        return fields if certificate is None else {**fields, **certificate.summary}
 
 
 def check_experiment(experiment: Experiment) -> None:

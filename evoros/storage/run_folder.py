@@ -39,6 +39,7 @@ from evoros.storage.tables import (
 from evoros.storage.trajectory_files import TrajectoryFiles
 
 GENERATIONS, CHAMPION = "generations", "champion"
+CERTIFICATE = "certificate.json"  # of the champion
 AGENTS = "agents"  # in the manifest, their names; of a champion, the folder of their robots
 ROBOT = "robot.urdf"  # of the champion, as it was described
 
@@ -238,7 +239,7 @@ def _trajectory_file(world: str) -> str:
 def _champion_files(champion: Champion) -> dict[str, bytes]:
     """The champion's files without its trajectories: content by name, ``design.csv`` last."""
     genes = gene_table(champion.id, champion.design, champion.gene_names)
-    files = {"genes.csv": genes.encode()}
+    files = {CERTIFICATE: champion.certificate.text.encode(), "genes.csv": genes.encode()}
     for robot_name, robot in champion.robots.items():
         folder = f"{AGENTS}/{robot_name}/" if robot_name else ""
         files[folder + ROBOT] = robot.urdf.encode()

@@ -1,0 +1,136 @@
+"""How a run ends: its final choice, and the certificate of its champion."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers import USER_PARTS, content, copied, cut, resume, tiny
+
+from evoros import load_run, replay
+from evoros.base.console import DONE, INPUT
+
+FINAL = ("final_choice=halving", "final_choice.finalists=5", "final_choice.method.budget=4")
+PRECISE = ("validation.precision=0.4", "validation.first=3", "validation.max_trials=12")
+MORE = (*FINAL, *PRECISE, "validation.rivals=2", "trials=2")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("ending") / "run"
+    assert tiny(folder, *MORE) == DONE
+    return folder
+
+
+def certificate(run: Path) -> Any:
+    return json.loads((run / "champion" / "certificate.json").read_text())
+
+
+def test_every_run_ends_with_a_certificate_that_costs_no_mission(tmp_path: Path) -> None:
+    assert tiny(tmp_path / "run", "optimizer.validation_trials=3") == DONE
+    loaded: Any = load_run(tmp_path / "run")
+    found = certificate(tmp_path / "run")
+    last = loaded.generations[loaded.generations.generation == 2]
+    best = last.loc[last.fitness.idxmax()]
+    assert found["design"] == best.id
+    assert found["recorded_fitness"] == best.fitness == loaded.status["best_fitness"]
+    assert found["validated_fitness"] == best.validated_fitness
+    assert found["validated_trials"] == loaded.status["validated_trials"] == 3
+    assert found["fitness_low"] < found["validated_fitness"] < found["fitness_high"]
+    validated = loaded.missions[loaded.missions.purpose == "validation"]
+    assert {rival["design"] for rival in found["rivals"]} == set(validated.design) - {best.id}
+    own = validated[validated.design == best.id].groupby("world").completed.sum()
+    assert {world: rate["completed"] for world, rate in found["worlds"].items()} == dict(own)
+
+
+def test_without_validation_a_certificate_says_nothing(tmp_path: Path) -> None:
+    assert tiny(tmp_path / "run", "optimizer.validation_trials=0") == DONE
+    found = certificate(tmp_path / "run")
+    assert found["validated_trials"] == 0
+    assert found["validated_fitness"] is found["fitness_low"] is found["chance_of_better"] is None
+
+
+def test_the_champion_is_a_finalist_and_the_best_of_the_last_round(run: Path) -> None:
+    loaded: Any = load_run(run)
+    found, missions = certificate(run), loaded.missions
+    assert set(loaded.champion.design) == {found["design"]} == {found["finalists"][0]["design"]}
+    ranked = loaded.generations.groupby("id").fitness.last().sort_values(ascending=False)
+    entered = sorted((each["fitness"] for each in found["finalists"]), reverse=True)
+    assert entered == ranked.tolist()[:5]
+    final = missions[missions.purpose == "final"].groupby("design").size() / 2  # worlds
+    assert {each["design"]: each["trials"] for each in found["finalists"]} == dict(final)
+    most = [each for each in found["finalists"] if each["trials"] == final.max()]
+    assert found["recorded_fitness"] == max(each["final_fitness"] for each in most)
+
+
+def test_each_purpose_has_draws_and_trials_of_its_own(run: Path) -> None:
+    missions: Any = load_run(run).missions
+    assert set(missions.purpose) == {"selection", "validation", "final"}
+    assert not missions.duplicated(["generation", "design", "world", "trial"]).any()
+    assert not missions.duplicated(["design", "world", "draws"]).any()
+    assert missions.groupby("draws").purpose.nunique().max() == 1
+    shared = missions[missions.purpose != "selection"].groupby(["purpose", "trial", "world"])
+    assert shared.draws.nunique().max() == 1
+
+
+def test_trials_are_added_until_the_precision_or_the_limit(run: Path) -> None:
+    found = certificate(run)
+    half_width = (found["fitness_high"] - found["fitness_low"]) / 2
+    assert 3 <= found["validated_trials"] <= 12
+    assert half_width <= 0.4 + 1e-5 or found["validated_trials"] == 12
+    assert all(rate["trials"] == found["validated_trials"] for rate in found["worlds"].values())
+    assert len(found["rivals"]) >= 2
+
+
+def test_the_same_bytes_after_a_cut_and_in_processes(run: Path, tmp_path: Path) -> None:
+    size = len((run / "missions.csv").read_bytes())
+    for share in (0.5, 0.9):
+        part = copied(run, tmp_path / f"{share}")
+        cut(part, int(size * share))
+        assert resume(part, "executor=processes", "executor.workers=2") == DONE
+        assert content(part) == content(run)
+
+
+def test_an_extended_run_chooses_again_and_keeps_the_missions_of_before(
+    run: Path, tmp_path: Path
+) -> None:
+    part = copied(run, tmp_path / "longer")
+    assert resume(part, "optimizer.generations=5") == DONE
+    assert tiny(tmp_path / "whole", *MORE, "optimizer.generations=5") == DONE
+    longer, whole, before = (content(each) for each in (part, tmp_path / "whole", run))
+    for name in whole:
+        if name not in ("missions.csv", "champion/certificate.json"):
+            assert longer[name] == whole[name], name
+    rows = [set(each["missions.csv"].splitlines()) for each in (longer, whole, before)]
+    assert rows[0] == rows[1] | rows[2]
+    status: Any = load_run(part).status
+    assert status["missions"] == len(rows[0]) - 1
+    assert certificate(part)["design"] == certificate(tmp_path / "whole")["design"]
+
+
+def test_a_mission_of_the_final_choice_is_replayed(run: Path) -> None:
+    missions: Any = load_run(run).missions
+    row = missions[missions.purpose == "final"].iloc[-1]
+    place = int(row.generation), int(row.design), str(row.world), int(row.trial)
+    outcome, _ = replay(run, *place, USER_PARTS)
+    assert (outcome.ended, outcome.time_s) == (row.ended, row.time_s)
+
+
+@pytest.mark.parametrize(
+    ("bad", "said"),
+    [
+        ("validation.precision=-1", "precision"),
+        ("validation.rivals=some", "rivals"),
+        ("final_choice=halving final_choice.finalists=0", "finalists"),
+        ("final_choice=halving final_choice.method.budget=0", "budget"),
+        ("allocation=racing allocation.level=1", "level"),
+    ],
+)
+def test_bad_input_is_one_line(
+    bad: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert tiny(tmp_path / "run", *bad.split()) == INPUT
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert said in lines[0]
+    assert not (tmp_path / "run").exists()
