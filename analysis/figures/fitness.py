@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ..drawing.style import COLUMN_IN, STYLE, VERMILLION, figure_width
+from ..measures.statistics import Interval
 from ..product import Product
 from ..tables.generations import compute_quartiles, list_individuals, trace_fitness
 from ..tables.study import Study
@@ -33,24 +34,36 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     panels = generations["treatment"].nunique() if several else 1
     width = figure_width(options.columns, 1 if panels == 1 else 2)
     table = compute_quartiles(generations) if several else list_individuals(generations)
-    return Product(table, draw_fitness(generations, width))
+    interval = None if several else _read_interval(study)
+    return Product(table, draw_fitness(generations, width, interval))
 
 
-def draw_fitness(generations: pd.DataFrame, width: float = COLUMN_IN) -> Figure:
+def _read_interval(study: Study) -> Interval | None:
+    """Return the interval of the champion's fitness on fresh draws; None if it is not known."""
+    status = study.records[0].run.status
+    ends = [status.get(name) for name in ("best_validated_fitness", "fitness_low", "fitness_high")]
+    value, low, high = (math.nan if end is None else float(end) for end in ends)
+    return None if math.isnan(low) else Interval(value, low, high)
+
+
+def draw_fitness(
+    generations: pd.DataFrame, width: float = COLUMN_IN, champion: Interval | None = None
+) -> Figure:
     """Draw each individual, the best and the mean of one run, or the quartiles of several.
 
     ``generations`` has the columns of a run's generation tables and, for several runs, ``run`` and
     ``treatment``; each treatment has a panel. ``width`` is in inches. An individual is drawn in
-    each generation to which it belongs.
+    each generation to which it belongs. ``champion`` is the interval of the champion's fitness of
+    one run, drawn beside the last generation.
     """
     several = "run" in generations and generations["run"].nunique() > 1
     with mpl.rc_context(STYLE):
         if several:
             return _draw_several(compute_quartiles(generations), width)
-        return _draw_one(generations, width)
+        return _draw_one(generations, width, champion)
 
 
-def _draw_one(generations: pd.DataFrame, width: float) -> Figure:
+def _draw_one(generations: pd.DataFrame, width: float, champion: Interval | None) -> Figure:
     figure = Figure(figsize=(width, min(0.72 * width, 3.2)), layout="constrained")
     axes, traced = figure.subplots(), trace_fitness(generations)
     axes.scatter(
@@ -66,6 +79,10 @@ def _draw_one(generations: pd.DataFrame, width: float) -> Figure:
         if traced[name].notna().any():
             colour, dashes = STYLES[name]
             axes.plot(traced[name], color=colour, lw=1.2, ls=dashes, label=label)
+    if champion is not None:
+        beside = generations["generation"].max() + 0.02 * max(25, generations["generation"].max())
+        axes.vlines(beside, champion.low, champion.high, color=VERMILLION, lw=1.6)
+        axes.plot(beside, champion.value, "o", c=VERMILLION, ms=3.5, label="champion, interval")
     axes.set(xlabel="generation", ylabel="fitness (Eq. 1)")
     _finish(figure, [axes])
     return figure
