@@ -68,8 +68,9 @@ from evoros.filter.protocol import A_FILTER, FILTERS, Channels, Filter
 from evoros.filter.silence import Silence
 from evoros.fitness.protocol import Fitness
 from evoros.formats.urdf.tree import Urdf
+from evoros.measure.protocol import Evaluated, Measure
 from evoros.mission.outcome import Outcome
-from evoros.optimizer.protocol import Candidate, Individual, Optimizer, Score, Search, Space
+from evoros.optimizer.protocol import Candidate, Goals, Individual, Optimizer, Score, Search, Space
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import (
     CONTACT as CONTACT_SIGNAL,
@@ -110,7 +111,7 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "LiveController", "LimitedController", "VersionedController", "Briefing", "Pilot",
     "start_process", "OutsideProcess",
     "Simulator", "TeamSimulator", "PlacedRobot", "Simulation", "Optimizer", "Search", "Space",
-    "Individual", "Candidate", "Score", "Allocation", "Standing",
+    "Goals", "Individual", "Candidate", "Score", "Measure", "Evaluated", "Allocation", "Standing",
     "Executor", "Pool", "Fitness", "Outcome",
     # Errors that a part may raise.
     "InputError", "SimulationError", "WorkerLost", "PilotLost", "LaunchError",

@@ -28,6 +28,7 @@ ROOMS = (
     "field",
     "filter",
     "fitness",
+    "measure",
     "optimizer",
     "robot",
     "sensor",

@@ -159,6 +159,21 @@ class DesignSpace:
         """The number of genes."""
         return len(self._layout[1])
 
+    @cached_property
+    def levels(self) -> Mapping[int, int]:
+        """The number of values of each gene that has but a few, by its index."""
+        design, index = self.design, self._layout[1]
+        counts = {"number": design.max_number - design.min_number + 1}
+        for slot in self._slots:
+            counts |= {
+                f"{slot}_type": len(design.placed_types),
+                f"{slot}_region": len(self.regions),
+            }
+        for name, gene in design.genes.items():
+            if gene.whole:
+                counts[name] = int(gene.high - gene.low) + 1
+        return {index[name]: count for name, count in counts.items() if name in index}
+
     @property
     def _slots(self) -> list[str]:
         return [f"sensor{i}" for i in range(self.design.max_number)]

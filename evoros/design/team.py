@@ -37,6 +37,16 @@ class TeamSpace:
         """The number of genes."""
         return self.first.size + sum(space.size for space in self.others.values())
 
+    @cached_property
+    def levels(self) -> Mapping[int, int]:
+        """The number of values of each gene that has but a few, by its index."""
+        levels = dict(self.first.levels)
+        start = self.first.size
+        for space in self.others.values():
+            levels |= {start + gene: count for gene, count in space.levels.items()}
+            start += space.size
+        return levels
+
     def decode(self, genome: Array) -> Design:
         """Return the designs at ``genome`` (size,), values from 0 to 1.
 

@@ -30,15 +30,17 @@ from evoros.executor.protocol import Executor
 from evoros.failure.protocol import Failure
 from evoros.fitness.protocol import Fitness
 from evoros.fitness.team import TeamFitness
+from evoros.measure.protocol import Measure
 from evoros.mission.plan import CONFIRMATION, FINAL, POLICIES, STOP, VALIDATION, WORST, Plan
 from evoros.mission.scenario import Scenario
-from evoros.optimizer.protocol import Optimizer, Search
+from evoros.optimizer.protocol import Goals, Optimizer, Search
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import Simulator
 from evoros.world.course import A_COURSE, Course
 from evoros.world.model import World
 
 AGENTS = mapping_of(Agent, "agents (evoros.evolution.agent.Agent)")
+MEASURES = mapping_of(Measure, "measures (title, unit, bounds, direction, of_design and compute)")
 
 CHAMPION, ALL, NONE = "champion", "all", "none"
 """Whose trajectories a run keeps."""
@@ -51,8 +53,9 @@ class Experiment:
 
     The fields are named like the keys and groups of ``conf/config.yaml``. ``confirmation`` repeats
     missions of the best designs in another simulator, or by another controller. ``agents`` are
-    robots besides the first one, whose parts are the experiment's own. ``figures`` names
-    subcommands of evoros-analyze, which draw the finished run. The worlds' courses may refer to the
+    robots besides the first one, whose parts are the experiment's own. ``objectives`` and
+    ``descriptors`` are measures that an optimizer may search by. ``figures`` names subcommands of
+    evoros-analyze, which draw the finished run. The worlds' courses may refer to the
     values of ``course``.
 
     Raises:
@@ -79,11 +82,15 @@ class Experiment:
     final_choice: Annotated[FinalChoice | None, A_FINAL_CHOICE] = None
     validation: Annotated[Validation, A_VALIDATION] = field(default_factory=Validation)
     agents: Annotated[Mapping[str, Agent], AGENTS] = field(default_factory=dict)
+    objectives: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
+    descriptors: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     figures: Sequence[str] = ()
     course: Annotated[Course | None, A_COURSE] = None
 
     def __post_init__(self) -> None:
-        for group, kind in (("world", "world"), ("agents", "agent")):
+        kinds = {"world": "world", "agents": "agent"}
+        kinds |= {"objectives": "objective", "descriptors": "descriptor"}
+        for group, kind in kinds.items():
             for name in getattr(self, group):
                 if not NAME.holds(name):
                     rule = f"the key of each {kind} must be {NAME.text}"
@@ -194,7 +201,16 @@ class Experiment:
 
     def start_search(self) -> Search:
         """Start the search of this experiment, which its seed determines."""
-        return self.optimizer.start(self.space, generator(f"{self.seed}", "optimizer"))
+        return self.optimizer.start(self.space, self.goals, generator(f"{self.seed}", "optimizer"))
+
+    @cached_property
+    def goals(self) -> Goals:
+        """What the scores of this experiment have besides the fitness."""
+        bounds = {name: measure.bounds for name, measure in self.descriptors.items()}
+        return Goals(
+            tuple(self.objectives),
+            {name: (float(low), float(high)) for name, (low, high) in bounds.items()},
+        )
 
     @cached_property
     def plan(self) -> Plan:

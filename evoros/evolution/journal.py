@@ -25,6 +25,7 @@ class Generation:
     number: int
     candidates: Sequence[Candidate]
     genes: Sequence[Mapping[str, object]]  # the values of each candidate, by name
+    measures: Sequence[Mapping[str, float]]  # objectives and descriptors of each candidate
     best: Candidate
     trials: Mapping[int, int]  # that the fitness is the mean of
     validated_fitness: Mapping[int, float]  # of each generation's best

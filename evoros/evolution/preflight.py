@@ -16,6 +16,7 @@ from evoros.design.genes import check_genes
 from evoros.design.space import DesignSpace
 from evoros.design.team import TeamSpace
 from evoros.evolution.experiment import Experiment
+from evoros.evolution.measure_check import check_measures
 from evoros.evolution.route_check import check_routes
 from evoros.evolution.sight_check import check_sight
 from evoros.evolution.told_check import check_told
@@ -50,7 +51,9 @@ def preflight(experiment: Experiment) -> None:
         InputError: a part refuses what it is given.
     """
     draws: Draws = partial(generator, "try out")
-    experiment.optimizer.start(experiment.space, draws("optimizer"))
+    experiment.optimizer.start(experiment.space, experiment.goals, draws("optimizer"))
+    for warning in check_measures(experiment):
+        LOGGER.warning("%s", warning)
     teams: dict[str, list[Stages]] = {}  # of all robots, by the key of the scenario
     told: set[str] = set()
     _check_length(experiment)

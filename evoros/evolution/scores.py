@@ -8,6 +8,7 @@ from evoros.evolution.contest import Contest
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation, Journal, Observer
+from evoros.evolution.measuring import Measuring, list_values, name_measures
 from evoros.fitness.scoring import score_trials
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
@@ -31,12 +32,17 @@ class Scores:
     repeated: dict[int, list[float]] = field(default_factory=dict)  # screened, of confirmed trials
     validated: dict[int, list[float]] = field(default_factory=dict)  # under draws of their own
     validated_in: dict[int, int] = field(default_factory=dict)  # the generation of these missions
+    measured: dict[int, Sequence[float]] = field(default_factory=dict)  # by ``name_measures``
     fitness: dict[int, float] = field(default_factory=dict)  # as told to the search
     individuals: dict[int, Individual] = field(default_factory=dict)  # for a final choice
     shown: dict[int, tuple[int, int]] = field(default_factory=dict)
     """The generation whose trials a champion shows, and the number of its earlier trials."""
     survivors: list[Individual] = field(default_factory=list)  # of the last generation
     rescored: list[Individual] = field(default_factory=list)  # of these, in this generation
+    measuring: Measuring = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.measuring = Measuring(self.experiment)
 
     def evaluate(self, generation: int, individuals: Sequence[Individual]) -> dict[int, Score]:
         """Return the scores of new individuals, and of survivors that got further trials.
@@ -60,7 +66,18 @@ class Scores:
             self.shown.setdefault(number, (generation, 0))
             self.screened.setdefault(number, []).extend(scores)
         self.rescored = [each for each in old if each.id in contest.scores]
-        return {number: Score(self.fitness[number]) for number in contest.scores}
+        return self._measure(designs, contest)
+
+    def _measure(self, designs: Mapping[int, Design], contest: Contest) -> dict[int, Score]:
+        """Return the scores of the designs of a contest, with their objectives and descriptors."""
+        scores = {}
+        for number in contest.scores:
+            purpose = CONFIRMATION if number in self.confirmed else SELECTION
+            fitness = self.fitness[number]
+            scores[number] = self.measuring.score(purpose, number, designs[number], fitness)
+            self.measured[number] = list_values(self.experiment, scores[number])
+        self.measuring.check_variety(scores)
+        return scores
 
     def _hold_contest(self, generation: int, designs: Mapping[int, Design]) -> Contest:
         """Run the trials of a generation, round by round."""
@@ -125,6 +142,7 @@ class Scores:
         rows = [*candidates, *dropped]
         alive = {row.individual.id: row.individual for row in candidates if row.survived}
         self.survivors = list(alive.values())
+        self.measuring.keep(alive)
         self.validate(number, best.individual)
         screened = {i: _mean(self.repeated.get(i, scores)) for i, scores in self.screened.items()}
         return Generation(
@@ -132,6 +150,7 @@ class Scores:
             candidates=rows,
             genes=[space.to_row(candidate.individual.genome) for candidate in rows],
             best=best,
+            measures=self._list_measures(rows),
             trials={i: len(self.confirmed.get(i, scores)) for i, scores in self.screened.items()},
             validated_fitness={i: _mean(scores) for i, scores in self.validated.items() if scores},
             screened_fitness=screened if self.experiment.confirmation else {},
@@ -166,6 +185,11 @@ class Scores:
             by_world.setdefault(mission.world, []).append(outcomes[mission.key])
         return score_trials(self.experiment.scoring, missions, outcomes), by_world
 
+    def _list_measures(self, rows: Sequence[Candidate]) -> list[dict[str, float]]:
+        names = name_measures(self.experiment)
+        values = (self.measured[row.individual.id] for row in rows)
+        return [dict(zip(names, numbers, strict=True)) for numbers in values]
+
     def _find_best(self, candidates: Sequence[Candidate]) -> Candidate:
         """Return the fittest candidate, one of the confirmed ones if there are any.
 
@@ -191,6 +215,7 @@ class Scores:
         """
         needed = [mission for of_design in missions.values() for mission in of_design]
         outcomes = self._run(generation, needed, purpose)
+        self.measuring.note(purpose, missions, outcomes)
         return {
             number: score_trials(self.experiment.scoring, of_design, outcomes)
             for number, of_design in missions.items()

@@ -42,7 +42,7 @@ def score_trials(
     by_trial: dict[int, list[Outcome]] = {}
     for mission in missions:
         by_trial.setdefault(mission.trial, []).append(outcomes[mission.key])
-    scores = [float(_score(fitness, trial)) for trial in by_trial.values()]
+    scores = [float(score_trial(fitness, trial)) for trial in by_trial.values()]
     if not all(map(math.isfinite, scores)):
         raise InputError(
             f"fitness: must score every trial with a finite number, not {scores}; correct "
@@ -51,7 +51,8 @@ def score_trials(
     return scores
 
 
-def _score(fitness: Fitness, trial: Sequence[Outcome]) -> float:
+def score_trial(fitness: Fitness, trial: Sequence[Outcome]) -> float:
+    """Return the score of a trial; the worst one if a mission could not be run."""
     complete = all(outcome.ended not in NOT_RUN for outcome in trial)
     return fitness.score(trial) if complete else fitness.worst(trial)
 

@@ -10,15 +10,16 @@ from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, PROBABILITY, WHOLE, Rule, checked, is_number, one_of
-from evoros.base.errors import InputError
 from evoros.optimizer.protocol import (
     Aspect,
     Candidate,
+    Goals,
     Individual,
     Score,
     Search,
     Space,
     check_scores,
+    require_genes,
 )
 
 STEP = Rule("a number greater than 0, at most 1", lambda v: is_number(v) and 0 < v <= 1)
@@ -47,17 +48,13 @@ class GeneticAlgorithm:
     mutation_step: Annotated[float, STEP] = 1.0  # redrawn part of the range; 1: all of it
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"
 
-    def start(self, space: Space, rng: Generator) -> Search:
-        """Start a search, which draws from ``rng`` and from nothing else.
+    def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
+        """Start a search by fitness, which draws from ``rng`` and from nothing else.
 
         Raises:
             InputError: the space has no genes.
         """
-        if not space.blocks:
-            raise InputError(
-                "design: must leave something to evolve, not only constants; "
-                "give a region or a gene a range, or choose optimizer=random_search"
-            )
+        require_genes(space)
         return _GeneticSearch(self, space, rng)
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
 
 from numpy.random import Generator
@@ -26,8 +26,17 @@ class Score:
     """What the missions of a design gave."""
 
     fitness: float  # maximized
-    objectives: tuple[float, ...] = ()  # maximized too, in the order of the experiment's
-    descriptor: tuple[float, ...] = ()  # in the order of the experiment's descriptors
+    objectives: tuple[float, ...] = ()  # maximized too, in the order of ``Goals.objectives``
+    descriptor: tuple[float, ...] = ()  # in the order of ``Goals.descriptors``
+
+
+@dataclass(frozen=True)
+class Goals:
+    """What a score has besides the fitness."""
+
+    objectives: tuple[str, ...] = ()  # their names
+    descriptors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """The lowest and highest value of each, by its name; a design may lie beyond them."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +108,15 @@ class Space(Protocol):
         """All genes, each in one block, in the order in which a crossover may cut."""
         ...
 
+    @property
+    def levels(self) -> Mapping[int, int]:
+        """The number of values of each gene that has but a few, by its index; at least two.
+
+        They are categories, or whole numbers if no aspect has the gene as ``categorical``. Level k
+        of n has the genes from k/n to (k + 1)/n.
+        """
+        ...
+
     def same(self, first: Array, second: Array, /) -> bool:
         """Whether two genomes are the same design, which needs only one evaluation."""
         ...
@@ -118,9 +136,36 @@ class Optimizer(Protocol):
         """The number of fresh trials of each generation's best design; 0: no validation."""
         ...
 
-    def start(self, space: Space, rng: Generator) -> Search:
-        """Start a search. The same generator must give the same search: resuming replays it."""
+    def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
+        """Start a search. The same generator must give the same search: resuming replays it.
+
+        Raises:
+            InputError: the space or the goals are not such that this optimizer can search.
+        """
         ...
+
+
+@runtime_checkable
+class PackagedOptimizer(Protocol):
+    """An optimizer whose search depends on packages, whose versions a run records."""
+
+    @property
+    def packages(self) -> Sequence[str]:
+        """Their names."""
+        ...
+
+
+def require_genes(space: Space) -> None:
+    """Require something to evolve.
+
+    Raises:
+        InputError: the space has no genes.
+    """
+    if not space.blocks:
+        raise InputError(
+            "design: must leave something to evolve, not only constants; "
+            "give a region or a gene a range, or choose optimizer=random_search"
+        )
 
 
 def check_scores(scores: Mapping[int, Score], asked: Sequence[Individual]) -> None:

@@ -5,13 +5,12 @@ from pathlib import Path
 import pandas as pd
 
 from evoros.base.errors import InputError
-from evoros.base.rng import generator
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
+from evoros.evolution.measuring import read_score
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import TRAJECTORY, Outcome
 from evoros.mission.rollout import run_mission
-from evoros.optimizer.protocol import Score
 from evoros.session.run import rebuild_experiment
 from evoros.storage.reading import Run, load_run
 
@@ -56,16 +55,16 @@ def replay(
 def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
     """Every design that the run has proposed so far, by its id.
 
-    The optimizer proposes them again, because it is told the recorded fitness.
+    The optimizer proposes them again, because it is told the recorded scores.
     """
     space = experiment.space
-    search = experiment.optimizer.start(space, generator(f"{experiment.seed}", "optimizer"))
+    search = experiment.start_search()
     designs = {individual.id: space.decode(individual.genome) for individual in search.ask()}
     if run.generations.empty:
         return designs
     for _, table in run.generations.groupby("generation"):
-        rows = table.drop_duplicates("id")
-        fitness = zip(rows["id"].tolist(), rows["fitness"].tolist(), strict=True)
-        search.tell({number: Score(value) for number, value in fitness})
+        rows = table.drop_duplicates("id").to_dict("records")
+        told = [{str(name): value for name, value in row.items()} for row in rows]
+        search.tell({row["id"]: read_score(experiment, row) for row in told})
         designs |= {individual.id: space.decode(individual.genome) for individual in search.ask()}
     return designs

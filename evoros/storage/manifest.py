@@ -17,6 +17,7 @@ from evoros.base.log import LOGGER
 from evoros.base.resources import PACKAGE
 from evoros.controller.protocol import LiveController, VersionedController
 from evoros.evolution.experiment import Experiment
+from evoros.optimizer.protocol import PackagedOptimizer
 from evoros.storage.layout import FORMAT_VERSION
 
 COMPUTING = ("evoros", "numpy", "numba")
@@ -153,9 +154,11 @@ def _simulators(experiment: Experiment) -> list[str]:
 
 
 def mission_packages(experiment: Experiment) -> list[str]:
-    """List the packages whose versions can change missions of the experiment."""
+    """List the packages whose versions can change missions or the search of the experiment."""
     simulators = (experiment.simulator, experiment.confirming.simulator)
-    named = (name for simulator in simulators for name in simulator.packages)
+    named = [name for simulator in simulators for name in simulator.packages]
+    if isinstance(experiment.optimizer, PackagedOptimizer):
+        named += experiment.optimizer.packages
     return list(dict.fromkeys((*COMPUTING, *named)))
 
 

@@ -121,14 +121,18 @@ def generation_table(generation: "Generation") -> str:
     measured = {VALIDATED: generation.validated_fitness}
     if generation.screened_fitness:
         measured |= {SCREENED: generation.screened_fitness, LOSS: generation.losses}
-    genes = list(generation.genes[0]) if generation.genes else []
-    rows: list[Sequence[object]] = [(*CANDIDATE_COLUMNS, *measured, *genes)]
-    for candidate, values in zip(generation.candidates, generation.genes, strict=True):
+    values = [
+        {**measures, **genes}
+        for measures, genes in zip(generation.measures, generation.genes, strict=True)
+    ]
+    names = list(values[0]) if values else []
+    rows: list[Sequence[object]] = [(*CANDIDATE_COLUMNS, *measured, *names)]
+    for candidate, cells in zip(generation.candidates, values, strict=True):
         individual = candidate.individual
         row = [generation.number, individual.id, individual.parents, candidate.operator]
         row += [candidate.survived, candidate.fitness, generation.trials[individual.id]]
         row += [numbers.get(individual.id, math.nan) for numbers in measured.values()]
-        rows.append([*row, *(values[name] for name in genes)])
+        rows.append([*row, *(cells[name] for name in names)])
     return to_csv(rows)
 
 

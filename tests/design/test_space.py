@@ -21,7 +21,7 @@ from evoros.design.genes import Gene
 from evoros.design.region import Region
 from evoros.design.space import DesignSpace, SensorDesign
 from evoros.optimizer.ga import GeneticAlgorithm
-from evoros.optimizer.protocol import Score
+from evoros.optimizer.protocol import Goals, Score
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
 
@@ -92,7 +92,7 @@ def test_no_operator_ever_leaves_the_valid_designs(name: str, step: float) -> No
     settings = GeneticAlgorithm(
         mutation_probability=0.8, crossover_probability=0.8, mutation_step=step
     )
-    search = settings.start(space, rng)
+    search = settings.start(space, Goals(), rng)
     made = 0
     while made < 1500:
         asked = search.ask()

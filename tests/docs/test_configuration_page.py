@@ -17,7 +17,15 @@ from helpers import ROOT
 from evoros.config.options import parse_options
 
 CONF = ROOT / "conf"
-DOCUMENTS = ("configuration", "run_folder", "worlds", "architecture", "extending", "python")
+DOCUMENTS = (
+    "configuration",
+    "run_folder",
+    "worlds",
+    "architecture",
+    "extending",
+    "python",
+    "search",
+)
 
 
 # Configuration ------------------------------------------------------------------------------
@@ -43,7 +51,8 @@ def chosen(defaults: list[Any]) -> Iterator[tuple[str, Any]]:
     for entry in defaults:
         if isinstance(entry, Mapping):
             ((name, choice),) = entry.items()
-            yield str(name).removeprefix("override ").split("@")[-1].lstrip("/"), choice
+            place = str(name).removeprefix("override ").split("@")[-1]
+            yield place.lstrip("/").removeprefix("_global_."), choice
         elif "@" in entry:
             choice, _, place = entry.partition("@")
             yield place, choice

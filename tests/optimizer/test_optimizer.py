@@ -1,14 +1,15 @@
 import math
+import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from hydra.utils import instantiate
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
@@ -18,6 +19,7 @@ from evoros.optimizer.protocol import (
     Aspect,
     Block,
     Candidate,
+    Goals,
     Individual,
     Optimizer,
     Score,
@@ -25,6 +27,7 @@ from evoros.optimizer.protocol import (
     Space,
 )
 from evoros.optimizer.random_search import RandomSearch
+from evoros.optimizer.sobol import Sobol
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,10 @@ class Sensors:
             for i in range(0, self.size, 4)
         )
 
+    @property
+    def levels(self) -> dict[int, int]:
+        return dict.fromkeys(range(0, self.size, 4), 5)
+
     def same(self, one: Array, other: Array) -> bool:
         return np.array_equal(one, other)
 
@@ -56,19 +63,47 @@ class Steps(Sensors):
         return np.array_equal(one[:-4] < 0.5, other[:-4] < 0.5)
 
 
+@dataclass(frozen=True)
+class One(Sensors):
+    """A space of one gene."""
+
+    @property
+    def size(self) -> int:
+        return 1
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        return (Block("value", (Aspect("value", (0,)),)),)
+
+    @property
+    def levels(self) -> dict[int, int]:
+        return {}
+
+
 THREE = Sensors(3)
+GOALS = Goals(("first", "second"), {"one": (0.0, 1.0), "two": (0.0, 1.0)})
 Fitness = Callable[[Individual], float]
 Generation = tuple[list[Individual], list[Candidate]]
 
 
 def run(optimizer: Optimizer, space: Space, seed: int, fitness: Fitness) -> list[Generation]:
-    search = optimizer.start(space, np.random.default_rng(seed))
+    search = optimizer.start(space, GOALS, np.random.default_rng(seed))
     return [step(search, fitness) for _ in range(optimizer.generations)]
 
 
 def step(search: Search, fitness: Fitness) -> Generation:
     asked = list(search.ask())
-    return asked, list(search.tell({one.id: Score(fitness(one)) for one in asked}))
+    return asked, list(search.tell({one.id: rate(one, fitness(one)) for one in asked}))
+
+
+def changed(optimizer: Optimizer, **values: Any) -> Optimizer:
+    return cast(Optimizer, replace(cast(Any, optimizer), **values))
+
+
+def rate(one: Individual, fitness: float) -> Score:
+    """A score with objectives and a descriptor that depend on the genome alone."""
+    ends = (float(one.genome[0]), float(one.genome[-1])) if len(one.genome) else (0.0, 0.0)
+    return Score(fitness, (fitness, ends[0]), ends)
 
 
 def noise(seed: int) -> Fitness:
@@ -111,8 +146,19 @@ SETTINGS = st.builds(
     elite=st.sampled_from(["best_so_far", "best_child"]),
 )
 CONFIGURED: dict[str, Optimizer] = {
-    path.stem: instantiate(OmegaConf.load(path))
-    for path in bundled_folder("conf").glob("optimizer/*.yaml")
+    path.stem: instantiate({key: value for key, value in content.items() if key != "defaults"})
+    for path in sorted(bundled_folder("conf").glob("optimizer/*.yaml"))
+    for content in [cast(DictConfig, OmegaConf.load(path))]
+}
+BY_LIBRARY = sorted(set(CONFIGURED) - {"ga", "random_search"})
+FEW_GENERATIONS = 6  # of those that take long
+MODULES = {
+    "cma_es": "cmaes",
+    "cat_cma": "cmaes",
+    "cma_mae": "ribs.emitters",
+    "map_elites": "ribs.emitters",
+    "nsga2": "pymoo.algorithms.moo.nsga2",
+    "tpe": "optuna",
 }
 
 
@@ -122,15 +168,148 @@ CONFIGURED: dict[str, Optimizer] = {
 @pytest.mark.parametrize("name", CONFIGURED)
 def test_a_search_is_replayed_bit_for_bit(name: str) -> None:
     assert isinstance(CONFIGURED[name], Optimizer)
-    first, second = (run(CONFIGURED[name], THREE, 7, noise(1)) for _ in range(2))
+    optimizer = changed(CONFIGURED[name], generations=FEW_GENERATIONS)
+    first, second = (run(optimizer, THREE, 7, noise(1)) for _ in range(2))
     assert table_of(first) == table_of(second)
-    assert table_of(run(CONFIGURED[name], THREE, 8, noise(1))) != table_of(first)
+    assert table_of(run(optimizer, THREE, 8, noise(1))) != table_of(first)
+
+
+@pytest.mark.parametrize("name", CONFIGURED)
+def test_nothing_but_its_generator_and_its_scores_determines_a_search(name: str) -> None:
+    """Neither numpy's global state, nor the order in which scores are told, nor the clock."""
+    history = []
+    for seed, reverse in ((1, False), (2, True)):
+        np.random.seed(seed)
+        search = CONFIGURED[name].start(THREE, GOALS, np.random.default_rng(3))
+        tables: list[Generation] = []
+        for _ in range(4):
+            scores = {one.id: rate(one, sphere(one)) for one in search.ask()}
+            ids = sorted(scores, reverse=reverse)
+            tables.append(([], list(search.tell({number: scores[number] for number in ids}))))
+        history.append((table_of(tables), [one.id for one in search.champions()]))
+    assert history[0] == history[1]
+
+
+@pytest.mark.parametrize("name", BY_LIBRARY)
+def test_changed_scores_of_earlier_individuals_count(name: str) -> None:
+    """Told to be the best after all, an individual of the first generation is so from then on."""
+    search = CONFIGURED[name].start(THREE, GOALS, np.random.default_rng(3))
+    first = {one.id: one for one in search.ask()}
+    worst = min(first, key=lambda number: sphere(first[number]))
+    for generation in range(4):
+        scores = {one.id: rate(one, sphere(one)) for one in search.ask()}
+        if generation == 1:
+            known = [one.id for one in search.champions()]
+            old = next(number for number in known if number in first)
+            scores[old] = Score(9.0, (9.0, 9.0), (0.5, 0.5))
+        table = {c.individual.id: c for c in search.tell(scores)}
+        if generation == 1:
+            assert (table[old].fitness, table[old].operator) == (9.0, "survivor")
+        if generation >= 1:
+            assert search.champions()[0].id == old
+            assert worst != old
+
+
+@pytest.mark.parametrize("name", CONFIGURED)
+def test_a_space_of_one_gene_and_few_individuals_is_searched(name: str) -> None:
+    optimizer = changed(CONFIGURED[name], generations=12)
+    if name == "cma_mae":
+        optimizer = changed(optimizer, population_size=4, strategies=1)
+    else:
+        optimizer = changed(optimizer, population_size=4)
+    history = run(optimizer, One(), 1, sphere)
+    assert min(abs(c.individual.genome[0] - 0.5) for _, table in history for c in table) < 0.2
+
+
+@pytest.mark.parametrize("name", sorted({*BY_LIBRARY} - {"tpe"}))
+def test_a_flat_fitness_is_searched(name: str) -> None:
+    assert len(run(changed(CONFIGURED[name], generations=20), THREE, 1, flat)) == 20
+
+
+@pytest.mark.parametrize("name", sorted({"cat_cma", "cma_es", "cma_mae", "map_elites", "tpe"}))
+def test_it_finds_better_designs_than_random_search_at_equal_cost(name: str) -> None:
+    optimizer = CONFIGURED[name]
+    size = optimizer.population_size  # type: ignore[attr-defined]
+    drawn = RandomSearch(population_size=size, generations=12)
+    found, chance = (
+        sum(
+            max(c.fitness for _, table in run(each, THREE, seed, sphere) for c in table)
+            for seed in range(3)
+        )
+        for each in (changed(optimizer, generations=12), drawn)
+    )
+    assert found > chance
+
+
+@pytest.mark.parametrize(("name", "module"), MODULES.items())
+def test_a_library_that_is_not_installed_is_named_with_its_extra(
+    name: str, module: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(InputError, match=r"pip install 'evoros\[search\]'") as caught:
+        CONFIGURED[name].start(THREE, GOALS, np.random.default_rng(0))
+    assert "\n" not in str(caught.value)
+
+
+def test_regions_and_numbers_are_levels_to_cat_cma_and_tpe() -> None:
+    for name in ("cat_cma", "tpe"):
+        for asked, _ in run(changed(CONFIGURED[name], generations=3), THREE, 1, sphere):
+            for one in asked:
+                levels = one.genome[::4] * 5
+                np.testing.assert_allclose(levels, np.floor(levels) + 0.5, atol=1e-12)
+
+
+def test_sobol_designs_are_a_prefix_of_one_sequence_that_halves_every_range_evenly() -> None:
+    few, many = (
+        [one for asked, _ in run(Sobol(size, 256 // size), THREE, 1, flat) for one in asked]
+        for size in (16, 64)
+    )
+    assert [one.genome.tobytes() for one in few] == [one.genome.tobytes() for one in many]
+    assert np.all(np.sum([one.genome < 0.5 for one in few], axis=0) == 128)
+
+
+def test_an_archive_has_the_best_design_of_each_cell() -> None:
+    for name in ("map_elites", "cma_mae"):
+        optimizer = changed(CONFIGURED[name], cells=4, generations=8)
+        search = optimizer.start(THREE, GOALS, np.random.default_rng(1))
+        best: dict[tuple[int, ...], tuple[float, int]] = {}
+        for _ in range(8):
+            asked = search.ask()
+            scores = {one.id: rate(one, sphere(one)) for one in asked}
+            for number, score in scores.items():
+                cell = tuple(min(3, int(4 * value)) for value in score.descriptor)
+                best[cell] = max(best.get(cell, (-math.inf, 0)), (score.fitness, -number))
+            search.tell(scores)
+        ranked = sorted(best.values(), reverse=True)
+        assert [one.id for one in search.champions()] == [-number for _, number in ranked]
+
+
+def test_no_champion_of_nsga2_is_dominated() -> None:
+    search = CONFIGURED["nsga2"].start(THREE, GOALS, np.random.default_rng(1))
+    told: dict[int, tuple[float, ...]] = {}
+    for _ in range(10):
+        scores = {one.id: rate(one, sphere(one)) for one in search.ask()}
+        told |= {number: score.objectives for number, score in scores.items()}
+        search.tell(scores)
+    front = [told[one.id] for one in search.champions()]
+    assert len(front) > 3
+    for point in front:
+        for other in told.values():
+            assert other == point or not all(a >= b for a, b in zip(other, point, strict=True))
+
+
+@pytest.mark.parametrize("name", ["map_elites", "cma_mae", "nsga2"])
+def test_goals_that_a_search_needs_are_asked_for(name: str) -> None:
+    with pytest.raises(InputError, match=r"(descriptors|objectives): .*\+measure@") as caught:
+        CONFIGURED[name].start(THREE, Goals(), np.random.default_rng(0))
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", CONFIGURED)
 def test_every_generation_asks_for_new_genomes_of_the_cube_and_tables_them(name: str) -> None:
     seen: set[int] = set()
-    for asked, table in run(CONFIGURED[name], THREE, 3, noise(3)):
+    optimizer = changed(CONFIGURED[name], generations=FEW_GENERATIONS)
+    for asked, table in run(optimizer, THREE, 3, noise(3)):
         for one in asked:
             assert one.id not in seen
             assert one.genome.shape == (THREE.size,)
@@ -147,9 +326,9 @@ def test_every_generation_asks_for_new_genomes_of_the_cube_and_tables_them(name:
 def test_scores_that_cannot_be_told_are_refused_and_change_nothing(
     name: str, wrong: Score | None
 ) -> None:
-    search = CONFIGURED[name].start(THREE, np.random.default_rng(0))
+    search = CONFIGURED[name].start(THREE, GOALS, np.random.default_rng(0))
     asked = search.ask()
-    good = {one.id: Score(0.0) for one in asked}
+    good = {one.id: rate(one, 0.0) for one in asked}
     bad = {number: score for number, score in good.items() if number != asked[-1].id}
     with pytest.raises(InputError, match="scores"):
         search.tell(bad if wrong is None else {**bad, asked[-1].id: wrong})
@@ -159,7 +338,7 @@ def test_scores_that_cannot_be_told_are_refused_and_change_nothing(
 
 @pytest.mark.parametrize("name", CONFIGURED)
 def test_the_first_champion_is_the_best_so_far(name: str) -> None:
-    search = CONFIGURED[name].start(THREE, np.random.default_rng(2))
+    search = CONFIGURED[name].start(THREE, GOALS, np.random.default_rng(2))
     assert not search.champions()
     best: Individual | None = None
     for _ in range(4):
@@ -405,7 +584,7 @@ def test_individuals_cannot_be_changed_after_they_are_made() -> None:
 
 def test_a_space_without_genes_is_refused() -> None:
     with pytest.raises(InputError, match="something to evolve"):
-        GeneticAlgorithm().start(Sensors(0), np.random.default_rng(0))
+        GeneticAlgorithm().start(Sensors(0), GOALS, np.random.default_rng(0))
     asked, _ = run(RandomSearch(population_size=2), Sensors(0), 0, flat)[0]
     assert [len(one.genome) for one in asked] == [0, 0]
 

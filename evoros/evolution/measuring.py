@@ -1,0 +1,172 @@
+"""Scores designs: their fitness, objectives and descriptors."""
+
+import math
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+from evoros.base.errors import InputError
+from evoros.base.log import LOGGER
+from evoros.design.design import Design
+from evoros.evolution.experiment import Experiment
+from evoros.fitness.scoring import score_trial
+from evoros.measure.protocol import MINIMIZE, Evaluated, Measure
+from evoros.mission.mission import Mission, MissionKey
+from evoros.mission.outcome import Outcome
+from evoros.mission.plan import CONFIRMATION, SELECTION
+from evoros.mission.scenario import Scenario
+from evoros.optimizer.protocol import Score
+from evoros.robot.model import Robot
+
+OBJECTIVES, DESCRIPTORS = "objectives", "descriptors"
+
+
+@dataclass
+class Measuring:
+    """Computes scores; what is wrong with a measure is reported once."""
+
+    experiment: Experiment
+    trials: dict[tuple[str, int], list[list[Outcome]]] = field(default_factory=dict)
+    """The outcomes of trials by their purpose and the individual, if a measure needs them."""
+    reported: set[str] = field(default_factory=set)
+
+    @property
+    def measures(self) -> list[Measure]:
+        """The objectives and descriptors."""
+        return [*self.experiment.objectives.values(), *self.experiment.descriptors.values()]
+
+    def note(
+        self,
+        purpose: str,
+        missions: Mapping[int, Sequence[Mission]],
+        outcomes: Mapping[MissionKey, Outcome],
+    ) -> None:
+        """Note the trials of individuals; those of a validation and a final choice measure nothing."""
+        if purpose not in (SELECTION, CONFIRMATION) or all(
+            measure.of_design for measure in self.measures
+        ):
+            return
+        for number, of_design in missions.items():
+            trials = _list_trials(of_design, outcomes)
+            self.trials.setdefault((purpose, number), []).extend(trials)
+
+    def keep(self, individuals: Container[int]) -> None:
+        """Forget the trials of all other individuals."""
+        kept = {key: trials for key, trials in self.trials.items() if key[1] in individuals}
+        self.trials = kept
+
+    def score(self, purpose: str, number: int, design: Design, fitness: float) -> Score:
+        """Return the score of an individual by its fitness and its trials of a purpose."""
+        experiment = self.experiment
+        if not self.measures:
+            return Score(fitness)
+        evaluated = Evaluated(
+            design,
+            equip_robots(experiment.scenario, design),
+            self.trials.get((purpose, number), []),
+            fitness,
+            partial(score_trial, experiment.scoring),
+        )
+        return Score(
+            fitness,
+            tuple(
+                sign(measure) * self._compute(f"{OBJECTIVES}.{name}", measure, evaluated)
+                for name, measure in experiment.objectives.items()
+            ),
+            tuple(
+                self._compute(f"{DESCRIPTORS}.{name}", measure, evaluated)
+                for name, measure in experiment.descriptors.items()
+            ),
+        )
+
+    def _compute(self, key: str, measure: Measure, evaluated: Evaluated) -> float:
+        """Return a measure; the worst of its bounds if that is not a finite number."""
+        value = float(measure.compute(evaluated))
+        if math.isfinite(value):
+            return value
+        low, high = map(float, measure.bounds)
+        worst = high if measure.direction == MINIMIZE else low
+        self._report(
+            key,
+            f"must be a finite number, not {value} as of the design "
+            f"{', '.join(str(mount) for mount in evaluated.design.mounts)[:200]}; such designs "
+            f"count as {worst:g}; correct {type(measure).__name__}",
+        )
+        return worst
+
+    def check_variety(self, scores: Mapping[int, Score]) -> None:
+        """Report descriptors that are the same for all of several designs."""
+        if len(scores) < 2:
+            return
+        for place, name in enumerate(self.experiment.descriptors):
+            values = {score.descriptor[place] for score in scores.values()}
+            if len(values) == 1:
+                self._report(
+                    f"{DESCRIPTORS}.{name}",
+                    f"should differ between designs, and is {values.pop():g} for all "
+                    f"{len(scores)} of a generation; choose another one",
+                )
+
+    def _report(self, key: str, problem: str) -> None:
+        if key not in self.reported:
+            self.reported.add(key)
+            LOGGER.warning("%s: %s", key, problem)
+
+
+def sign(measure: Measure) -> float:
+    """Return what turns an objective into one that is maximized."""
+    return -1.0 if measure.direction == MINIMIZE else 1.0
+
+
+def name_measures(experiment: Experiment) -> list[str]:
+    """Return the columns of ``list_values``."""
+    return [
+        *(f"{OBJECTIVES}.{name}" for name in experiment.objectives),
+        *(f"{DESCRIPTORS}.{name}" for name in experiment.descriptors),
+    ]
+
+
+def list_values(experiment: Experiment, score: Score) -> list[float]:
+    """Return the objectives and descriptors of a score as their measures gave them."""
+    signs = map(sign, experiment.objectives.values())
+    objectives = (each * value for each, value in zip(signs, score.objectives, strict=True))
+    return [*objectives, *score.descriptor]
+
+
+def read_score(experiment: Experiment, row: Mapping[str, float]) -> Score:
+    """Return the score in a row of a generation's table."""
+    return Score(
+        row["fitness"],
+        tuple(
+            sign(measure) * row[f"{OBJECTIVES}.{name}"]
+            for name, measure in experiment.objectives.items()
+        ),
+        tuple(row[f"{DESCRIPTORS}.{name}"] for name in experiment.descriptors),
+    )
+
+
+def equip_robots(scenario: Scenario, design: Design) -> dict[str, Robot]:
+    """Return the robots that have a design of their own, with its sensors.
+
+    If a part refuses the evolved values, they have the sensors as they are configured.
+    """
+    own = {"": scenario} | {
+        name: agent for name, agent in scenario.agents.items() if name in design.agents
+    }
+    return {name: _equip(each, design.of(name)) for name, each in own.items()}
+
+
+def _equip(scenario: Scenario, design: Design) -> Robot:
+    try:
+        return scenario.with_design(design).robot
+    except InputError:
+        return scenario.robot.with_sensors(design.mounts, scenario.design.sensors)
+
+
+def _list_trials(
+    missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcome]
+) -> list[list[Outcome]]:
+    trials: dict[int, list[Outcome]] = {}
+    for mission in missions:
+        trials.setdefault(mission.trial, []).append(outcomes[mission.key])
+    return list(trials.values())

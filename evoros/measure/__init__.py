@@ -1,0 +1,1 @@
+"""Measures of designs: objectives and descriptors."""

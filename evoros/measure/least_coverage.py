@@ -1,0 +1,41 @@
+"""The coverage that remains after the worst failure of a few sensors."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from evoros.base.checks import COUNT as A_COUNT
+from evoros.base.checks import POSITIVE, checked
+from evoros.measure.coverage import A_NAME
+from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated
+from evoros.measure.seen import COUNT, find_seen
+
+
+@dataclass(frozen=True)
+@checked
+class LeastCoverage:
+    """The least share of bearings, all around, that is seen after any ``failed`` sensors fail.
+
+    All sets of so many sensors are tried.
+    """
+
+    title: ClassVar[str] = "share of bearings seen after the worst failure"
+    unit: ClassVar[str] = ""
+    of_design: ClassVar[bool] = True
+    failed: Annotated[int, replace(A_COUNT, limit=3)] = 1
+    distance_m: Annotated[float, POSITIVE] = 2.0  # from the middle of the robot
+    robot: Annotated[str, A_NAME] = ""  # of several with their own design; empty: the first one
+    bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 1.0)
+    direction: Annotated[str, DIRECTION] = MAXIMIZE
+
+    def compute(self, evaluated: Evaluated) -> float:
+        """Return the share, 0..1; 0 if no more sensors are there than fail."""
+        seen = find_seen(evaluated.robot(self.robot), self.distance_m)
+        if len(seen) <= self.failed:
+            return 0.0
+        counts, sizes = seen.sum(axis=0), seen.astype(np.int64)
+        sets = combinations(range(len(seen)), self.failed)
+        return min(int((counts > sizes[list(lost)].sum(axis=0)).sum()) for lost in sets) / COUNT

@@ -1,0 +1,81 @@
+"""What a measure must offer, and what it is computed from."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from evoros.base.checks import Rule, is_number, one_of
+from evoros.base.errors import InputError
+from evoros.design.design import Design
+from evoros.mission.outcome import Outcome
+from evoros.robot.model import Robot
+
+MAXIMIZE, MINIMIZE = "maximize", "minimize"
+DIRECTION = one_of(MAXIMIZE, MINIMIZE)
+BOUNDS = Rule(
+    "a list of two numbers, the lower one first",
+    lambda v: (
+        isinstance(v, list | tuple) and len(v) == 2 and all(map(is_number, v)) and v[0] < v[1]
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A design and what its missions gave."""
+
+    design: Design
+    robots: Mapping[str, Robot]
+    """With their sensors and evolved values, by name; the first one's is empty. Others are there
+    only if they have a design of their own."""
+    trials: Sequence[Sequence[Outcome]]  # of each trial, an outcome in each world
+    fitness: float
+    score: Callable[[Sequence[Outcome]], float]  # by the experiment's fitness
+
+    def robot(self, name: str) -> Robot:
+        """Return one of the robots.
+
+        Raises:
+            InputError: there is none of that name.
+        """
+        if name not in self.robots:
+            known = ", ".join(repr(each) for each in self.robots)
+            raise InputError(
+                f"robot: must be the name of a robot with a design of its own ({known}), not "
+                f"{name!r}; choose one of these"
+            )
+        return self.robots[name]
+
+
+@runtime_checkable
+class Measure(Protocol):
+    """One number of a design, an objective or a descriptor."""
+
+    @property
+    def title(self) -> str:
+        """What it is, for the axes of figures."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """Its unit; empty if it has none."""
+        ...
+
+    @property
+    def bounds(self) -> Sequence[float]:
+        """The lowest and the highest value that are told apart; designs may lie beyond."""
+        ...
+
+    @property
+    def direction(self) -> str:
+        """Whether an objective is to ``maximize`` or to ``minimize``."""
+        ...
+
+    @property
+    def of_design(self) -> bool:
+        """Whether it depends on the design alone, so that it can be tried before a run."""
+        ...
+
+    def compute(self, evaluated: Evaluated) -> float:
+        """Return the number, which must be finite."""
+        ...

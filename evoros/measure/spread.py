@@ -1,0 +1,39 @@
+"""How far the sensors lie apart."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from evoros.base.checks import checked
+from evoros.measure.coverage import A_NAME
+from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated
+
+
+@dataclass(frozen=True)
+@checked
+class Spread:
+    """The root mean square distance of the sensors from their mean place, from above.
+
+    It is a share of half the diagonal of the robot's outline, so that it compares robots.
+    """
+
+    title: ClassVar[str] = "spread of the sensors"
+    unit: ClassVar[str] = ""
+    of_design: ClassVar[bool] = True
+    robot: Annotated[str, A_NAME] = ""  # of several with their own design; empty: the first one
+    bounds: Annotated[Sequence[float], BOUNDS] = (0.0, 1.0)
+    direction: Annotated[str, DIRECTION] = MAXIMIZE
+
+    def compute(self, evaluated: Evaluated) -> float:
+        """Return the share; 0 without sensors."""
+        robot = evaluated.robot(self.robot)
+        places = robot.sensor_poses()[:, :2]
+        if not len(places):
+            return 0.0
+        offsets = places - np.add.reduce(places) / len(places)
+        length, width = (robot.outline.max(axis=0) - robot.outline.min(axis=0)).tolist()
+        mean = float(np.add.reduce((offsets * offsets).ravel())) / len(places)
+        return math.sqrt(mean) / (math.hypot(length, width) / 2)

@@ -1,0 +1,132 @@
+"""CMA-MAE: CMA-ES that improves an archive whose thresholds rise slowly."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base.arrays import Array
+from evoros.base.checks import COUNT, PROBABILITY, WHOLE, checked, invalid
+from evoros.optimizer.archive_search import CELLS, Elites, create_archive
+from evoros.optimizer.cma_es import FEW, STEP
+from evoros.optimizer.library import draw_seed, require_library
+from evoros.optimizer.protocol import (
+    Candidate,
+    Goals,
+    Individual,
+    Score,
+    Search,
+    Space,
+    require_genes,
+)
+
+if TYPE_CHECKING:
+    from ribs.schedulers import Scheduler
+
+MARGIN = 1e-9
+"""By which all designs of the first generation exceed the first thresholds."""
+
+
+@dataclass(frozen=True)
+@checked
+class CmaMae:
+    """Covariance matrix adaptation MAP-annealing, of the package ``ribs``.
+
+    Several strategies share a generation. Each looks for designs that exceed the threshold of
+    their cell. A threshold rises from the worst fitness of the first generation by
+    ``learning_rate`` of what exceeds it: at 0 this is CMA-ES for the fitness, at 1 each strategy
+    leaves a cell as soon as its elite is good. Genes beyond their range are reflected into it.
+
+    M. Fontaine and S. Nikolaidis, "Covariance Matrix Adaptation MAP-Annealing", GECCO 2023,
+    arXiv:2205.10752.
+    """
+
+    population_size: Annotated[int, COUNT] = 32
+    generations: Annotated[int, COUNT] = 25
+    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
+    cells: Annotated[int, CELLS] = 10  # along each descriptor
+    strategies: Annotated[int, COUNT] = 2
+    sigma: Annotated[float, STEP] = 0.2  # standard deviation at first, as a share of the ranges
+    learning_rate: Annotated[float, PROBABILITY] = 0.1
+    packages = ("ribs",)
+
+    def __post_init__(self) -> None:
+        least = FEW * self.strategies
+        if self.population_size % self.strategies or self.population_size < least:
+            rule = f"must be a multiple of strategies ({self.strategies}), at least {least}"
+            raise invalid(self, "population_size", self.population_size, rule)
+
+    def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
+        """Start a search by fitness and descriptors, whose generators are seeded by ``rng``.
+
+        Raises:
+            InputError: there are no genes or no descriptors, or the package is not installed.
+        """
+        require_genes(space)
+        with require_library("cma_mae"):
+            from ribs.emitters import EvolutionStrategyEmitter
+            from ribs.schedulers import Scheduler
+
+        thresholds = create_archive(
+            space,
+            goals,
+            self.cells,
+            rng,
+            learning_rate=float(self.learning_rate),
+            threshold_min=-MARGIN,
+        )
+        emitters = [
+            EvolutionStrategyEmitter(
+                thresholds,
+                x0=np.full(space.size, 0.5),
+                sigma0=self.sigma,
+                ranker="imp",
+                selection_rule="mu",
+                restart_rule="basic",
+                batch_size=self.population_size // self.strategies,
+                seed=draw_seed(rng),
+            )
+            for _ in range(self.strategies)
+        ]
+        elites = Elites(create_archive(space, goals, self.cells, rng))
+        return _CmaMaeSearch(elites, Scheduler(thresholds, emitters))
+
+
+class _CmaMaeSearch:
+    def __init__(self, elites: Elites, scheduler: "Scheduler") -> None:
+        self._elites, self._scheduler = elites, scheduler
+        self._worst: float | None = None  # fitness of the first generation
+        self._ask("initial")
+
+    def _ask(self, operator: str) -> None:
+        self._elites.history.ask([_reflect(each) for each in self._scheduler.ask()], operator)
+
+    def ask(self) -> list[Individual]:
+        return self._elites.history.asked
+
+    def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
+        self._elites.tell(scores)
+        asked = [self._elites.history.scores[individual.id] for individual in self.ask()]
+        fitness = np.array([score.fitness for score in asked])
+        if self._worst is None:
+            self._worst = float(fitness.min())
+        self._scheduler.tell(
+            fitness - self._worst,
+            np.array([score.descriptor for score in asked]),
+            id=np.array([individual.id for individual in self.ask()]),
+        )
+        table = self._elites.tabulate(scores)
+        self._ask("cma_mae")
+        return table
+
+    def champions(self) -> list[Individual]:
+        return self._elites.champions()
+
+
+def _reflect(values: Array) -> Array:
+    """Return values reflected at 0 and 1 until they lie between them."""
+    folded = values % 2.0
+    reflected: Array = np.minimum(folded, 2.0 - folded)
+    return reflected

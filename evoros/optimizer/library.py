@@ -1,0 +1,43 @@
+"""What searches of libraries share: the import, the seed, and the values of genes with levels."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError
+from evoros.optimizer.protocol import Space
+
+
+@contextmanager
+def require_library(optimizer: str) -> Iterator[None]:
+    """Report that a library which is imported inside is not installed.
+
+    Raises:
+        InputError: it is not.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"optimizer={optimizer}: needs the package {error.name}, which is not installed; type: "
+            f"pip install 'evoros[search]'"
+        ) from None
+
+
+def draw_seed(rng: Generator) -> int:
+    """Draw the seed of a library's own generator."""
+    return int(rng.integers(2**31))
+
+
+def list_categories(space: Space) -> list[int]:
+    """Return the genes that are categories, without an order."""
+    aspects = (aspect for block in space.blocks for aspect in block.aspects)
+    return sorted(gene for aspect in aspects for gene in aspect.categorical)
+
+
+def place_level(level: Array | int, count: Array | int) -> Array:
+    """Return the middle of the genes that have a level of so many."""
+    return np.asarray((np.asarray(level) + 0.5) / np.asarray(count), dtype=float)

@@ -1,0 +1,129 @@
+"""NSGA-II, for several objectives at once."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base.checks import COUNT, POSITIVE, PROBABILITY, WHOLE, checked, is_whole
+from evoros.base.errors import InputError
+from evoros.optimizer.history import History
+from evoros.optimizer.library import draw_seed, require_library
+from evoros.optimizer.protocol import (
+    Candidate,
+    Goals,
+    Individual,
+    Score,
+    Search,
+    Space,
+    require_genes,
+)
+
+if TYPE_CHECKING:
+    from pymoo.algorithms.moo.nsga2 import NSGA2
+
+POPULATION = replace(
+    COUNT,
+    text="an even number of at least 4, because parents come in pairs",
+    holds=lambda v: is_whole(v) and v >= 4 and v % 2 == 0,
+)
+
+
+@dataclass(frozen=True)
+@checked
+class Nsga2:
+    """NSGA-II of the package ``pymoo``: designs that no other one exceeds in all objectives.
+
+    Simulated binary crossover and polynomial mutation, each with a distribution index: the larger,
+    the nearer are children to their parents. All genes are continuous to it.
+
+    K. Deb et al., "A Fast and Elitist Multiobjective Genetic Algorithm: NSGA-II", IEEE Transactions
+    on Evolutionary Computation 6 (2), 2002.
+    """
+
+    population_size: Annotated[int, POPULATION] = 32
+    generations: Annotated[int, COUNT] = 25
+    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
+    crossover_probability: Annotated[float, PROBABILITY] = 0.9  # per pair of parents
+    crossover_index: Annotated[float, POSITIVE] = 15.0
+    mutation_index: Annotated[float, POSITIVE] = 20.0
+    packages = ("pymoo",)
+
+    def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
+        """Start a search by the objectives, whose generator is seeded by ``rng``.
+
+        Raises:
+            InputError: there are no genes or fewer than two objectives, or the package is not
+                installed.
+        """
+        require_genes(space)
+        if len(goals.objectives) < 2:
+            raise InputError(
+                f"objectives: must have at least two measures with optimizer=nsga2, not "
+                f"{list(goals.objectives)}; add for example +measure@objectives.cost=cost, or "
+                f"choose an optimizer of one fitness, such as ga"
+            )
+        with require_library("nsga2"):
+            from pymoo.algorithms.moo.nsga2 import NSGA2
+            from pymoo.core.problem import Problem
+            from pymoo.core.termination import NoTermination
+            from pymoo.operators.crossover.sbx import SBX
+            from pymoo.operators.mutation.pm import PM
+
+        algorithm = NSGA2(
+            pop_size=self.population_size,
+            crossover=SBX(prob=self.crossover_probability, eta=self.crossover_index),
+            mutation=PM(eta=self.mutation_index),
+            eliminate_duplicates=False,
+        )
+        problem = Problem(n_var=space.size, n_obj=len(goals.objectives), xl=0.0, xu=1.0)
+        algorithm.setup(problem, termination=NoTermination(), seed=draw_seed(rng), verbose=False)
+        return _Nsga2Search(algorithm)
+
+
+class _Nsga2Search:
+    def __init__(self, algorithm: "NSGA2") -> None:
+        self._algorithm, self._history = algorithm, History()
+        self._ask("initial")
+
+    def _ask(self, operator: str) -> None:
+        self._offspring = self._algorithm.ask()
+        asked = self._history.ask(list(self._offspring.get("X")), operator)
+        self._offspring.set("id", [individual.id for individual in asked])
+
+    def ask(self) -> list[Individual]:
+        return self._history.asked
+
+    def tell(self, scores: Mapping[int, Score]) -> list[Candidate]:
+        self._history.tell(scores)
+        self._set_costs()
+        self._algorithm.tell(infills=self._offspring)
+        population = [int(number) for number in self._algorithm.pop.get("id")]
+        table = self._history.tabulate([*scores, *population], population)
+        self._ask("nsga2")
+        return table
+
+    def _set_costs(self) -> None:
+        """Give the offspring its costs, and the population those that may have changed."""
+        from pymoo.core.evaluator import Evaluator
+        from pymoo.problems.static import StaticProblem
+
+        for group in (self._offspring, self._algorithm.pop):
+            if group is not None and len(group):
+                numbers = group.get("id")
+                costs = [-np.array(self._history.scores[int(i)].objectives) for i in numbers]
+                static = StaticProblem(self._algorithm.problem, F=np.array(costs))
+                Evaluator(skip_already_evaluated=False).eval(static, group)
+
+    def champions(self) -> list[Individual]:
+        """Return the designs that no other one dominates, the fittest first."""
+        population = self._algorithm.pop
+        if population is None or not len(population):
+            return []
+        ranks = zip(population.get("id"), population.get("rank"), strict=True)
+        front = {int(number) for number, rank in ranks if rank == 0}
+        scores = self._history.scores
+        ranked = sorted(front, key=lambda number: (-scores[number].fitness, number))
+        return [self._history.individuals[number] for number in ranked]

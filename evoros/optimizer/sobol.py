@@ -1,0 +1,64 @@
+"""A scrambled Sobol' sequence, which fills the space more evenly than random designs do."""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Annotated
+
+from numpy.random import Generator
+from scipy.stats import qmc
+
+from evoros.base.arrays import Array
+from evoros.base.checks import COUNT, WHOLE, checked
+from evoros.base.errors import InputError
+from evoros.optimizer.fitness_search import FitnessSearch
+from evoros.optimizer.history import History
+from evoros.optimizer.protocol import Goals, Search, Space
+
+BLOCK = 512
+"""Points drawn at once; a power of two keeps the balance of the sequence."""
+MOST_GENES: int = qmc.Sobol.MAXDIM
+
+
+@dataclass(frozen=True)
+@checked
+class Sobol:
+    """Takes the designs of a scrambled Sobol' sequence in order and keeps only the best so far.
+
+    I. M. Sobol', USSR Computational Mathematics and Mathematical Physics 7 (4), 1967; A. B. Owen,
+    Journal of Complexity 14 (4), 1998.
+    """
+
+    population_size: Annotated[int, COUNT] = 16
+    generations: Annotated[int, COUNT] = 25
+    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
+    packages = ("scipy",)
+
+    def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
+        """Start a search, whose sequence is scrambled by ``rng``.
+
+        Raises:
+            InputError: the space has more genes than the sequence has dimensions.
+        """
+        if space.size > MOST_GENES:
+            raise InputError(
+                f"design: must have at most {MOST_GENES} genes with optimizer=sobol, not "
+                f"{space.size}; choose optimizer=random_search"
+            )
+        return FitnessSearch(_Sequence(self.population_size, space.size, rng))
+
+
+class _Sequence:
+    name = "sobol"
+
+    def __init__(self, population_size: int, size: int, rng: Generator) -> None:
+        self._population_size, self._size = population_size, size
+        self._points: deque[Array] = deque()
+        self._sequence = qmc.Sobol(max(1, size), scramble=True, rng=rng)
+
+    def propose(self) -> list[Array]:
+        while len(self._points) < self._population_size:
+            self._points.extend(self._sequence.random(BLOCK))
+        return [self._points.popleft()[: self._size] for _ in range(self._population_size)]
+
+    def learn(self, history: History, changed: bool) -> None:
+        """Learn nothing."""

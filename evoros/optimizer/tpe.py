@@ -1,0 +1,131 @@
+"""The tree-structured Parzen estimator: a model of where good designs lie, and where others."""
+
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base.arrays import Array
+from evoros.base.checks import COUNT, WHOLE, checked
+from evoros.optimizer.fitness_search import FitnessSearch
+from evoros.optimizer.history import History
+from evoros.optimizer.library import draw_seed, list_categories, place_level, require_library
+from evoros.optimizer.protocol import Goals, Search, Space, require_genes
+
+if TYPE_CHECKING:
+    import optuna
+
+
+@dataclass(frozen=True)
+@checked
+class Tpe:
+    """The tree-structured Parzen estimator of the package ``optuna``, over all genes together.
+
+    Regions and types of sensors are categories to it, and whole numbers are integers. The members
+    of a generation are proposed one by one, each as if those before it had a bad fitness.
+
+    J. Bergstra et al., "Algorithms for Hyper-Parameter Optimization", NIPS 2011; S. Watanabe,
+    "Tree-Structured Parzen Estimator", arXiv:2304.11127.
+    """
+
+    population_size: Annotated[int, COUNT] = 16
+    generations: Annotated[int, COUNT] = 25
+    validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
+    random_first: Annotated[int, COUNT] = 16  # individuals that are drawn at random
+    packages = ("optuna",)
+
+    def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
+        """Start a search by fitness, whose generator is seeded by ``rng``.
+
+        Raises:
+            InputError: the space has no genes, or the package is not installed.
+        """
+        require_genes(space)
+        with require_library("tpe"):
+            import optuna
+        logging.getLogger("optuna").setLevel(logging.WARNING)  # it announces every study
+        with _no_experiments():
+            sampler = optuna.samplers.TPESampler(
+                n_startup_trials=self.random_first,
+                multivariate=True,
+                constant_liar=True,
+                seed=draw_seed(rng),
+            )
+        return FitnessSearch(_Study(self.population_size, space, sampler))
+
+
+@contextmanager
+def _no_experiments() -> Iterator[None]:
+    """Pass over warnings that something of the package is experimental."""
+    from optuna.exceptions import ExperimentalWarning
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ExperimentalWarning)
+        yield
+
+
+class _Study:
+    """A study of the package, made anew if an earlier fitness has changed."""
+
+    name = "tpe"
+
+    def __init__(
+        self, population_size: int, space: Space, sampler: "optuna.samplers.TPESampler"
+    ) -> None:
+        self._population_size, self._space, self._sampler = population_size, space, sampler
+        self._categories = frozenset(list_categories(space))
+        self._told: list[optuna.trial.FrozenTrial] = []  # by the individual's id
+        self._study = self._begin()
+
+    def _begin(self) -> "optuna.Study":
+        import optuna
+
+        return optuna.create_study(direction="maximize", sampler=self._sampler)
+
+    def propose(self) -> list[Array]:
+        self._trials = [self._study.ask() for _ in range(self._population_size)]
+        return [self._suggest(trial) for trial in self._trials]
+
+    def _suggest(self, trial: "optuna.Trial") -> Array:
+        genome = np.zeros(self._space.size)
+        for gene in range(self._space.size):
+            name, count = f"{gene}", self._space.levels.get(gene)
+            if count is None:
+                genome[gene] = trial.suggest_float(name, 0.0, 1.0)
+            elif gene in self._categories:
+                level: Any = trial.suggest_categorical(name, list(range(count)))
+                genome[gene] = place_level(int(level), count)
+            else:
+                genome[gene] = place_level(trial.suggest_int(name, 0, count - 1), count)
+        return genome
+
+    def learn(self, history: History, changed: bool) -> None:
+        for trial, fitness in zip(self._trials, history.fitness, strict=True):
+            self._study.tell(trial, fitness)
+        new = self._study.get_trials(deepcopy=False)[-self._population_size :]
+        self._told += new
+        if changed:
+            self._rebuild(history)
+
+    def _rebuild(self, history: History) -> None:
+        """Begin a new study with all trials, under their scores of now."""
+        self._study = self._begin()
+        with _no_experiments():
+            for number, told in enumerate(self._told):
+                self._study.add_trial(_rescore(told, history.scores[number].fitness))
+        self._told = list(self._study.get_trials(deepcopy=False))
+
+
+def _rescore(trial: "optuna.trial.FrozenTrial", fitness: float) -> "optuna.trial.FrozenTrial":
+    """Return a finished trial with another fitness."""
+    import optuna
+
+    rescored: optuna.trial.FrozenTrial = optuna.trial.create_trial(
+        params=trial.params, distributions=trial.distributions, value=float(fitness)
+    )
+    return rescored
