@@ -23,19 +23,17 @@ from ..drawing.robot import (
 )
 from ..drawing.style import BLUE, PAGE_IN, STYLE, VERMILLION, figure_width
 from ..measures.cones import outline_part
-from ..product import Product, to_csv
-from ..tables.designs import place_sensors
-from ..tables.study import Study
-from ..tables.worst_cases import (
-    KEYS,
-    collect_missions,
-    count_sensors,
+from ..measures.worst_cases import (
     count_sets,
     estimate_risks,
     find_smallest,
     list_cases,
     read_set,
 )
+from ..product import Product, to_csv
+from ..tables.designs import place_sensors
+from ..tables.failed_missions import KEYS, collect_missions, count_sensors
+from ..tables.study import Study
 
 ONE_ROBOT = True
 HELP = "what stops a design: the smallest set of failed sensors, the probability of failure"

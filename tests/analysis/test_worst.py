@@ -5,7 +5,12 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.tables.worst_cases import count_sets, estimate_risks, find_smallest, list_cases
+from evoros.analysis.measures.worst_cases import (
+    count_sets,
+    estimate_risks,
+    find_smallest,
+    list_cases,
+)
 from scipy import stats
 
 from evoros.base.console import DONE, INPUT

@@ -1,53 +1,17 @@
-"""What stops a design: the cases of failed sensors that evaluations have met, and their risk."""
+"""What stops a design: cases of failed sensors, sets of them, and the risk of failure."""
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import pandas as pd
 
-from evoros.base.errors import InputError
+from ..tables.failed_missions import KEYS
+from .statistics import share_interval
 
-from ..measures.statistics import share_interval
-
-if TYPE_CHECKING:
-    from .records import EvaluationRecord
-    from .study import Study
-
-KEYS = ("source", "design")
 CASES = (*KEYS, "failed_sensors", "failed", "failed_at_s", "missions", "stopped", "stopped_in")
 SETS = (*KEYS, "sensors", "failed", "sets", "of", "stopping", "missions", "stopped")
 RISKS = (*KEYS, "evaluation", "world", "missions", "stopped", "risk", "risk_low", "risk_high")
-NO_FAULT = ""
-NO_FAILURE, EXHAUSTIVE, STATED = ".NoFailure", ".ExhaustiveFailure", ".GivenFailure"
-
-
-def collect_missions(study: "Study") -> pd.DataFrame:
-    """Concatenate the missions of all evaluations, with the columns ``evaluation`` and ``drawn``.
-
-    ``drawn`` says whether the failures are drawn, so that their shares estimate a risk. ``intact``
-    says whether no sensor was to fail; other missions without a failure had ended before it.
-
-    Raises:
-        InputError: there is no evaluation with missions.
-    """
-    frames = [
-        missions.assign(
-            evaluation=record.name,
-            drawn=not _chooses(record, (EXHAUSTIVE, STATED)),
-            intact=_find_intact(record, missions["trial"]),
-        )
-        for record, missions in study.read_each(study.evaluations, lambda each: each.missions)
-        if len(missions)
-    ]
-    if not frames:
-        raise InputError(
-            "worst: must be given evaluations, and there is none; make one with evoros-evaluate "
-            "designs=FOLDER failure=exhaustive trials=..."
-        )
-    table = pd.concat(frames, ignore_index=True)
-    failed = table["failed_sensors"].map(_write_set)
-    return table.assign(failed_sensors=failed, failed_at_s=table["failed_at_s"].map(_first_time))
 
 
 def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
@@ -57,7 +21,7 @@ def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
     failed. It stops a design in the worlds in which one of its missions was not completed.
     """
     rows = []
-    missions = missions[missions["intact"] | (missions["failed_sensors"] != NO_FAULT)]
+    missions = missions[missions["intact"] | (missions["failed_sensors"] != "")]
     by = missions.groupby([*KEYS, "failed_sensors", "failed_at_s"], dropna=False, sort=False)
     for (source, design, failed, time), found in by:
         lost = found[~found["completed"].astype(bool)]
@@ -121,35 +85,6 @@ def read_set(failed: str) -> tuple[int, ...]:
     return tuple(map(int, failed.split())) if failed else ()
 
 
-def count_sensors(record: "EvaluationRecord") -> Iterator[tuple[tuple[str, str], int]]:
-    """Yield the number of sensors of each design of an evaluation, by source and name."""
-    for (source, design), own in record.mounts.groupby(list(KEYS), sort=False):
-        yield (str(source), str(design)), int(own["sensor"].notna().sum())
-
-
-def _chooses(record: "EvaluationRecord", kinds: tuple[str, ...]) -> bool:
-    """Whether the failure model of an evaluation is of one of these classes."""
-    return str(record.values.get("failure._target_", "")).endswith(kinds)
-
-
-def _find_intact(record: "EvaluationRecord", trials: "pd.Series[int]") -> "pd.Series[bool]":
-    first = _chooses(record, (EXHAUSTIVE,)) and record.values.get("failure.least") == 0
-    return (trials == 0) & first | _chooses(record, (NO_FAILURE,))
-
-
 def _share(count: int, total: int) -> tuple[float, ...]:
     interval = share_interval(count, total)
     return total, count, count / total, interval.low, interval.high
-
-
-def _write_set(cell: object) -> str:
-    """Write the sensors that failed in increasing order; the file has them by semicolons."""
-    if not isinstance(cell, str | int | float) or cell != cell:
-        return NO_FAULT
-    return " ".join(map(str, sorted({int(float(part)) for part in str(cell).split(";")})))
-
-
-def _first_time(cell: object) -> float:
-    if not isinstance(cell, str | int | float) or cell != cell:
-        return math.nan
-    return min(map(float, str(cell).split(";")))

@@ -1,0 +1,75 @@
+"""The missions of evaluations, with the sensors that failed in them."""
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from evoros.base.errors import InputError
+
+if TYPE_CHECKING:
+    from .records import EvaluationRecord
+    from .study import Study
+
+KEYS = ("source", "design")
+"""The columns that identify a design in an evaluation."""
+NO_FAULT = ""
+NO_FAILURE, EXHAUSTIVE, STATED = ".NoFailure", ".ExhaustiveFailure", ".GivenFailure"
+
+
+def collect_missions(study: "Study") -> pd.DataFrame:
+    """Concatenate the missions of all evaluations, with the columns ``evaluation`` and ``drawn``.
+
+    ``drawn`` says whether the failures are drawn, so that their shares estimate a risk. ``intact``
+    says whether no sensor was to fail; other missions without a failure had ended before it.
+
+    Raises:
+        InputError: there is no evaluation with missions.
+    """
+    frames = [
+        missions.assign(
+            evaluation=record.name,
+            drawn=not _chooses(record, (EXHAUSTIVE, STATED)),
+            intact=_find_intact(record, missions["trial"]),
+        )
+        for record, missions in study.read_each(study.evaluations, lambda each: each.missions)
+        if len(missions)
+    ]
+    if not frames:
+        raise InputError(
+            "worst: must be given evaluations, and there is none; make one with evoros-evaluate "
+            "designs=FOLDER failure=exhaustive trials=..."
+        )
+    table = pd.concat(frames, ignore_index=True)
+    failed = table["failed_sensors"].map(_write_set)
+    return table.assign(failed_sensors=failed, failed_at_s=table["failed_at_s"].map(_first_time))
+
+
+def count_sensors(record: "EvaluationRecord") -> Iterator[tuple[tuple[str, str], int]]:
+    """Yield the number of sensors of each design of an evaluation, by source and name."""
+    for (source, design), own in record.mounts.groupby(list(KEYS), sort=False):
+        yield (str(source), str(design)), int(own["sensor"].notna().sum())
+
+
+def _chooses(record: "EvaluationRecord", kinds: tuple[str, ...]) -> bool:
+    """Whether the failure model of an evaluation is of one of these classes."""
+    return str(record.values.get("failure._target_", "")).endswith(kinds)
+
+
+def _find_intact(record: "EvaluationRecord", trials: "pd.Series[int]") -> "pd.Series[bool]":
+    first = _chooses(record, (EXHAUSTIVE,)) and record.values.get("failure.least") == 0
+    return (trials == 0) & first | _chooses(record, (NO_FAILURE,))
+
+
+def _write_set(cell: object) -> str:
+    """Write the sensors that failed in increasing order; the file has them by semicolons."""
+    if not isinstance(cell, str | int | float) or cell != cell:
+        return NO_FAULT
+    return " ".join(map(str, sorted({int(float(part)) for part in str(cell).split(";")})))
+
+
+def _first_time(cell: object) -> float:
+    if not isinstance(cell, str | int | float) or cell != cell:
+        return math.nan
+    return min(map(float, str(cell).split(";")))
