@@ -35,6 +35,8 @@ SUBCOMMANDS: Mapping[str, str] = {
     "strategies": ".figures.strategies",
     "claims": ".figures.claims",
     "worst": ".figures.worst",
+    "archive": ".figures.archive",
+    "front": ".figures.front",
     "report": ".report.page",
     "replay": ".video.replay",
     "deploy": ".deploy.subcommand",

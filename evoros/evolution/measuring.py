@@ -41,7 +41,7 @@ class Measuring:
         missions: Mapping[int, Sequence[Mission]],
         outcomes: Mapping[MissionKey, Outcome],
     ) -> None:
-        """Note the trials of individuals; those of a validation and a final choice measure nothing."""
+        """Note the trials of individuals that give them their fitness."""
         if purpose not in (SELECTION, CONFIRMATION) or all(
             measure.of_design for measure in self.measures
         ):

@@ -36,7 +36,7 @@ class Tpe:
     population_size: Annotated[int, COUNT] = 16
     generations: Annotated[int, COUNT] = 25
     validation_trials: Annotated[int, WHOLE] = 5  # of each generation's best, on fresh draws
-    random_first: Annotated[int, COUNT] = 16  # individuals that are drawn at random
+    random_first: Annotated[int, COUNT] = 16  # drawn at random; at least the first generation
     packages = ("optuna",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
@@ -51,7 +51,8 @@ class Tpe:
         logging.getLogger("optuna").setLevel(logging.WARNING)  # it announces every study
         with _no_experiments():
             sampler = optuna.samplers.TPESampler(
-                n_startup_trials=self.random_first,
+                n_startup_trials=max(self.random_first, self.population_size),
+                warn_independent_sampling=False,
                 multivariate=True,
                 constant_liar=True,
                 seed=draw_seed(rng),

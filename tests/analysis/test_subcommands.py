@@ -14,13 +14,20 @@ from helpers import TINY, everything, tiny
 from evoros.base.console import DONE, INPUT
 from evoros.cli.evaluate import evaluate
 
+MEASURES = (
+    "+measure@descriptors.front=front_coverage",
+    "+measure@descriptors.side=side_coverage",
+    "+measure@objectives.fitness=fitness",
+    "+measure@objectives.robustness=least_coverage",
+)
+
 
 @pytest.fixture(scope="module")
 def mixed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Finished runs of two treatments, an unfinished one, an empty folder, two evaluations."""
     folder = tmp_path_factory.mktemp("mixed")
     for failure in ("random", "spatial"):
-        assert tiny(folder / failure, f"failure={failure}") == DONE
+        assert tiny(folder / failure, f"failure={failure}", *MEASURES) == DONE
         arguments = [*TINY, "executor=serial", f"designs={folder / 'random'}", f"failure={failure}"]
         assert evaluate([*arguments, "trials=2", f"hydra.run.dir={folder}/again_{failure}"]) == DONE
     shutil.copytree(folder / "random", folder / "unfinished")

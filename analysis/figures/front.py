@@ -1,0 +1,115 @@
+"""The designs that no other one exceeds in all objectives, drawn beside their front."""
+
+import argparse
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from evoros.base.arrays import Array
+
+from ..drawing.gallery import choose_apart
+from ..drawing.sheet import Sheet
+from ..drawing.style import BLUE, PAGE_IN, STYLE, VERMILLION
+from ..product import Product
+from ..tables.measured import (
+    OBJECTIVES,
+    Axis,
+    add_choice,
+    choose_axes,
+    read_axes,
+    read_measured,
+    take_latest,
+)
+from ..tables.study import Study
+from .archive import draw_chosen, mark_number
+
+FIRST_ROBOT = True
+HELP = "the front of two objectives, with some of its designs drawn beside it"
+DESIGNS, COLUMNS = 6, 3  # drawn beside the front
+HEIGHT_IN, PLOT_IN = 3.1, 2.75
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the objectives."""
+    add_choice(parser)
+
+
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Draw the front of all runs together; the table is the front.
+
+    All objectives of the first run count for the front, also those that are not drawn.
+    """
+    x, y = choose_axes(study, OBJECTIVES, options)
+    axes = read_axes(study.records[0], OBJECTIVES)
+    candidates = pd.concat(
+        [
+            take_latest(read_measured(record, axes)).assign(place=place)
+            for place, record in enumerate(study.records)
+        ],
+        ignore_index=True,
+    )
+    values = np.column_stack([axis.sign * candidates[axis.column] for axis in axes])
+    front = candidates[find_front(values)].sort_values([x.column, y.column], ignore_index=True)
+    listed = front.assign(run=[study.records[place].name for place in front.place])
+    listed = listed.assign(x=front[x.column], y=front[y.column])[["run", "id", "x", "y", "fitness"]]
+    return Product(listed, draw_front(study, candidates, front, x, y))
+
+
+def find_front(values: Array) -> Array:
+    """Return which rows of (n, objectives), all maximized, no other one dominates."""
+    kept = np.ones(len(values), dtype=bool)
+    for i, row in enumerate(values):
+        better = np.all(values >= row, axis=1) & np.any(values > row, axis=1)
+        kept[i] = not better.any()
+    return kept
+
+
+def draw_front(
+    study: Study, candidates: pd.DataFrame, front: pd.DataFrame, x: Axis, y: Axis
+) -> Figure:
+    """Draw all candidates, their front, and some of its designs beside it."""
+    with mpl.rc_context(STYLE):
+        sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN], bottom=0.0)
+        figure = sheet.make_figure()
+        axes = sheet.add_box(figure, (0.55, 0.42), (PLOT_IN, HEIGHT_IN - 0.6))
+        points = front[[x.column, y.column]].to_numpy(float)
+        chosen = sorted(choose_apart(points, DESIGNS))
+        _draw_points(axes, candidates, points, x, y)
+        for number, row in enumerate(chosen, start=1):
+            mark_number(axes, points[row], number, (5.5 * x.sign, 5.5 * y.sign))
+        left, size = 0.55 + PLOT_IN + 0.4, 1.05
+        corners = [
+            (left + (i % COLUMNS) * (size + 0.04), HEIGHT_IN - 1.35 - (i // COLUMNS) * 1.38)
+            for i in range(len(chosen))
+        ]
+        draw_chosen(
+            study,
+            front,
+            chosen,
+            [sheet.add_box(figure, corner, (size, size)) for corner in corners],
+        )
+    return figure
+
+
+def _draw_points(axes: Axes, candidates: pd.DataFrame, points: Array, x: Axis, y: Axis) -> None:
+    axes.scatter(
+        candidates[x.column],
+        candidates[y.column],
+        s=6,
+        color="0.7",
+        linewidths=0,
+        label="evaluated",
+        zorder=1,
+    )
+    corner = "steps-post" if x.sign < 0 else "steps-pre"
+    axes.plot(points[:, 0], points[:, 1], color=BLUE, lw=0.8, ds=corner, zorder=2)
+    axes.scatter(
+        points[:, 0], points[:, 1], s=14, color=VERMILLION, linewidths=0, label="front", zorder=3
+    )
+    better = {1.0: "more is better", -1.0: "less is better"}
+    axes.set(xlabel=f"{x.label} ({better[x.sign]})", ylabel=f"{y.label} ({better[y.sign]})")
+    axes.margins(0.08)
+    axes.legend(frameon=False, loc="best", handletextpad=0.2)
