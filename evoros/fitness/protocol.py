@@ -13,9 +13,8 @@ class Fitness(Protocol):
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Return the score of a trial, whose outcomes come from one mission in each world.
 
-        The fitness of a design is the mean over its trials, unless the fitness has ``combine``.
-        ``least_clearance_m`` is NaN in a world without obstacles, and ``first_collision_s``
-        without a collision.
+        The fitness of a design is the mean over its trials. ``least_clearance_m`` is NaN in a
+        world without obstacles, and ``first_collision_s`` without a collision.
         """
         ...
 
@@ -25,13 +24,4 @@ class Fitness(Protocol):
         It is at most the ``score`` of a trial without any progress. Metrics of such a mission are
         NaN, but ``sensors`` and ``time_limit_s`` are valid.
         """
-        ...
-
-
-@runtime_checkable
-class CombiningFitness(Fitness, Protocol):
-    """A fitness that combines the scores of trials by something other than their mean."""
-
-    def combine(self, scores: Sequence[float]) -> float:
-        """Return the fitness of a design from the scores of its trials, at least one."""
         ...

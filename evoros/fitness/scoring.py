@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from statistics import fmean, stdev
 
 from evoros.base.errors import InputError
-from evoros.fitness.protocol import CombiningFitness, Fitness
+from evoros.fitness.protocol import Fitness
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import NOT_RUN, Outcome
 
@@ -13,18 +13,12 @@ from evoros.mission.outcome import NOT_RUN, Outcome
 def compute_fitness(
     fitness: Fitness, missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcome]
 ) -> float:
-    """Return the fitness of a design over its trials.
+    """Return the mean score of a design's trials.
 
     Raises:
         InputError: a score is not a finite number.
     """
-    return combine_scores(fitness, score_trials(fitness, missions, outcomes))
-
-
-def combine_scores(fitness: Fitness, scores: Sequence[float]) -> float:
-    """Return the fitness of a design from the scores of its trials: their mean by default."""
-    if isinstance(fitness, CombiningFitness):
-        return float(fitness.combine(scores))
+    scores = score_trials(fitness, missions, outcomes)
     return sum(scores) / len(scores)
 
 

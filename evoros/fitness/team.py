@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from statistics import fmean
 
 from evoros.fitness.protocol import Fitness
-from evoros.fitness.scoring import combine_scores
 from evoros.mission.outcome import Outcome
 
 
@@ -23,10 +22,6 @@ class TeamFitness:
     def worst(self, outcomes: Sequence[Outcome]) -> float:
         """Return the mean of the worst scores of the robots."""
         return self._average(self.fitness.worst, outcomes)
-
-    def combine(self, scores: Sequence[float]) -> float:
-        """Return what ``fitness`` makes of the scores of the trials."""
-        return combine_scores(self.fitness, scores)
 
     def _average(
         self, score: Callable[[Sequence[Outcome]], float], outcomes: Sequence[Outcome]
