@@ -8,9 +8,10 @@ import pandas as pd
 import pytest
 from evoros.analysis.drawing.style import save
 from evoros.analysis.figures.fitness import draw_fitness
+from evoros.analysis.measures.statistics import Interval
 from evoros.analysis.tables.generations import compute_quartiles, select_bests
 from matplotlib.axes import Axes
-from matplotlib.collections import PathCollection
+from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
 
 NAN = math.nan
@@ -168,3 +169,11 @@ def test_files_bring_their_letters_along() -> None:
     assert b"/FontFile2" in pdf
     assert b"/Subtype /Type3" not in pdf
     assert b"<text" not in svg
+
+
+def test_the_interval_of_the_champion_stands_beside_the_last_generation() -> None:
+    (axes,) = draw_fitness(TABLE, champion=Interval(4.5, 4.0, 5.25)).axes
+    (bar,) = (each for each in axes.collections if isinstance(each, LineCollection))
+    ((start, end),) = bar.get_segments()
+    assert start[0] == end[0] > TABLE["generation"].max()
+    assert (start[1], end[1]) == (4.0, 5.25)
