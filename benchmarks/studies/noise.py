@@ -210,7 +210,7 @@ def draw(table: pd.DataFrame) -> Figure:
             y = np.array([len(names) - 1 - names.index(name) for name in rows.variant]) + offset
             for place, name in zip(y, rows.variant, strict=True):
                 own: Any = table[(table.variant == name) & (table.final == final)].fitness_mean
-                axes.plot(own, np.full(len(own), place), "o", c=colour, ms=2.5, alpha=0.35, mew=0)
+                axes.plot(own, np.full(len(own), place), "o", c=colour, ms=3.2, alpha=0.6, mew=0)
             label = "final choice" if final else "best of the last generation"
             axes.hlines(y, rows.low, rows.high, color=colour, lw=1.6)
             axes.plot(rows.validated, y, "o", c=colour, ms=5, label=f"{label}: validated")
