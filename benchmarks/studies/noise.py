@@ -91,7 +91,7 @@ class Recalled:
     def _ignore(self, *_: object) -> None:
         pass
 
-    keep_log = keep_trajectory = write_generation = write_champion = _ignore
+    keep_log = keep_trajectory = write_generation = write_champions = write_champion = _ignore
     begin = mission = generation = _ignore
 
 

@@ -83,6 +83,15 @@ class Ending:
     certificate: Certificate  # of the champion
 
 
+@dataclass(frozen=True)
+class Champions:
+    """All that a search has found, the best first: a design, a front or an archive."""
+
+    designs: Mapping[int, Design]  # by the individual
+    scores: Sequence[Mapping[str, float]]  # fitness, objectives and descriptors of each
+    gene_names: Mapping[str, Mapping[str, str]]  # as those of a ``Champion``
+
+
 class Observer(Protocol):
     """Watches a run. No result depends on it."""
 
@@ -124,6 +133,10 @@ class Journal(MissionRecord, Protocol):
 
     def read_trajectory(self, mission: Mission) -> Array:
         """Return the trajectory of a mission, which was kept."""
+        ...
+
+    def write_champions(self, champions: Champions) -> None:
+        """Record what the search has found in place of any other, if that is several designs."""
         ...
 
     def has_champion(self, champion: Champion) -> bool:

@@ -1,5 +1,6 @@
 """The evolution: ask for designs, evaluate them, tell their fitness, record the generation."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 
 from evoros.base.errors import InputError
@@ -7,7 +8,8 @@ from evoros.evolution.certificate import Certificate
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.ending import certify, choose_champion
 from evoros.evolution.experiment import ALL, CHAMPION, NONE, Experiment
-from evoros.evolution.journal import Champion, Ending, Journal, Observer
+from evoros.evolution.journal import Champion, Champions, Ending, Journal, Observer
+from evoros.evolution.measuring import name_measures
 from evoros.evolution.scores import Scores
 from evoros.executor.protocol import Pool
 from evoros.mission.plan import CONFIRMATION, SELECTION
@@ -36,12 +38,35 @@ def evolve(
         generation = scores.conclude(number, candidates)
         journal.write_generation(generation)
         observer.generation(generation)
+    journal.write_champions(_list_champions(scores, search.champions()))
     choice = choose_champion(scores, generation)
     certificate = certify(scores, generation, choice)
     champion = choice.individual
     shown = scores.shown[champion.id]
     _record_champion(experiment, journal, dispatcher, champion, certificate, *shown)
     return Ending(generation, certificate)
+
+
+def _list_champions(scores: Scores, individuals: Sequence[Individual]) -> Champions:
+    """Return what a search has found, with its scores."""
+    names = name_measures(scores.experiment)
+    return Champions(
+        designs=scores.decode(individuals),
+        scores=[
+            {"fitness": scores.fitness[each.id]}
+            | dict(zip(names, scores.measured[each.id], strict=True))
+            for each in individuals
+        ],
+        gene_names=_name_genes(scores.experiment),
+    )
+
+
+def _name_genes(experiment: Experiment) -> dict[str, dict[str, str]]:
+    """Return the name of each gene by the robot and the key."""
+    return {
+        name: {gene.key: title for title, gene in member.design.genes.items()}
+        for name, member in experiment.members.items()
+    }
 
 
 def _record_champion(
@@ -67,10 +92,7 @@ def _record_champion(
     champion = Champion(
         id=individual.id,
         design=design,
-        gene_names={
-            name: {gene.key: title for title, gene in member.design.genes.items()}
-            for name, member in experiment.members.items()
-        },
+        gene_names=_name_genes(experiment),
         robots=robots,
         worlds={each.world: scenario.world[each.world].at(each.draws) for each in missions},
         tracks=[] if experiment.record == NONE else [each.world for each in missions],

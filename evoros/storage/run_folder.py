@@ -11,7 +11,7 @@ from evoros.base.disk import make_folder, sync
 from evoros.base.errors import InputError
 from evoros.evolution.dispatch import MissionResult
 from evoros.evolution.experiment import ALL
-from evoros.evolution.journal import Champion, Generation
+from evoros.evolution.journal import Champion, Champions, Generation
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
 from evoros.mission.scenario import Scenario
@@ -33,6 +33,7 @@ from evoros.storage.tables import (
     outcome_cells,
     read_key,
     read_mission,
+    score_table,
     to_csv,
     trajectory_table,
 )
@@ -40,6 +41,7 @@ from evoros.storage.trajectory_files import TrajectoryFiles
 
 GENERATIONS, CHAMPION = "generations", "champion"
 CERTIFICATE = "certificate.json"  # of the champion
+CHAMPIONS = "champions"  # of a search that finds several
 AGENTS = "agents"  # in the manifest, their names; of a champion, the folder of their robots
 ROBOT = "robot.urdf"  # of the champion, as it was described
 
@@ -181,6 +183,17 @@ class RunFolder(MissionLog):
         self.finish(order)
         self.rows = self._locate()
 
+    def write_champions(self, champions: Champions) -> None:
+        """Write the files of several champions in place of those of an earlier end of the run."""
+        if len(champions.designs) < 2 and not (self.path / CHAMPIONS).is_dir():
+            return
+        files = {f"{CHAMPIONS}/{n}": text for n, text in _champions_files(champions).items()}
+        for name, content in files.items():
+            if self._read(name) == content:
+                self.digests.add({name: describe_file(content)})
+            else:
+                self.write(name, content)
+
     def has_champion(self, champion: Champion) -> bool:
         """Whether the champion on disk is this one, with the trajectories that are kept."""
         tracks = (f"{CHAMPION}/{_trajectory_file(world)}" for world in champion.tracks)
@@ -236,9 +249,18 @@ def _trajectory_file(world: str) -> str:
     return f"trajectory_{world}.csv"
 
 
+def _champions_files(champions: Champions) -> dict[str, bytes]:
+    scores = dict(zip(champions.designs, champions.scores, strict=True))
+    return {
+        "scores.csv": score_table(scores).encode(),
+        "genes.csv": gene_table(champions.designs, champions.gene_names).encode(),
+        "design.csv": design_table(champions.designs).encode(),
+    }
+
+
 def _champion_files(champion: Champion) -> dict[str, bytes]:
     """The champion's files without its trajectories: content by name, ``design.csv`` last."""
-    genes = gene_table(champion.id, champion.design, champion.gene_names)
+    genes = gene_table({champion.id: champion.design}, champion.gene_names)
     files = {CERTIFICATE: champion.certificate.text.encode(), "genes.csv": genes.encode()}
     for robot_name, robot in champion.robots.items():
         folder = f"{AGENTS}/{robot_name}/" if robot_name else ""

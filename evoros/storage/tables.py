@@ -172,18 +172,25 @@ def mount_cells(mount: Mount) -> list[object]:
     return [mount.sensor, mount.link, *(getattr(mount, name) for name in POSE_COLUMNS)]
 
 
-def gene_table(design_id: int, design: Design, names: Mapping[str, Mapping[str, str]]) -> str:
-    """Return the text of ``genes.csv``, a row for each evolved value that is no mount.
+def gene_table(designs: Mapping[int, Design], names: Mapping[str, Mapping[str, str]]) -> str:
+    """Return the text of ``genes.csv``, a row for each evolved value of designs that is no mount.
 
     ``names`` maps the keys of each robot's values to the names of their genes. The robots are named
     as in ``design_table``.
     """
     rows = [
-        [design_id, names[robot][key], key, value, robot]
+        [number, names[robot][key], key, value, robot]
+        for number, design in designs.items()
         for robot, own in list_designs(design)
         for key, value in own.values.items()
     ]
-    return table_by_robot(GENE_COLUMNS, rows, [design])
+    return table_by_robot(GENE_COLUMNS, rows, designs.values())
+
+
+def score_table(scores: Mapping[int, Mapping[str, float]]) -> str:
+    """Return the text of ``scores.csv``, a row for each design."""
+    columns = list(next(iter(scores.values()), {}))
+    return to_csv([("id", *columns), *([number, *row.values()] for number, row in scores.items())])
 
 
 def trajectory_table(trajectory: Array, columns: Sequence[str]) -> str:

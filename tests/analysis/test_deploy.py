@@ -84,7 +84,7 @@ def champion_of(record: Record, robot: Robot, mounts: list[Mount], folder: Path)
         "robot.urdf": mounted.urdf,
         "robot_as_loaded.urdf": mounted.loaded_urdf,
         "design.csv": design_table({3: design}),
-        "genes.csv": gene_table(3, design, {}),
+        "genes.csv": gene_table({3: design}, {}),
     }
     (folder / "champion").mkdir(exist_ok=True)
     for name, text in files.items():

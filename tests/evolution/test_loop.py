@@ -12,7 +12,7 @@ from evoros.base.arrays import Array
 from evoros.base.console import DONE
 from evoros.config.compose import compose
 from evoros.evolution.dispatch import MissionResult
-from evoros.evolution.journal import Champion, Generation
+from evoros.evolution.journal import Champion, Champions, Generation
 from evoros.evolution.loop import evolve
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
@@ -52,6 +52,9 @@ class Memory:
     def write_generation(self, generation: Generation) -> None:
         self.generations.append(generation)
         self.events.append("generation written")
+
+    def write_champions(self, champions: Champions) -> None:
+        assert len(champions.designs) == 1
 
     def has_champion(self, champion: Champion) -> bool:
         return self.champion is not None and self.champion.id == champion.id
