@@ -130,7 +130,8 @@ def test_the_folders_of_a_sweep_are_those_of_its_runs_alone(
         assert err.count(f"evoros: {failed.name}: the mission of design ") == 1
         assert err.count(f"evoros resume={failed}") == 1
         assert out.count(f"run folder        {run}\n") == 1
-    assert out.count("best fitness") == len(re.findall(r"best fitness.*\n(.*\n){3}run folder", out))
+    whole = r"best fitness.*\n(?:(?!best fitness).*\n)*?run folder"  # no summary within another
+    assert out.count("best fitness") == len(re.findall(whole, out))
     assert err.count("seed: must be a whole number") == 2
     assert "generation 0/1" not in err  # which would mix those of several runs
 
