@@ -20,6 +20,7 @@ from evoros.evolution.measure_check import check_measures
 from evoros.evolution.route_check import check_routes
 from evoros.evolution.sight_check import check_sight
 from evoros.evolution.told_check import check_told
+from evoros.failure.protocol import SystematicFailure
 from evoros.mission.compiled_loop import explain_interpreted, prepare
 from evoros.mission.engine_calls import ENGINE_RULES
 from evoros.mission.live_layers import open_layers
@@ -109,8 +110,22 @@ def _list_doubts(experiment: Experiment) -> Iterator[str]:
         InputError: the robot touches an obstacle at home.
     """
     yield from _describe_mount(experiment)
+    yield from _describe_cases(experiment)
     for check in (check_routes, check_sight, check_told):
         yield from check(experiment)
+
+
+def _describe_cases(experiment: Experiment) -> Iterator[str]:
+    """Yield how many cases of a systematic failure the trials leave out."""
+    failure, trials = experiment.failure, experiment.trials
+    if isinstance(failure, SystematicFailure):
+        sensors = len(_choose_middle(experiment.own_space).mounts)
+        cases = failure.count_cases(sensors)
+        if trials < cases:
+            yield (
+                f"failure: {sensors} sensors can fail in {cases} ways, and designs meet the first "
+                f"{trials} of them, one in each trial; set trials={cases} for all"
+            )
 
 
 def _list_scenarios(experiment: Experiment) -> dict[str, Scenario]:

@@ -49,6 +49,14 @@ def test_what_is_bundled_gives_no_warning(overrides: list[str]) -> None:
     assert [*check_drive(replace(experiment, simulator=PyBullet()))] == []
 
 
+def test_cases_of_failure_that_no_trial_meets_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    times = "failure.times_s=[0.0]"
+    for trials, told in ((1, True), (63, True), (64, False)):  # six sensors have 64 sets
+        caplog.clear()
+        preflight(build("failure=exhaustive", times, f"trials={trials}"))
+        assert ("set trials=64 for all" in caplog.text) == told
+
+
 def test_an_engine_whose_wheels_do_not_slide_as_stated_is_told() -> None:
     experiment = build("experiment=as_run")
     (line,) = check_drive(replace(experiment, simulator=PyBullet()))
