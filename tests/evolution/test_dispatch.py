@@ -213,13 +213,16 @@ def test_a_fault_that_stops_the_run_is_that_of_one_mission(monkeypatch: pytest.M
 
 
 @pytest.mark.slow
-def test_an_attempt_at_a_call_is_one_at_each_mission_alone(tmp_path: Path) -> None:
-    """A retry: two attempts at the call, if there was one, and two at each of two missions."""
+def test_an_attempt_at_a_call_is_one_at_each_mission_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A retry: two attempts at each call with others, if any, and two at each of two missions."""
+    monkeypatch.setattr(calls, "CALL_S", 1e6)  # no call ends before the mission that crashes
     scenario = trapped("crash", 13, str(tmp_path / "tally"))
     outcomes = flown(Processes(workers=1, retries=1), scenario, WORST)
     lost = [outcome for outcome in outcomes.values() if outcome.ended == LOST]
     assert ["lost 2 times" in outcome.reason for outcome in lost] == [True, True]
-    assert len((tmp_path / "tally").read_text().splitlines()) in (6, 8)
+    assert len((tmp_path / "tally").read_text().splitlines()) in (4, 6, 8)
 
 
 def note_rows(
