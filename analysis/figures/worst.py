@@ -100,15 +100,18 @@ def describe(
         for row in tried[tried["failed"] == 0].to_dict("records")
     ]
     if smallest.empty:
-        lines.append(f"{name}: no set of failed sensors stops it ({_describe_extent(tried)})")
+        extent = _describe_extent(tried)
+        lines.append(f"{name}: completed with every set of failed sensors ({extent})")
     else:
         first = smallest.iloc[0]
         numbers = ",".join(map(str, read_set(first["failed_sensors"])))
+        others = f", as in {len(smallest) - 1} other cases of so few" if len(smallest) > 1 else ""
+        worlds = first["stopped_in"].replace(" ", ", ")
         lines.append(
-            f"{name}: the failure of {_count(first)} ({numbers}) at {first['failed_at_s']:g} s "
-            f"stops it in {first['stopped_in'].replace(' ', ', ')}, and so do {len(smallest) - 1} "
-            f"other cases of so few ({_describe_extent(tried)}); to score it: failure=given "
-            f"failure.sensors=[{numbers}] failure.time_s={first['failed_at_s']:g}"
+            f"{name}: not completed in {worlds} with {_count(first)} failed ({numbers}) at "
+            f"{first['failed_at_s']:g} s{others} ({_describe_extent(tried)}); "
+            f"whether that is the failure or noise, more trials tell: failure=given "
+            f"failure.sensors=[{numbers}] failure.time_s={first['failed_at_s']:g} trials=40"
         )
     lines += [
         f"{name}: a trial of {row['evaluation']} fails with a probability of {row['risk']:.3f} "
@@ -166,11 +169,18 @@ def _draw_shares(axes: Axes, sets: pd.DataFrame) -> None:
         if not complete:
             bar.set(facecolor="none", edgecolor=VERMILLION, hatch="////")
     for row in sets.to_dict("records"):
-        label = f"{row['stopping']}/{row['sets']}" if row["failed"] else ""
-        place = row["failed"], row["stopped"] / row["missions"]
-        axes.annotate(label, place, (0, 2), textcoords="offset points", ha="center", fontsize=6.5)
-    axes.set(ylim=(0.0, 1.1), xlabel="failed sensors", ylabel="missions not completed")
-    axes.set_title("above: sets that stop the robot / sets met")
+        some = f"{row['stopping']}/{row['sets']}\nsets"
+        none = f"{row['stopped']}/{row['missions']}\nmissions"  # often few
+        axes.annotate(
+            some if row["failed"] else none,
+            (row["failed"], row["stopped"] / row["missions"]),
+            (0, 2),
+            textcoords="offset points",
+            ha="center",
+            fontsize=6.5,
+        )
+    axes.set(ylim=(0.0, 1.2), xlabel="failed sensors", ylabel="missions not completed")
+    axes.set_title("numbers: sets with a mission not completed, of those met")
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0])
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
