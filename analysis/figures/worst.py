@@ -156,9 +156,8 @@ def draw_worst(
         _draw_plan(plan, sensors, context, failed)
         if failed:
             first = smallest.iloc[0]
-            plan.set_title(
-                f"stopped in {first['stopped_in']}, failure at {first['failed_at_s']:g} s"
-            )
+            worlds = first["stopped_in"].replace(" ", ", ")
+            plan.set_title(f"not completed: {worlds}, failure at {first['failed_at_s']:g} s")
     return figure
 
 
