@@ -1,10 +1,10 @@
 """Measures how much memory a long run takes for each mission that it has behind it.
 
-Runs designs in one world for half a simulated second each, and prints the memory of the process
-(its resident set) at the start and the end and how fast it grows in the second half. Then it
-resumes the finished run:
+Runs designs in one world for half a simulated second each, as many as a random search would need
+missions, and prints the memory of the process (its resident set) at the start and the end and how
+fast it grows in the second half. Then it resumes the finished run:
 
-    python benchmarks/performance/memory.py [MISSIONS]
+    python benchmarks/performance/memory.py [MISSIONS [OVERRIDE ...]]
 """
 
 import sys
@@ -23,7 +23,6 @@ POPULATION = 120
 SHORT = [
     "world=maze",
     "simulator=planar",
-    "optimizer=random_search",
     "course.time_limit_s=0.5",
     "optimizer.validation_trials=0",
     "executor=serial",
@@ -43,10 +42,17 @@ class MemoryDisplay(NoDisplay):
     """Notes the memory after each generation."""
 
     samples: list[float] = field(default_factory=list)
+    missions: list[int] = field(default_factory=list)  # so far, at each sample
+    needed: int = 0
+
+    def begin(self, generation: int, missions: int, known: int) -> None:
+        """Count the missions that are needed next."""
+        self.needed += missions
 
     def generation(self, generation: Generation) -> None:
         """Note the memory."""
         self.samples.append(resident_kib())
+        self.missions.append(self.needed)
 
 
 def main() -> None:
@@ -57,10 +63,10 @@ def main() -> None:
         for step in ("run", "resume"):
             display = MemoryDisplay()
             if step == "run":
-                evoros.run([*SHORT, *size], Path(folder) / "run", display)
+                evoros.run([*SHORT, *size, *sys.argv[2:]], Path(folder) / "run", display)
             else:
                 evoros.resume(Path(folder) / "run", display=display)
-            missions = POPULATION * np.arange(1, generations + 1)
+            missions = display.missions
             half = slice(generations // 2, None)
             slope = np.polyfit(missions[half], display.samples[half], 1)[0]
             print(

@@ -36,8 +36,10 @@ def choose_champion(scores: Scores, last: Generation) -> Choice:
         alive = {row.individual.id: row.individual for row in by_fitness if row.survived}
         alive.pop(best.id, None)
         return Choice(best, last.best.fitness, last.trials[best.id], list(alive.values()), [])
-    finalists = final.find_finalists(scores.fitness)
-    designs = scores.decode([scores.individuals[number] for number in finalists])
+    individuals = scores.ledger.finalists
+    fitness = scores.ledger.find_fitness(individuals)
+    finalists = final.find_finalists(fitness)
+    designs = scores.decode([individuals[number] for number in finalists])
     contest = Contest(final.method, 1, {number: [] for number in finalists})
     while wanted := contest.next_round():
         missions = {
@@ -48,11 +50,11 @@ def choose_champion(scores: Scores, last: Generation) -> Choice:
     means, stayed = contest.means(), contest.stays()
     order = sorted(finalists, key=lambda number: (-stayed[number], -means[number]))
     table = [
-        Finalist(number, scores.fitness[number], len(own), sum(own) / len(own))
+        Finalist(number, fitness[number], len(own), sum(own) / len(own))
         for number in order
         for own in [contest.scores[number]]
     ]
-    ranked = [scores.individuals[number] for number in order]
+    ranked = [individuals[number] for number in order]
     return Choice(ranked[0], table[0].final_fitness, table[0].trials, ranked[1:], table)
 
 

@@ -20,17 +20,17 @@ from evoros.world.model import World
 
 @dataclass(frozen=True)
 class Generation:
-    """A finished generation. Each mapping is by individual and covers the run so far."""
+    """A finished generation. Each mapping is by the individual."""
 
     number: int
     candidates: Sequence[Candidate]
     genes: Sequence[Mapping[str, object]]  # the values of each candidate, by name
     measures: Sequence[Mapping[str, float]]  # objectives and descriptors of each candidate
     best: Candidate
-    trials: Mapping[int, int]  # that the fitness is the mean of
-    validated_fitness: Mapping[int, float]  # of each generation's best
-    screened_fitness: Mapping[int, float]  # empty without a confirmation
-    losses: Mapping[int, float]  # screened minus confirmed fitness; empty without a confirmation
+    trials: Mapping[int, int]  # that the fitness of each candidate is the mean of
+    validated_fitness: Mapping[int, float]  # of the best of each generation so far
+    screened_fitness: Mapping[int, float]  # of each candidate; empty without a confirmation
+    losses: Mapping[int, float]  # screened minus confirmed fitness of all that were confirmed
 
     @cached_property
     def mean(self) -> float:

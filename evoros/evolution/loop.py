@@ -42,21 +42,18 @@ def evolve(
     choice = choose_champion(scores, generation)
     certificate = certify(scores, generation, choice)
     champion = choice.individual
-    shown = scores.shown[champion.id]
+    shown = scores.ledger.find_shown(champion.id)
     _record_champion(experiment, journal, dispatcher, champion, certificate, *shown)
     return Ending(generation, certificate)
 
 
 def _list_champions(scores: Scores, individuals: Sequence[Individual]) -> Champions:
     """Return what a search has found, with its scores."""
-    names = name_measures(scores.experiment)
+    names = ["fitness", *name_measures(scores.experiment)]
+    told = scores.ledger.find_told(each.id for each in individuals)
     return Champions(
         designs=scores.decode(individuals),
-        scores=[
-            {"fitness": scores.fitness[each.id]}
-            | dict(zip(names, scores.measured[each.id], strict=True))
-            for each in individuals
-        ],
+        scores=[dict(zip(names, told[each.id], strict=True)) for each in individuals],
         gene_names=_name_genes(scores.experiment),
     )
 

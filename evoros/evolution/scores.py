@@ -8,6 +8,7 @@ from evoros.evolution.contest import Contest
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation, Journal, Observer
+from evoros.evolution.ledger import Ledger
 from evoros.evolution.measuring import Measuring, list_values, name_measures
 from evoros.fitness.scoring import score_trials
 from evoros.mission.mission import Mission, MissionKey
@@ -21,28 +22,28 @@ DROPPED = "dropped"
 
 @dataclass
 class Scores:
-    """The scores of the trials of a run's individuals so far, by their id."""
+    """The scores of the trials of a run's individuals so far, by their id.
+
+    What there is of every individual is in the ledger, everything else is of few.
+    """
 
     experiment: Experiment
     journal: Journal
     observer: Observer
     dispatcher: Dispatcher
-    screened: dict[int, list[float]] = field(default_factory=dict)  # in the run's own simulator
+    fitness: dict[int, float] = field(default_factory=dict)  # told in this generation
     confirmed: dict[int, list[float]] = field(default_factory=dict)  # in the confirming simulator
     repeated: dict[int, list[float]] = field(default_factory=dict)  # screened, of confirmed trials
     validated: dict[int, list[float]] = field(default_factory=dict)  # under draws of their own
     validated_in: dict[int, int] = field(default_factory=dict)  # the generation of these missions
-    measured: dict[int, Sequence[float]] = field(default_factory=dict)  # by ``name_measures``
-    fitness: dict[int, float] = field(default_factory=dict)  # as told to the search
-    individuals: dict[int, Individual] = field(default_factory=dict)  # for a final choice
-    shown: dict[int, tuple[int, int]] = field(default_factory=dict)
-    """The generation whose trials a champion shows, and the number of its earlier trials."""
     survivors: list[Individual] = field(default_factory=list)  # of the last generation
     rescored: list[Individual] = field(default_factory=list)  # of these, in this generation
     measuring: Measuring = field(init=False)
+    ledger: Ledger = field(init=False)
 
     def __post_init__(self) -> None:
         self.measuring = Measuring(self.experiment)
+        self.ledger = Ledger(len(self.measuring.measures), self.experiment.final_choice)
 
     def evaluate(self, generation: int, individuals: Sequence[Individual]) -> dict[int, Score]:
         """Return the scores of new individuals, and of survivors that got further trials.
@@ -55,18 +56,18 @@ class Scores:
             RunStopped: a mission was lost, and the experiment stops at that.
         """
         new = {individual.id for individual in individuals}
-        if self.experiment.final_choice is not None:
-            self.individuals |= {individual.id: individual for individual in individuals}
         old = [each for each in self.survivors if each.id not in new]
         designs = self.decode([*individuals, *old])
         contest = self._hold_contest(generation, designs)
-        self.fitness |= contest.means()
+        self.fitness = contest.means()
+        self.ledger.add_screened(contest.scores)
+        for number in new:
+            self.ledger.show(number, generation, 0)
         self._confirm_best(generation, designs, contest)
-        for number, scores in contest.scores.items():
-            self.shown.setdefault(number, (generation, 0))
-            self.screened.setdefault(number, []).extend(scores)
         self.rescored = [each for each in old if each.id in contest.scores]
-        return self._measure(designs, contest)
+        scores = self._measure(designs, contest)
+        self.ledger.keep_finalists([*individuals, *old])
+        return scores
 
     def _measure(self, designs: Mapping[int, Design], contest: Contest) -> dict[int, Score]:
         """Return the scores of the designs of a contest, with their objectives and descriptors."""
@@ -75,14 +76,15 @@ class Scores:
             purpose = CONFIRMATION if number in self.confirmed else SELECTION
             fitness = self.fitness[number]
             scores[number] = self.measuring.score(purpose, number, designs[number], fitness)
-            self.measured[number] = list_values(self.experiment, scores[number])
+            measured = list_values(self.experiment, scores[number])
+            self.ledger.add_told(number, fitness, measured)
         self.measuring.check_variety(scores)
         return scores
 
     def _hold_contest(self, generation: int, designs: Mapping[int, Design]) -> Contest:
         """Run the trials of a generation, round by round."""
         experiment = self.experiment
-        earlier = {number: self.screened.get(number, []) for number in designs}
+        earlier = self.ledger.find_screened(designs)
         contest = Contest(experiment.allocation, experiment.trials, earlier)
         while wanted := contest.next_round():
             missions = {
@@ -110,7 +112,7 @@ class Scores:
                     generation, number, designs[number], trials, earlier
                 )
                 if number not in self.confirmed:
-                    self.shown[number] = (generation, earlier)
+                    self.ledger.show(number, generation, earlier)
             for number, scores in self.score(generation, missions, CONFIRMATION).items():
                 self.confirmed.setdefault(number, []).extend(scores)
                 self.repeated.setdefault(number, []).extend(contest.scores[number])
@@ -144,17 +146,20 @@ class Scores:
         self.survivors = list(alive.values())
         self.measuring.keep(alive)
         self.validate(number, best.individual)
-        screened = {i: _mean(self.repeated.get(i, scores)) for i, scores in self.screened.items()}
+        lives = self.ledger.find_screened(row.individual.id for row in rows)
+        screened = {i: _mean(self.repeated.get(i, scores)) for i, scores in lives.items()}
         return Generation(
             number=number,
             candidates=rows,
             genes=[space.to_row(candidate.individual.genome) for candidate in rows],
             best=best,
             measures=self._list_measures(rows),
-            trials={i: len(self.confirmed.get(i, scores)) for i, scores in self.screened.items()},
+            trials={i: len(self.confirmed.get(i, scores)) for i, scores in lives.items()},
             validated_fitness={i: _mean(scores) for i, scores in self.validated.items() if scores},
             screened_fitness=screened if self.experiment.confirmation else {},
-            losses={i: screened[i] - _mean(scores) for i, scores in self.confirmed.items()},
+            losses={
+                i: _mean(self.repeated[i]) - _mean(scores) for i, scores in self.confirmed.items()
+            },
         )
 
     def validate(self, generation: int, individual: Individual) -> None:
@@ -187,8 +192,8 @@ class Scores:
 
     def _list_measures(self, rows: Sequence[Candidate]) -> list[dict[str, float]]:
         names = name_measures(self.experiment)
-        values = (self.measured[row.individual.id] for row in rows)
-        return [dict(zip(names, numbers, strict=True)) for numbers in values]
+        told = self.ledger.find_told(row.individual.id for row in rows)
+        return [dict(zip(names, told[row.individual.id][1:], strict=True)) for row in rows]
 
     def _find_best(self, candidates: Sequence[Candidate]) -> Candidate:
         """Return the fittest candidate, one of the confirmed ones if there are any.

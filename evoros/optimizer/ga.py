@@ -78,6 +78,7 @@ class _GeneticSearch:
         asked = self.ask()
         check_scores(scores, asked)
         self._fitness |= {number: float(score.fitness) for number, score in scores.items()}
+        self._fitness = {member.id: self._fitness[member.id] for member, _ in self._pool}
         winners = self._select({individual.id for individual in asked})
         self._elite = self._pool[winners[0]][0]
         copies = Counter(winners)

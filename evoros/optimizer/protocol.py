@@ -11,7 +11,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Individual:
     """One genome that needs evaluation: a vector of the unit cube of the search space."""
 
@@ -21,7 +21,7 @@ class Individual:
     operator: str  # how it was made: initial, crossover, mutation ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Score:
     """What the missions of a design gave."""
 
