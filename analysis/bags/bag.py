@@ -9,6 +9,7 @@ from evoros.base.log import LOGGER
 
 from ..product import Product
 from ..tables.records import Record
+from ..tables.shown import is_kept
 from ..tables.study import Study
 from .layout import make_layout
 from .missions import RecordedMission, list_rows, read_champion_mission, read_mission
@@ -29,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--world", metavar="NAME", action="append", help="only this world; may be repeated"
     )
-    every = "of a run with record=all: the missions"
+    every = "instead of the champion: the recorded missions"
     parser.add_argument("--design", type=int, metavar="ID", help=f"{every} of this individual")
     parser.add_argument("--generation", type=int, metavar="N", help=f"{every} of this generation")
     parser.add_argument("--trial", type=int, metavar="N", help=f"{every} of this trial")
@@ -91,7 +92,8 @@ def _list_readers(
             if world in wanted:
                 yield partial(read_champion_mission, record, world)
         return
-    record.run.require_trajectories(of_all=True)
+    record.run.require_trajectories(of_others=True)
+    keeps_all = record.run.manifest.get("record") == "all"
     for row in list_rows(record, *numbers):
-        if row["world"] in wanted:
+        if row["world"] in wanted and (keeps_all or is_kept(record, row)):
             yield partial(read_mission, record, row)

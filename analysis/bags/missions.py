@@ -21,10 +21,8 @@ from evoros.storage.trajectory_files import (
     loaded_robot_file,
     robot_file,
     trajectory_file,
-    world_file,
 )
-from evoros.storage.verification import read_text, verify_world
-from evoros.world.loading import load_world
+from evoros.storage.verification import read_text
 from evoros.world.model import World
 
 from ..tables.agents import select_agent
@@ -32,7 +30,7 @@ from ..tables.candidates import read_evolved
 from ..tables.designs import adapt_context, adapt_types
 from ..tables.readings import RecordedSensor, read_sensors
 from ..tables.records import Record
-from ..tables.tracks import find_champion_mission, load_champion_world
+from ..tables.tracks import find_champion_mission, load_champion_world, load_mission_world
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,21 +92,11 @@ def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
         record.run.mission_trajectory(*key),
         record.path / file,
         (record.path / robot_file(design, agent), record.path / loaded_robot_file(design, agent)),
-        _load_world(record, key[2], str(row["draws"])),
+        load_mission_world(record.run, record.context, row),
         adapt_types(record.context, read_evolved(record, design)),
         agent,
     )
     return replace(mission, others=_read_others(record, read_mission, row))
-
-
-def _load_world(record: Record, world: str, draws: str) -> World:
-    """Load the world of a mission; it is the same in all missions unless each has its own."""
-    own, shared = (record.path / world_file(world, key) for key in (draws, None))
-    path = own if own.is_file() else shared
-    if not path.is_file():
-        raise InputError(f"{path}: must exist, but is missing; restore it")
-    verify_world(path)
-    return load_world(str(path.resolve()), record.context.courses[world])
 
 
 def _assemble(

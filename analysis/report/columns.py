@@ -14,9 +14,9 @@ MAX_RECORDS = 6000
 """Maximum number of records of a mission; longer ones are thinned out evenly."""
 
 
-def thin_out(records: int) -> list[int]:
-    """Choose at most ``MAX_RECORDS`` rows, evenly, the first and the last included."""
-    places = np.linspace(0, records - 1, min(records, MAX_RECORDS))
+def thin_out(records: int, most: int = MAX_RECORDS) -> list[int]:
+    """Choose at most so many rows, evenly, the first and the last included."""
+    places = np.linspace(0, records - 1, min(records, most))
     return [round(place) for place in places.tolist()]
 
 

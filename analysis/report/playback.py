@@ -15,20 +15,20 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.storage.figure_context import FigureContext
 from evoros.world.course import Course
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
-from ..tables.designs import adapt_context, read_champion_sensors, read_champion_signals
 from ..tables.readings import find_nearest, group_ranges, merge_sectors
 from ..tables.records import Record
 from ..tables.robots import select_trajectory
+from ..tables.shown import ShownDesign, ShownMission, read_champion_shown
 from ..tables.study import Study
-from ..tables.tracks import NONE, find_champion_mission, list_failures, load_champion_worlds
+from ..tables.tracks import NONE, list_failures
 from .columns import (
+    MAX_RECORDS,
     encode_changes,
     encode_differences,
     encode_lengths,
@@ -70,52 +70,43 @@ def encode_playback(record: Record) -> Markup:
     Raises:
         InputError: a file of the champion is missing or damaged, or no mission could be run.
     """
-    context = record.context
-    worlds = load_champion_worlds(record.run, context)
-    trajectories = {name: record.run.trajectory(name) for name in worlds}
-    if not any(map(len, trajectories.values())):
-        raise InputError(
-            f"{record.path / 'champion'}: must have a mission that was run, but has none; give "
-            f"another run"
-        )
-    sensors, beams = read_champion_sensors(record), adapt_context(record).beams
-    bearings = [beams[kind].bearings_deg for kind in sensors["type"]]
-    signals = read_champion_signals(record)
+    return encode_shown(read_champion_shown(record))
+
+
+def encode_shown(
+    shown: ShownDesign, most: int = MAX_RECORDS, grounds: dict[str, Json] | None = None
+) -> Markup:
+    """Encode the missions of a design as JSON, with at most so many records of each.
+
+    Courses and obstacles are put into ``grounds``, under the names by which the missions refer to
+    them, so that designs can share them; without ``grounds`` the missions contain them.
+    """
+    context = shown.record.context
     content = {
-        "run": record.name,
-        "parts": _encode_parts(context),
+        "run": shown.record.name,
+        "design": shown.design,
+        "parts": encode_parts(context),
         "agents": [
-            {"name": name, "parts": _encode_parts(agent)} for name, agent in context.agents.items()
+            {"name": name, "parts": encode_parts(agent)} for name, agent in context.agents.items()
         ],
-        "sensors": list(_encode_sensors(sensors)),
-        "signals": list(describe_signals(signals, context)),
+        "sensors": list(encode_sensors(shown.sensors)),
+        "signals": list(describe_signals(shown.signals, context)),
         "modes": [NONE, *context.modes],
-        "missions": [
-            {
-                **_encode_mission(
-                    worlds[name],
-                    table,
-                    find_champion_mission(record.run, name),
-                    bearings,
-                    [select_trajectory(table, agent) for agent in context.agents],
-                ),
-                "signals": encode_signals(table, signals, context),
-            }
-            for name, table in trajectories.items()
-            if len(table)
-        ],
+        "missions": [_encode_mission(shown, mission, most, grounds) for mission in shown.missions],
     }
     return htmlsafe_json_dumps(content, separators=(",", ":"))
 
 
-def _encode_parts(context: FigureContext) -> list[Json]:
+def encode_parts(context: FigureContext) -> list[Json]:
+    """Encode the shapes of a robot from above, the lowest first."""
     return [
         {**_encode_shape(part.vertices, part.radius_m), "wheel": part.wheel}
         for part in sorted(context.parts, key=lambda part: part.top_m)
     ]
 
 
-def _encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
+def encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
+    """Encode the place and the cone of each sensor."""
     for row in table.to_dict("records"):
         yield {
             **encode_place(row),
@@ -127,34 +118,33 @@ def _encode_sensors(table: pd.DataFrame) -> Iterator[Json]:
 
 
 def _encode_mission(
-    world: World,
-    trajectory: pd.DataFrame,
-    row: "pd.Series[Any]",
-    bearings_deg: Sequence[Sequence[float]],
-    others: Sequence[pd.DataFrame] = (),
+    shown: ShownDesign, mission: ShownMission, most: int, grounds: dict[str, Json] | None
 ) -> Json:
-    """Encode a mission; ``bearings_deg`` are those of the ranges of each sensor.
-
-    ``others`` are the trajectories of the other robots.
-    """
+    context, trajectory, row = shown.record.context, mission.trajectory, mission.row
+    others = [select_trajectory(trajectory, agent) for agent in context.agents]
     paths = [each[["x_m", "y_m"]].to_numpy(float) for each in (trajectory, *others)]
-    rows = thin_out(len(trajectory))
-    obstacles = list(_encode_obstacles(world))
+    rows = thin_out(len(trajectory), most)
+    course = mission.world.course
+    obstacles = list(_encode_obstacles(mission.world))
+    ground = {"course": _encode_course(course), "obstacles": obstacles}
+    if grounds is not None:
+        grounds[mission.ground] = ground
+    bearings = [shown.context.beams[kind].bearings_deg for kind in shown.sensors["type"]]
     return {
         "world": row["world"],
         "summary": _summarize(row),
-        "goals": len(world.course.route(True)),
-        "course": _encode_course(world.course),
-        "obstacles": obstacles,
-        "extent": _extent(np.concatenate(paths), world.course, obstacles),
+        "goals": len(course.route(True)),
+        **(ground if grounds is None else {"ground": mission.ground}),
+        "extent": _extent(np.concatenate(paths), course, obstacles),
         "failed": [
             {"sensor": sensor, "at_s": round(time, 3), "by": effect}
             for sensor, time, effect in list_failures(row)
         ],
-        "reached": list(_encode_waypoints(trajectory, world.course)),
+        "reached": list(_encode_waypoints(trajectory, course)),
         "collisions": list(_encode_collisions(trajectory)),
         "agents": [encode_poses(other.iloc[rows]) for other in others],
-        **_encode_columns(trajectory.iloc[rows], bearings_deg),
+        **_encode_columns(trajectory.iloc[rows], bearings),
+        "signals": encode_signals(trajectory.iloc[rows], shown.signals, context),
     }
 
 

@@ -10,7 +10,7 @@ from evoros.sensor.protocol import CONTACT, name_readings
 from evoros.storage.figure_context import FigureContext
 
 from ..tables.readings import choose_channels
-from .columns import encode_differences, encode_place, thin_out, to_thousandths
+from .columns import encode_differences, encode_place, to_thousandths
 
 
 def describe_signals(sensors: pd.DataFrame, context: FigureContext) -> Iterator[dict[str, Any]]:
@@ -30,11 +30,10 @@ def encode_signals(
     trajectory: pd.DataFrame, sensors: pd.DataFrame, context: FigureContext
 ) -> list[list[list[int | None]]]:
     """Encode the shown readings by sensor and channel, in thousandths of their unit."""
-    rows = trajectory.iloc[thin_out(len(trajectory))]
     encoded = []
     for number, kind in zip(sensors["sensor"].tolist(), sensors["type"], strict=True):
         signal = context.signals[kind]
         names = np.array([*name_readings(number, signal.channels)])[choose_channels(signal)]
-        columns = [to_thousandths(rows[name].to_numpy(float)) for name in names.tolist()]
+        columns = [to_thousandths(trajectory[name].to_numpy(float)) for name in names.tolist()]
         encoded.append([encode_differences(column) for column in columns])
     return encoded

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -9,11 +10,11 @@ import pandas as pd
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run
+from evoros.storage.trajectory_files import world_file
 from evoros.storage.verification import verify_world
 from evoros.world.loading import load_world
 from evoros.world.model import World
 
-from .generations import select_bests
 from .robots import find_context, name_robots, select_trajectory
 
 NONE = "none"
@@ -126,23 +127,30 @@ def _select_robot(
 def find_champion_mission(run: Run, world: str) -> "pd.Series[str]":
     """Find the row of ``missions.csv`` whose trajectory is in ``champion``.
 
-    It is the first mission in the world that counted for the fitness of the last generation's
-    best design: in its confirmation if it was confirmed, else in its selection.
+    Raises:
+        InputError: the row is missing.
+    """
+    return find_first_mission(run, int(run.champion["design"].iloc[0]), world)
+
+
+def find_first_mission(run: Run, design: int, world: str) -> "pd.Series[str]":
+    """Find the first mission of a design in a world that counted for its fitness.
+
+    It is one of its first confirmation if it was confirmed, else of its first selection.
 
     Raises:
         InputError: the row is missing.
     """
-    champion = int(select_bests(run.generations)["id"].iloc[-1])
     missions = run.missions
-    candidates = missions[(missions["design"] == champion) & (missions["world"] == world)]
+    candidates = missions[(missions["design"] == design) & (missions["world"] == world)]
     confirmed = candidates[candidates["purpose"] == "confirmation"]
     scored = confirmed if len(confirmed) else candidates[candidates["purpose"] == "selection"]
     if scored.empty:
         raise InputError(
-            f"{run.path / 'missions.csv'}: must contain the champion's mission (design "
-            f"{champion} in {world}), but does not; restore the file"
+            f"{run.path / 'missions.csv'}: must contain a mission of design {design} in {world}, "
+            f"but does not; restore the file"
         )
-    return scored.sort_values("trial").iloc[0]
+    return scored.sort_values(["generation", "trial"]).iloc[0]
 
 
 def load_champion_worlds(run: Run, context: FigureContext) -> Mapping[str, World]:
@@ -165,6 +173,28 @@ def load_champion_world(run: Run, context: FigureContext, name: str) -> World:
         raise InputError(f"{path}: must exist, but is missing; resume the run, or restore the file")
     verify_world(path)
     return load_world(str(path.resolve()), context.courses[name])
+
+
+def load_mission_world(run: Run, context: FigureContext, row: "pd.Series[str]") -> World:
+    """Load the world of a mission whose trajectory the run has kept.
+
+    It is the same in all missions unless each has its own.
+
+    Raises:
+        InputError: the file is missing or damaged.
+    """
+    path = find_mission_world(run, row)
+    if not path.is_file():
+        raise InputError(f"{path}: must exist, but is missing; restore it")
+    verify_world(path)
+    return load_world(str(path.resolve()), context.courses[str(row["world"])])
+
+
+def find_mission_world(run: Run, row: "pd.Series[str]") -> Path:
+    """Find the file of the world of a mission."""
+    world, draws = str(row["world"]), str(row["draws"])
+    own, shared = (run.path / world_file(world, key) for key in (draws, None))
+    return own if own.is_file() else shared
 
 
 def list_failures(mission: "pd.Series[str]") -> list[tuple[int, float, str]]:

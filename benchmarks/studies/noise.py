@@ -84,6 +84,10 @@ class Recalled:
         self.champions.append(champion)
         return True
 
+    def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
+        """Keep none, and so make none."""
+        return []
+
     def read_trajectory(self, mission: Mission) -> Array:
         """Refuse: no trajectory is kept."""
         raise NotImplementedError

@@ -42,7 +42,7 @@ from evoros.world.model import World
 AGENTS = mapping_of(Agent, "agents (evoros.evolution.agent.Agent)")
 MEASURES = mapping_of(Measure, "measures (title, unit, bounds, direction, of_design and compute)")
 
-CHAMPION, ALL, NONE = "champion", "all", "none"
+CHAMPION, CHAMPIONS, ALL, NONE = "champion", "champions", "all", "none"
 """Whose trajectories a run keeps."""
 
 
@@ -77,7 +77,7 @@ class Experiment:
     # Which designs of a generation get how many trials.
     allocation: Annotated[Allocation, AN_ALLOCATION] = field(default_factory=Once)
     lost_missions: Annotated[str, one_of(STOP, WORST)] = STOP  # if a mission crashes or hangs
-    record: Annotated[str, one_of(CHAMPION, ALL, NONE)] = CHAMPION  # whose trajectories are kept
+    record: Annotated[str, one_of(CHAMPION, CHAMPIONS, ALL, NONE)] = CHAMPIONS  # trajectories
     confirmation: Annotated[Confirmation | None, A_CONFIRMATION] = None
     final_choice: Annotated[FinalChoice | None, A_FINAL_CHOICE] = None
     validation: Annotated[Validation, A_VALIDATION] = field(default_factory=Validation)

@@ -135,6 +135,10 @@ class Journal(MissionRecord, Protocol):
         """Return the trajectory of a mission, which was kept."""
         ...
 
+    def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
+        """Drop the trajectories of all other missions; return the missions that have none."""
+        ...
+
     def write_champions(self, champions: Champions) -> None:
         """Record what the search has found in place of any other, if that is several designs."""
         ...

@@ -2,19 +2,23 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 from evoros.base.errors import InputError
 from evoros.evolution.certificate import Certificate
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.ending import certify, choose_champion
-from evoros.evolution.experiment import ALL, CHAMPION, NONE, Experiment
+from evoros.evolution.experiment import ALL, CHAMPIONS, NONE, Experiment
 from evoros.evolution.journal import Champion, Champions, Ending, Journal, Observer
 from evoros.evolution.measuring import name_measures
 from evoros.evolution.scores import Scores
 from evoros.executor.protocol import Pool
-from evoros.mission.plan import CONFIRMATION, SELECTION
+from evoros.mission.mission import Mission
 from evoros.optimizer.protocol import Individual
 from evoros.robot.model import Robot
+
+MOST_SHOWN = 100
+"""Maximum number of designs of an archive or a front whose trajectories a run keeps."""
 
 
 def evolve(
@@ -38,12 +42,13 @@ def evolve(
         generation = scores.conclude(number, candidates)
         journal.write_generation(generation)
         observer.generation(generation)
-    journal.write_champions(_list_champions(scores, search.champions()))
+    found = search.champions()
+    journal.write_champions(_list_champions(scores, found))
+    if experiment.record == CHAMPIONS and not experiment.scenario.is_live:
+        _keep_missions(scores, found if len(found) > 1 else [])
     choice = choose_champion(scores, generation)
     certificate = certify(scores, generation, choice)
-    champion = choice.individual
-    shown = scores.ledger.find_shown(champion.id)
-    _record_champion(experiment, journal, dispatcher, champion, certificate, *shown)
+    _record_champion(scores, choice.individual, certificate)
     return Ending(generation, certificate)
 
 
@@ -66,23 +71,37 @@ def _name_genes(experiment: Experiment) -> dict[str, dict[str, str]]:
     }
 
 
-def _record_champion(
-    experiment: Experiment,
-    journal: Journal,
-    dispatcher: Dispatcher,
-    individual: Individual,
-    certificate: Certificate,
-    generation: int,
-    earlier: int,
-) -> None:
-    """Record the champion, with the trajectories of its first mission in each world.
+def _keep_missions(scores: Scores, found: Sequence[Individual]) -> None:
+    """Keep the trajectories of first missions of what a search has found, and drop all others.
 
-    These are missions that gave the champion its fitness, confirming ones if there are any.
+    The designs are spread evenly over their ranks, the best one included.
     """
-    purpose = CONFIRMATION if experiment.confirmation else SELECTION
-    scenario, design = experiment.scenario_for(purpose), experiment.space.decode(individual.genome)
-    plan = experiment.plan.confirmation if experiment.confirmation else experiment.plan.selection
-    missions = plan(generation, individual.id, design, range(1), earlier)
+    last = len(found) - 1
+    number = min(len(found), MOST_SHOWN)
+    ranks = [round(i * last / max(number - 1, 1)) for i in range(number)]
+    missions = [mission for rank in ranks for mission in _list_first(scores, found[rank])]
+    missing = scores.journal.drop_trajectories(missions)
+    keeping = replace(scores.dispatcher, keep_trajectory=scores.journal.keep_trajectory)
+    for purpose in dict.fromkeys(mission.purpose for mission in missing):
+        own = [mission for mission in missing if mission.purpose == purpose]
+        for _ in keeping.run(scores.experiment.scenario_for(purpose), own):
+            pass  # their outcomes are recorded
+
+
+def _list_first(scores: Scores, individual: Individual) -> list[Mission]:
+    """List an individual's first mission in each world, of those that gave it its fitness."""
+    experiment, number = scores.experiment, individual.id
+    plan = experiment.plan.confirmation if number in scores.confirmed else experiment.plan.selection
+    generation, earlier = scores.ledger.find_shown(number)
+    design = experiment.space.decode(individual.genome)
+    return plan(generation, number, design, range(1), earlier)
+
+
+def _record_champion(scores: Scores, individual: Individual, certificate: Certificate) -> None:
+    """Record the champion, with the trajectories of its first missions."""
+    experiment, journal = scores.experiment, scores.journal
+    missions = _list_first(scores, individual)
+    scenario, design = experiment.scenario_for(missions[0].purpose), missions[0].design
     robots: dict[str, Robot] = {}
     with suppress(InputError):  # a part refuses every design of the run, and so this one
         robots = {name: each.robot for name, each in scenario.equip(design).items()}
@@ -97,9 +116,9 @@ def _record_champion(
         certificate=certificate,
     )
     if not journal.has_champion(champion):
-        if experiment.record == CHAMPION:
-            tracks = dispatcher.run_for_trajectories(scenario, missions)
+        if experiment.record == ALL:
+            tracks = [journal.read_trajectory(mission) for mission in missions]
         else:
             kept = missions[: len(champion.tracks)]
-            tracks = [journal.read_trajectory(mission) for mission in kept]
+            tracks = scores.dispatcher.run_for_trajectories(scenario, kept)
         journal.write_champion(champion, dict(zip(champion.tracks, tracks, strict=True)))

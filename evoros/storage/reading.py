@@ -74,15 +74,15 @@ class Run:
         verify_file(self.path, name)
         return read_table(self.path / name, RECORD_NUMBERS)
 
-    def require_trajectories(self, of_all: bool = False) -> None:
-        """Require that the run keeps trajectories: the champion's, or those of all missions.
+    def require_trajectories(self, of_others: bool = False) -> None:
+        """Require that the run keeps trajectories: the champion's, or those of others, too.
 
         Raises:
             InputError: it does not keep them.
         """
         recorded = self.manifest.get("record")
-        if recorded == "none" or (of_all and recorded != "all"):
-            kind, fix = (" of all missions", "all") if of_all else ("", "champion")
+        if recorded == "none" or (of_others and recorded == "champion"):
+            kind, fix = (" of all missions", "all") if of_others else ("", "champion")
             raise InputError(
                 f"{self.path}: must have trajectories{kind}, but does not keep them "
                 f"(record={recorded}); start a run with record={fix}"
@@ -91,13 +91,18 @@ class Run:
     def mission_trajectory(
         self, generation: int, design: int, world: str, trial: int
     ) -> pd.DataFrame:
-        """Read the trajectory of any mission of a run that keeps them all.
+        """Read the trajectory of any mission that the run has kept.
 
         Raises:
-            InputError: the run keeps none or those of the champion alone, or the file is damaged.
+            InputError: the run does not keep it, or the file is missing or damaged.
         """
-        self.require_trajectories(of_all=True)
+        self.require_trajectories(of_others=True)
         file = trajectory_file((generation, design, world, trial))
+        if self.manifest.get("record") != "all" and not (self.path / file).is_file():
+            raise InputError(
+                f"{self.path / file}: must exist, but the run keeps the first missions of its best "
+                f"designs alone (record=champions); choose another, or run with record=all"
+            )
         verify_file(self.path, str(file))
         return read_table(self.path / file, RECORD_NUMBERS)
 

@@ -135,6 +135,11 @@ class RunFolder(MissionLog):
         """Write the trajectory of a mission, before its row."""
         self.trajectories.keep(scenario, mission, trajectory)
 
+    def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
+        """Delete the trajectories of all other missions; return the missions that have none."""
+        self.trajectories.retain(missions)
+        return [mission for mission in missions if not self.trajectories.has(mission)]
+
     def read_trajectory(self, mission: Mission) -> Array:
         """Read the trajectory of a mission that the run has kept.
 

@@ -6,6 +6,7 @@ A trajectory is written when its mission was run, and before its row in the tabl
 import csv
 import io
 import re
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -25,6 +26,9 @@ if TYPE_CHECKING:  # reading must not load what runs missions
     from evoros.mission.scenario import Scenario
 
 ROBOTS, WORLDS = f"{TRAJECTORIES}/robots/", f"{TRAJECTORIES}/worlds/"
+
+_PARTS = {"robots": r"_.*$", "worlds": r"_\d+$"}
+"""By the folder, how the names of further files of a robot or a world end, before the suffix."""
 
 
 def trajectory_file(key: MissionKey) -> Path:
@@ -81,6 +85,18 @@ class TrajectoryFiles:
         robots = (re.match(rf"{ROBOTS}\d+", name) for name in lost)
         found = {match[0] for match in robots if match}
         return found.union(world for world in worlds for name in lost if name.startswith(world))
+
+    def retain(self, missions: Sequence[Mission]) -> None:
+        """Delete the trajectories of all other missions, and the robots and worlds of these."""
+        needed = {str(trajectory_file(mission.key).with_suffix("")) for mission in missions}
+        needed |= {name for mission in missions for name in _list_needs(mission)}
+        folder = self.log.path / TRAJECTORIES
+        for file in [file for file in folder.rglob("*") if file.is_file()]:
+            place = file.relative_to(self.log.path)
+            owner = re.sub(_PARTS.get(place.parent.name, "$"), "", str(place.with_suffix("")))
+            if needed.isdisjoint((owner, str(place.with_suffix("")))):
+                self.log.digests.reopen([str(place)])
+                file.unlink()
 
     def _is_whole(self, name: str) -> bool:
         path = self.log.path / name

@@ -205,7 +205,7 @@ def test_a_damaged_world_is_left_out_and_a_damaged_run_makes_room_for_the_next(
     # One world, then both of them, and so the run.
     assert [message.count("is left out") for message in caplog.messages] == [1, 1, 1, 0]
     assert f"{tmp_path / 'one'}: must have a complete mission" in caplog.messages[-1]
-    (tmp_path / "two" / "generations" / "00002.csv").write_text("generation,id\n")
+    (tmp_path / "two" / "champion" / "design.csv").write_text("design,sensor\n")
     reseal(tmp_path / "two")
     with pytest.raises(InputError, match="no run has a champion that can be shown"):
         make_product(load_study([tmp_path]), options)

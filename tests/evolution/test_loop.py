@@ -43,6 +43,9 @@ class Memory:
     def keep_log(self, mission: Mission, log: str) -> None:
         self.events.append("log kept")
 
+    def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
+        return list(missions)
+
     def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
         self.trajectories[mission.key] = trajectory
 

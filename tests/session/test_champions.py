@@ -8,6 +8,8 @@ from helpers import TINY, everything, resume, tiny
 
 from evoros.base.console import DONE
 from evoros.cli.evaluate import evaluate
+from evoros.storage.reading import load_run
+from evoros.storage.trajectory_files import robot_file, trajectory_file
 
 SEARCH = (
     "optimizer=map_elites",
@@ -45,6 +47,34 @@ def test_the_champions_are_the_elites_best_first(found: Path) -> None:
     pd.testing.assert_frame_equal(first, champion)
 
 
+def kept_files(run: Path) -> set[str]:
+    """The trajectories that a run has kept, by their paths in its folder."""
+    return {str(path.relative_to(run)) for path in run.glob("trajectories/0*/*.csv")}
+
+
+def test_the_first_missions_of_all_of_them_are_kept_and_no_others(
+    found: Path, tmp_path: Path
+) -> None:
+    run = load_run(found)
+    missions = run.missions.set_index("design", drop=False)
+    first = missions.loc[pd.read_csv(found / "champions" / "scores.csv")["id"]]
+    assert kept_files(found) == {str(trajectory_file(key_of(row))) for _, row in first.iterrows()}
+    for _, row in first.iterrows():
+        last = run.mission_trajectory(*key_of(row)).iloc[-1]
+        assert last.time_s == pytest.approx(row.time_s, abs=0.11)
+        assert (found / robot_file(int(row.design))).is_file()
+    champion = found / "champion" / "trajectory_near.csv"
+    best = missions.loc[[first["design"].iloc[0]]].query("world == 'near'").iloc[0]
+    assert (found / trajectory_file(key_of(best))).read_bytes() == champion.read_bytes()
+    alone = ("record=champion", "optimizer.generations=2")
+    assert tiny(tmp_path / "alone", *SEARCH, *alone) == DONE
+    assert not kept_files(tmp_path / "alone")
+
+
+def key_of(row: "pd.Series[str]") -> tuple[int, int, str, int]:
+    return int(row["generation"]), int(row["design"]), str(row["world"]), int(row["trial"])
+
+
 def test_an_evaluation_scores_all_of_them(found: Path, tmp_path: Path) -> None:
     given = [*TINY, "executor=serial", f"designs={found}/champions/design.csv"]
     assert evaluate([*given, f"hydra.run.dir={tmp_path}/again"]) == DONE
@@ -65,5 +95,10 @@ def test_a_resumed_run_changes_nothing_and_a_longer_one_has_its_own(
     for name in ("scores.csv", "design.csv", "genes.csv"):
         longer = (found / "champions" / name).read_bytes()
         assert longer == (tmp_path / "whole" / "champions" / name).read_bytes()
+    kept = everything(found / "trajectories")
+    assert kept == everything(tmp_path / "whole" / "trajectories")
+    (found / next(path for path in sorted(kept_files(found)))).unlink()
+    assert resume(found) == DONE
+    assert everything(found / "trajectories") == kept
     scores, elites = pd.read_csv(found / "champions" / "scores.csv"), read_elites(found)
     pd.testing.assert_frame_equal(scores, elites[list(scores.columns)])

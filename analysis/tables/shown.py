@@ -1,0 +1,127 @@
+"""Designs whose missions a run has kept, with all that it takes to play these."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import pandas as pd
+
+from evoros.base.errors import InputError
+from evoros.storage.figure_context import FigureContext
+from evoros.storage.trajectory_files import trajectory_file
+from evoros.world.model import World
+
+from .candidates import list_mounts, place_candidates, read_evolved, read_generations
+from .designs import (
+    adapt_context,
+    adapt_types,
+    place_signals,
+    read_champion_sensors,
+    read_champion_signals,
+)
+from .records import Record
+from .tracks import (
+    find_champion_mission,
+    find_first_mission,
+    find_mission_world,
+    load_champion_worlds,
+    load_mission_world,
+)
+
+
+class ShownMission(NamedTuple):
+    """A mission that was kept."""
+
+    row: "pd.Series[str]"  # of ``missions.csv``
+    trajectory: pd.DataFrame
+    world: World
+    ground: str  # equal for missions in the same world
+
+
+@dataclass(frozen=True, eq=False)
+class ShownDesign:
+    """A design of the first robot with its sensors and its missions, one in each world."""
+
+    record: Record
+    design: int
+    context: FigureContext  # with its types of sensors as they evolved
+    sensors: pd.DataFrame
+    signals: pd.DataFrame  # sensors that cast no rays
+    missions: Sequence[ShownMission]
+
+
+def read_champion_shown(record: Record) -> ShownDesign:
+    """Read the champion of a finished run.
+
+    Raises:
+        InputError: a file of the champion is missing or damaged, or no mission could be run.
+    """
+    worlds = load_champion_worlds(record.run, record.context)
+    missions = [
+        ShownMission(
+            find_champion_mission(record.run, name), record.run.trajectory(name), world, name
+        )
+        for name, world in worlds.items()
+    ]
+    return ShownDesign(
+        record,
+        int(record.run.champion["design"].iloc[0]),
+        adapt_context(record),
+        read_champion_sensors(record),
+        read_champion_signals(record),
+        _require_rows(record, missions),
+    )
+
+
+def has_missions(record: Record, design: int) -> bool:
+    """Whether a run has kept the first missions of a design."""
+    try:
+        rows = [find_first_mission(record.run, design, world) for world in record.context.courses]
+    except InputError:
+        return False
+    return all(is_kept(record, row) for row in rows)
+
+
+def is_kept(record: Record, row: "pd.Series[str]") -> bool:
+    """Whether a run has kept the trajectory of a mission."""
+    return (record.path / trajectory_file(_key(row))).is_file()
+
+
+def read_shown(record: Record, design: int) -> ShownDesign:
+    """Read any design whose first missions a run has kept.
+
+    Raises:
+        InputError: a file is missing or damaged, or no mission could be run.
+    """
+    missions = []
+    for name in record.context.courses:
+        row = find_first_mission(record.run, design, name)
+        trajectory = record.run.mission_trajectory(*_key(row))
+        world = load_mission_world(record.run, record.context, row)
+        ground = f"{record.name}/{find_mission_world(record.run, row).stem}"
+        missions.append(ShownMission(row, trajectory, world, ground))
+    table = read_generations(record)
+    rows = table[table.id == design].iloc[-1:]
+    context = adapt_types(record.context, read_evolved(record, design))
+    return ShownDesign(
+        record,
+        design,
+        context,
+        place_candidates(rows, record),
+        place_signals(list_mounts(rows, record), context),
+        _require_rows(record, missions),
+    )
+
+
+def _key(row: "pd.Series[str]") -> tuple[int, int, str, int]:
+    return int(row["generation"]), int(row["design"]), str(row["world"]), int(row["trial"])
+
+
+def _require_rows(record: Record, missions: Sequence[ShownMission]) -> list[ShownMission]:
+    """Return the missions that were run."""
+    run = [mission for mission in missions if len(mission.trajectory)]
+    if not run:
+        raise InputError(
+            f"{record.path}: must have a mission that was run, but has none; give another run"
+        )
+    return run
