@@ -66,7 +66,7 @@ from evoros.executor.protocol import Executor, Pool
 from evoros.failure.protocol import Failure, Fault
 from evoros.filter.protocol import A_FILTER, FILTERS, Channels, Filter
 from evoros.filter.silence import Silence
-from evoros.fitness.protocol import Fitness
+from evoros.fitness.protocol import CombiningFitness, Fitness
 from evoros.formats.urdf.tree import Urdf
 from evoros.measure.protocol import Evaluated, Measure
 from evoros.mission.outcome import Outcome
@@ -112,7 +112,7 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "start_process", "OutsideProcess",
     "Simulator", "TeamSimulator", "PlacedRobot", "Simulation", "Optimizer", "Search", "Space",
     "Goals", "Individual", "Candidate", "Score", "Measure", "Evaluated", "Allocation", "Standing",
-    "Executor", "Pool", "Fitness", "Outcome",
+    "Executor", "Pool", "Fitness", "CombiningFitness", "Outcome",
     # Errors that a part may raise.
     "InputError", "SimulationError", "WorkerLost", "PilotLost", "LaunchError",
 ]

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 KEYS = ("source", "design")
 """The columns that identify a design in an evaluation."""
 NO_FAULT = ""
-NO_FAILURE, EXHAUSTIVE, STATED = ".NoFailure", ".ExhaustiveFailure", ".GivenFailure"
 
 
 def collect_missions(study: "Study") -> pd.DataFrame:
@@ -25,12 +24,13 @@ def collect_missions(study: "Study") -> pd.DataFrame:
     says whether no sensor was to fail; other missions without a failure had ended before it.
 
     Raises:
-        InputError: there is no evaluation with missions.
+        InputError: there is no evaluation with missions, or they are in several simulators.
     """
+    _require_one_simulator(study)
     frames = [
         missions.assign(
             evaluation=record.name,
-            drawn=not _chooses(record, (EXHAUSTIVE, STATED)),
+            drawn=record.context.failure.drawn,
             intact=_find_intact(record, missions["trial"]),
         )
         for record, missions in study.read_each(study.evaluations, lambda each: each.missions)
@@ -52,14 +52,26 @@ def count_sensors(record: "EvaluationRecord") -> Iterator[tuple[tuple[str, str],
         yield (str(source), str(design)), int(own["sensor"].notna().sum())
 
 
-def _chooses(record: "EvaluationRecord", kinds: tuple[str, ...]) -> bool:
-    """Whether the failure model of an evaluation is of one of these classes."""
-    return str(record.values.get("failure._target_", "")).endswith(kinds)
-
-
 def _find_intact(record: "EvaluationRecord", trials: "pd.Series[int]") -> "pd.Series[bool]":
-    first = _chooses(record, (EXHAUSTIVE,)) and record.values.get("failure.least") == 0
-    return (trials == 0) & first | _chooses(record, (NO_FAILURE,))
+    failure = record.context.failure
+    return trials.isin(failure.intact) | failure.always_intact
+
+
+def _require_one_simulator(study: "Study") -> None:
+    """Refuse evaluations in several simulators, whose missions tell nothing of one another.
+
+    Raises:
+        InputError: there are several.
+    """
+    simulators: dict[str, str] = {}
+    for record in study.evaluations:
+        for name in record.run.manifest.get("simulators", ())[:1]:  # without the confirming one
+            simulators.setdefault(str(name), record.name)
+    if len(simulators) > 1:
+        found = ", ".join(f"{name} ({folder})" for name, folder in simulators.items())
+        raise InputError(
+            f"worst: must be given evaluations in one simulator, not in {found}; give those of one"
+        )
 
 
 def _write_set(cell: object) -> str:

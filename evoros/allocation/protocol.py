@@ -4,6 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+from evoros.base.combining import Combine, mean
+
 
 @dataclass(frozen=True)
 class Standing:
@@ -12,16 +14,16 @@ class Standing:
     id: int
     scores: tuple[float, ...] = ()  # of its trials in this contest, in the order of the trials
     earlier: tuple[float, ...] = ()  # of its trials in earlier generations; empty: it is new
+    combine: Combine = mean  # of the experiment's fitness
 
     @property
     def new(self) -> bool:
         """Whether it has never been scored before this contest."""
         return not self.earlier
 
-    def mean(self, trials: int) -> float:
-        """The mean over its life, of this contest only the first so many trials."""
-        scores = (*self.earlier, *self.scores[:trials])
-        return sum(scores) / len(scores)
+    def fitness(self, trials: int) -> float:
+        """The fitness over its life, of this contest only the first so many trials."""
+        return self.combine((*self.earlier, *self.scores[:trials]))
 
 
 @runtime_checkable
@@ -49,8 +51,8 @@ def choose_entrants(standings: Sequence[Standing], survivors: int) -> list[Stand
 
 
 def rank(standings: Iterable[Standing], trials: int) -> list[Standing]:
-    """Sort by the mean over so many trials, the best first; of equals the first stays first."""
-    return sorted(standings, key=lambda each: -each.mean(trials))
+    """Sort by the fitness over so many trials, the best first; of equals the first stays first."""
+    return sorted(standings, key=lambda each: -each.fitness(trials))
 
 
 def ask_for(standings: Iterable[Standing], trials: int) -> dict[int, int]:
@@ -75,4 +77,4 @@ def cap_fitness(fitness: Mapping[int, float], rounds: Sequence[Iterable[int]]) -
 
 
 def _by_rank(standing: Standing) -> float:
-    return -standing.mean(0)
+    return -standing.fitness(0)

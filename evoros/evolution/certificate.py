@@ -23,7 +23,7 @@ class Rival:
 
     design: int
     trials: int  # that both have met
-    fitness: float  # its mean over these
+    fitness: float  # over these
     chance: float  # that it is better than the champion; NaN below two trials
 
 
@@ -34,7 +34,7 @@ class Finalist:
     design: int
     fitness: float  # by which the evolution knew it
     trials: int  # in the final choice
-    final_fitness: float  # the mean over these
+    final_fitness: float  # over these
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Certificate:
     validated_fitness: float  # NaN without validation trials
     validated_trials: int
     confidence: float  # of each interval
-    fitness_low: float  # of the mean of all fresh draws; NaN below two trials
+    fitness_low: float  # over all fresh draws; NaN if they have no interval
     fitness_high: float
     precision: float | None  # the half-width that was asked for
     worlds: Mapping[str, Rate]

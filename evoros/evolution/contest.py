@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from evoros.allocation.protocol import Allocation, Standing, cap_fitness
+from evoros.base.combining import Combine, mean
 from evoros.base.errors import InputError
 
 
@@ -17,6 +18,7 @@ class Contest:
     allocation: Allocation
     trials: int  # of the experiment
     earlier: Mapping[int, list[float]]
+    combine: Combine = mean  # of the experiment's fitness
     scores: dict[int, list[float]] = field(default_factory=dict)  # of those that got trials
     rounds: list[Mapping[int, int]] = field(default_factory=list)
 
@@ -27,7 +29,7 @@ class Contest:
             InputError: the allocation gives a design too many trials, or a new one none.
         """
         standings = [
-            Standing(number, tuple(self.scores.get(number, ())), tuple(earlier))
+            Standing(number, tuple(self.scores.get(number, ())), tuple(earlier), self.combine)
             for number, earlier in self.earlier.items()
         ]
         further = dict(self.allocation.next_round(standings, self.trials))
@@ -52,14 +54,14 @@ class Contest:
         for number, new in scores.items():
             self.scores.setdefault(number, []).extend(new)
 
-    def means(self) -> dict[int, float]:
-        """Return the mean score over the life of each design that got trials.
+    def fitness(self) -> dict[int, float]:
+        """Return the fitness over the life of each design that got trials.
 
         None ranks above designs that stayed in the contest longer.
         """
         lives = {number: [*self.earlier[number], *new] for number, new in self.scores.items()}
-        means = {number: sum(life) / len(life) for number, life in lives.items()}
-        return cap_fitness(means, self.rounds)
+        fitness = {number: self.combine(life) for number, life in lives.items()}
+        return cap_fitness(fitness, self.rounds)
 
     def stays(self) -> dict[int, int]:
         """Return how many rounds each design stayed in; the last round counts, not its trials."""

@@ -40,17 +40,17 @@ def choose_champion(scores: Scores, last: Generation) -> Choice:
     fitness = scores.ledger.find_fitness(individuals)
     finalists = final.find_finalists(fitness)
     designs = scores.decode([individuals[number] for number in finalists])
-    contest = Contest(final.method, 1, {number: [] for number in finalists})
+    contest = Contest(final.method, 1, {number: [] for number in finalists}, scores.combine)
     while wanted := contest.next_round():
         missions = {
             number: scores.experiment.plan.final(last.number, number, designs[number], trials)
             for number, trials in wanted.items()
         }
         contest.add(scores.score(last.number, missions, FINAL))
-    means, stayed = contest.means(), contest.stays()
-    order = sorted(finalists, key=lambda number: (-stayed[number], -means[number]))
+    final_fitness, stayed = contest.fitness(), contest.stays()
+    order = sorted(finalists, key=lambda number: (-stayed[number], -final_fitness[number]))
     table = [
-        Finalist(number, fitness[number], len(own), sum(own) / len(own))
+        Finalist(number, fitness[number], len(own), scores.combine(own))
         for number in order
         for own in [contest.scores[number]]
     ]
@@ -74,7 +74,7 @@ def certify(scores: Scores, last: Generation, choice: Choice) -> Certificate:
     first, _ = scores.validate_longer(own, stage)
     trials = validation.count_all(first) if first else 0
     found, outcomes = scores.validate_longer(own, trials)
-    low, high = validation.bound_mean(found, len(first))
+    low, high = validation.bound_fitness(found, len(first), scores.combine)
     worlds = {}
     for world in scores.experiment.world:
         in_world = outcomes.get(world, [])
@@ -82,7 +82,7 @@ def certify(scores: Scores, last: Generation, choice: Choice) -> Certificate:
         bounds = validation.bound_rate(completed, len(in_world))
         worlds[world] = Rate(completed, len(in_world), *bounds)
     rivals = [
-        Rival(number, len(met), sum(met) / len(met), compute_chance(found, met))
+        Rival(number, len(met), scores.combine(met), compute_chance(found, met, scores.combine))
         for number, met in scores.validated.items()
         if number != own.id and met
     ]
@@ -90,7 +90,7 @@ def certify(scores: Scores, last: Generation, choice: Choice) -> Certificate:
         own.id,
         choice.fitness,
         choice.trials,
-        sum(found) / len(found) if found else math.nan,
+        scores.combine(found) if found else math.nan,
         len(found),
         validation.confidence,
         low,

@@ -16,6 +16,7 @@ from evoros.base.checks import (
     mapping_of,
     one_of,
 )
+from evoros.base.combining import Combine, mean
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.controller.protocol import Controller, LiveController
@@ -29,6 +30,7 @@ from evoros.evolution.validation import A_VALIDATION, Validation
 from evoros.executor.protocol import Executor
 from evoros.failure.protocol import Failure
 from evoros.fitness.protocol import Fitness
+from evoros.fitness.scoring import choose_combine
 from evoros.fitness.team import TeamFitness
 from evoros.measure.protocol import Measure
 from evoros.mission.plan import CONFIRMATION, FINAL, POLICIES, STOP, VALIDATION, WORST, Plan
@@ -95,6 +97,12 @@ class Experiment:
                 if not NAME.holds(name):
                     rule = f"the key of each {kind} must be {NAME.text}"
                     raise InputError(f"{group}: {rule}, not {name!r}; rename it")
+        if self.validation.precision is not None and self.combine is not mean:
+            raise InputError(
+                f"validation.precision: must be null, because it is of a mean, and the fitness "
+                f"({type(self.fitness).__name__}) is another function of the trials; set "
+                f"optimizer.validation_trials"
+            )
         # Worlds that are drawn for each mission leave room to all robots.
         object.__setattr__(self, "world", make_room(self.agents, self.world))
         check_agents(self.agents, self.robot, self.design, self.world)
@@ -198,6 +206,11 @@ class Experiment:
         """The fitness, of all robots that are scored."""
         scored = (place for place, agent in enumerate(self.agents.values()) if agent.scored)
         return TeamFitness(self.fitness, tuple(scored)) if self.agents else self.fitness
+
+    @cached_property
+    def combine(self) -> Combine:
+        """Makes one fitness of the scores of a design's trials."""
+        return choose_combine(self.fitness)
 
     def start_search(self) -> Search:
         """Start the search of this experiment, which its seed determines."""

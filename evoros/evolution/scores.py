@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from evoros.base.combining import Combine
 from evoros.design.design import Design
 from evoros.evolution.contest import Contest
 from evoros.evolution.dispatch import Dispatcher
@@ -45,6 +46,11 @@ class Scores:
         self.measuring = Measuring(self.experiment)
         self.ledger = Ledger(len(self.measuring.measures), self.experiment.final_choice)
 
+    @property
+    def combine(self) -> Combine:
+        """Makes one fitness of the scores of trials."""
+        return self.experiment.combine
+
     def evaluate(self, generation: int, individuals: Sequence[Individual]) -> dict[int, Score]:
         """Return the scores of new individuals, and of survivors that got further trials.
 
@@ -59,7 +65,7 @@ class Scores:
         old = [each for each in self.survivors if each.id not in new]
         designs = self.decode([*individuals, *old])
         contest = self._hold_contest(generation, designs)
-        self.fitness = contest.means()
+        self.fitness = contest.fitness()
         self.ledger.add_screened(contest.scores)
         for number in new:
             self.ledger.show(number, generation, 0)
@@ -85,7 +91,7 @@ class Scores:
         """Run the trials of a generation, round by round."""
         experiment = self.experiment
         earlier = self.ledger.find_screened(designs)
-        contest = Contest(experiment.allocation, experiment.trials, earlier)
+        contest = Contest(experiment.allocation, experiment.trials, earlier, self.combine)
         while wanted := contest.next_round():
             missions = {
                 number: experiment.plan.selection(
@@ -116,11 +122,11 @@ class Scores:
             for number, scores in self.score(generation, missions, CONFIRMATION).items():
                 self.confirmed.setdefault(number, []).extend(scores)
                 self.repeated.setdefault(number, []).extend(contest.scores[number])
-            return {number: _mean(self.confirmed[number]) for number in missions}
+            return {number: self.combine(self.confirmed[number]) for number in missions}
 
-        self.fitness |= confirmation.confirm_best(contest.means(), confirm)
+        self.fitness |= confirmation.confirm_best(contest.fitness(), confirm)
         self.fitness |= {
-            number: _mean(self.confirmed[number])
+            number: self.combine(self.confirmed[number])
             for number in contest.scores
             if number in self.confirmed
         }
@@ -146,8 +152,9 @@ class Scores:
         self.survivors = list(alive.values())
         self.measuring.keep(alive)
         self.validate(number, best.individual)
+        combine = self.combine
         lives = self.ledger.find_screened(row.individual.id for row in rows)
-        screened = {i: _mean(self.repeated.get(i, scores)) for i, scores in lives.items()}
+        screened = {i: combine(self.repeated.get(i, scores)) for i, scores in lives.items()}
         return Generation(
             number=number,
             candidates=rows,
@@ -155,10 +162,10 @@ class Scores:
             best=best,
             measures=self._list_measures(rows),
             trials={i: len(self.confirmed.get(i, scores)) for i, scores in lives.items()},
-            validated_fitness={i: _mean(scores) for i, scores in self.validated.items() if scores},
+            validated_fitness={i: combine(met) for i, met in self.validated.items() if met},
             screened_fitness=screened if self.experiment.confirmation else {},
             losses={
-                i: _mean(self.repeated[i]) - _mean(scores) for i, scores in self.confirmed.items()
+                i: combine(self.repeated[i]) - combine(met) for i, met in self.confirmed.items()
             },
         )
 
@@ -238,7 +245,3 @@ class Scores:
         self.dispatcher.run_missing(scenario, needed, journal, self.observer.mission)
         found = ((mission.key, journal.find(mission)) for mission in needed)
         return {key: outcome for key, outcome in found if outcome is not None}
-
-
-def _mean(scores: Sequence[float]) -> float:
-    return sum(scores) / len(scores)

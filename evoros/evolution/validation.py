@@ -9,7 +9,9 @@ from typing import Annotated
 from scipy.special import ndtri, stdtr, stdtrit
 
 from evoros.base.checks import COUNT, POSITIVE, WHOLE, Rule, checked, instance_of, is_number
+from evoros.base.combining import Combine, mean
 from evoros.base.errors import InputError
+from evoros.evolution.bootstrap import count_better, resample
 
 DIGITS = 6
 """Digits of the results, so that they are the same on every processor."""
@@ -66,6 +68,19 @@ class Validation:
         mean = fmean(scores)
         return round(mean - half_width, DIGITS), round(mean + half_width, DIGITS)
 
+    def bound_fitness(self, scores: Sequence[float], first: int, combine: Combine) -> Bounds:
+        """Return the interval of the fitness; that of the mean, or else by the bootstrap.
+
+        NaN if it depends on too few scores (``bootstrap.resample``).
+        """
+        if combine is mean:
+            return self.bound_mean(scores, first)
+        values = resample(scores, combine)
+        if not values:
+            return math.nan, math.nan
+        outside = int(len(values) * (1 - self.confidence) / 2)
+        return round(values[outside], DIGITS), round(values[-1 - outside], DIGITS)
+
     def bound_rate(self, successes: int, trials: int) -> Bounds:
         """Return the score interval of a rate; NaN without trials.
 
@@ -87,20 +102,25 @@ class Validation:
         return float(stdtrit(trials - 1, 0.5 + self.confidence / 2))
 
 
-def compute_chance(champion: Sequence[float], rival: Sequence[float]) -> float:
+def compute_chance(
+    champion: Sequence[float], rival: Sequence[float], combine: Combine = mean
+) -> float:
     """Return the chance that the rival is better, by the trials that both have met; NaN below two.
 
     It is the posterior probability that the mean of the paired differences is positive, for normal
-    differences and the prior 1 / sd: Student's t at the statistic of the paired t-test.
+    differences and the prior 1 / sd: Student's t at the statistic of the paired t-test. Without a
+    mean it is the share of paired resamples in which the rival is better (``bootstrap.resample``).
     """
     pairs = list(zip(champion, rival, strict=False))
+    if combine is not mean:
+        return round(count_better(pairs, combine), DIGITS)
     if len(pairs) < 2:
         return math.nan
     ahead = [score - of_champion for of_champion, score in pairs]
-    mean, spread = fmean(ahead), stdev(ahead) / math.sqrt(len(ahead))
+    centre, spread = fmean(ahead), stdev(ahead) / math.sqrt(len(ahead))
     if spread == 0:
-        return 0.5 if mean == 0 else float(mean > 0)
-    return round(float(stdtr(len(ahead) - 1, mean / spread)), DIGITS)
+        return 0.5 if centre == 0 else float(centre > 0)
+    return round(float(stdtr(len(ahead) - 1, centre / spread)), DIGITS)
 
 
 def combine_chances(chances: Sequence[float]) -> float:

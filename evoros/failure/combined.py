@@ -8,7 +8,8 @@ from numpy.random import Generator
 
 from evoros.base import rng as randomness
 from evoros.base.checks import checked, mapping_of
-from evoros.failure.protocol import Failure, Fault
+from evoros.base.errors import InputError
+from evoros.failure.protocol import Failure, Fault, SystematicFailure
 from evoros.filter.protocol import Channels
 
 FAILURES = mapping_of(Failure, "failures")
@@ -23,6 +24,15 @@ class CombinedFailure:
     """
 
     failures: Annotated[Mapping[str, Failure], FAILURES] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, failure in self.failures.items():
+            if isinstance(failure, SystematicFailure):
+                raise InputError(
+                    f"failure.failures.{name}: must be drawn for each mission, and "
+                    f"{type(failure).__name__} goes through cases by the number of the trial; use "
+                    f"it alone (failure=...), or remove it"
+                )
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return the faults of all failures; their names begin with the name of the failure.

@@ -26,8 +26,7 @@ class ExhaustiveFailure:
 
     Trial 0 has the first case. Cases are in the order of the number of failed sensors, then of
     their numbers, then of ``times_s``; the case without a failure has no time. More trials than
-    cases begin again. A trial under another model of failures, as a part of a combined one, has a
-    case that is drawn.
+    cases begin again.
     """
 
     least: Annotated[int, WHOLE] = 0  # sensors that fail

@@ -13,7 +13,8 @@ class Fitness(Protocol):
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Return the score of a trial, whose outcomes come from one mission in each world.
 
-        The fitness of a design is the mean over its trials. ``least_clearance_m`` is NaN in a
+        The fitness of a design is the mean over its trials, unless this is a
+        ``CombiningFitness``. ``least_clearance_m`` is NaN in a
         world without obstacles, and ``first_collision_s`` without a collision.
         """
         ...
@@ -24,4 +25,13 @@ class Fitness(Protocol):
         It is at most the ``score`` of a trial without any progress. Metrics of such a mission are
         NaN, but ``sensors`` and ``time_limit_s`` are valid.
         """
+        ...
+
+
+@runtime_checkable
+class CombiningFitness(Fitness, Protocol):
+    """A fitness of a design that is not the mean over its trials."""
+
+    def combine(self, scores: Sequence[float]) -> float:
+        """Return the fitness of a design from the scores of its trials, at least one."""
         ...

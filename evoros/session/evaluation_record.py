@@ -10,7 +10,12 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.evolution.dispatch import MissionResult
 from evoros.evolution.experiment import ALL, Experiment
-from evoros.fitness.scoring import name_score_columns, summarize_scores
+from evoros.fitness.scoring import (
+    FITNESS,
+    FITNESS_MEAN,
+    name_score_columns,
+    summarize_scores,
+)
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
 from evoros.mission.scenario import Scenario
@@ -105,7 +110,7 @@ class EvaluationRecord(MissionLog):
             InputError: the table on disk differs.
         """
         self.table.sync()
-        columns = name_score_columns(list(self._experiment.world))
+        columns = name_score_columns(self._experiment.scoring, list(self._experiment.world))
         rows: list[Sequence[object]] = [("source", "design", *columns)]
         for number, design in enumerate(self._designs):
             rows.append([design.source, design.name, *self._scores[number].values()])
@@ -123,12 +128,12 @@ class EvaluationRecord(MissionLog):
 
     def describe(self) -> dict[str, Any]:
         """The fields of ``status.json`` that only an evaluation has."""
-        means = [row["fitness_mean"] for row in self._scores.values()]
+        fitness = [row.get(FITNESS, row[FITNESS_MEAN]) for row in self._scores.values()]
         return {
             "designs": len(self._designs),
             "designs_done": len(self._scores),
-            "best_fitness": max(means, default=None),
-            "mean_fitness": fmean(means) if means else None,
+            "best_fitness": max(fitness, default=None),
+            "mean_fitness": fmean(fitness) if fitness else None,
             "missions_wanted": self.wanted,
             "missions": self.known,
         }

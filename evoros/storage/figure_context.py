@@ -20,6 +20,7 @@ from evoros.failure.protocol import Failure
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, RangeSensor, Sensor, sees, sensor_bearings
+from evoros.storage.failure_context import FailureContext, describe_failure
 from evoros.storage.layout import SETTING
 from evoros.world.course import Course
 
@@ -88,6 +89,7 @@ class FigureContext:
     signals: Mapping[str, Signal] = field(default_factory=dict)  # of types that cast no rays
     types: tuple[str, ...] = ()  # of sensors, in the order in which they are mounted
     fixed: tuple[Mount, ...] = ()  # sensors that every design has
+    failure: FailureContext = field(default_factory=FailureContext)
     agents: Mapping[str, "FigureContext"] = field(default_factory=dict)
     """The other robots by name, each as if it were alone."""
 
@@ -138,9 +140,14 @@ def _fields(raw: Mapping[str, Any]) -> dict[str, Any]:
         "signals": {name: _read_signal(each) for name, each in raw.get("signals", {}).items()},
         "types": tuple(raw.get("types", raw["beams"])),
         "fixed": tuple(Mount(**mount) for mount in raw.get("fixed", ())),
+        "failure": _read_failure(raw.get("failure", {})),
         "courses": {name: Course(**course) for name, course in raw["courses"].items()},
     }
     return {**raw, **fields}
+
+
+def _read_failure(raw: Mapping[str, Any]) -> FailureContext:
+    return FailureContext(**{**raw, "intact": tuple(map(int, raw.get("intact", ())))})
 
 
 def _read_beam(raw: Mapping[str, Any]) -> Beam:
@@ -186,6 +193,7 @@ def describe_experiment(experiment: "Experiment") -> FigureContext:
         signals={name: _signal(each) for name, each in sensors.items() if not sees(each)},
         types=tuple(sensors),
         fixed=tuple(space.fixed),
+        failure=describe_failure(experiment),
         agents={name: describe_experiment(experiment.members[name]) for name in experiment.agents},
     )
 

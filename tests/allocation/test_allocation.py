@@ -74,7 +74,7 @@ def test_a_lifelong_fitness_is_the_mean_over_all_trials() -> None:
     earlier = {0: [4.0, 6.0], 1: [9.0], 2: [1.0], 3: []}
     contest = hold(Lifelong(survivors=2, again=3), 2, earlier, lambda i, k: 10.0 * i + k)
     assert contest.scores == {0: [0.0, 1.0, 2.0], 1: [10.0, 11.0, 12.0], 3: [30.0, 31.0]}
-    assert contest.means() == {0: 13.0 / 5, 1: 42.0 / 4, 3: 30.5}
+    assert contest.fitness() == {0: 13.0 / 5, 1: 42.0 / 4, 3: 30.5}
 
 
 def test_a_race_without_noise_ends_at_once() -> None:
@@ -135,7 +135,7 @@ def test_fixed_budgets_find_the_best_more_often_than_equal_trials(
         means = [np.mean([draw(i, k) for k in range(budget)]) for i in range(designs)]
         found["equal"] += int(np.argmax(means)) == 0
         allocation = kind(budget=budget, max_trials=1000)
-        fitness = hold(allocation, 1, {i: [] for i in range(designs)}, draw).means()
+        fitness = hold(allocation, 1, {i: [] for i in range(designs)}, draw).fitness()
         found["allocated"] += max(fitness, key=fitness.__getitem__) == 0
     assert found["allocated"] > found["equal"]
 

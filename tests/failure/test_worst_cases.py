@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
+from evoros.failure.combined import CombinedFailure
 from evoros.failure.exhaustive import ExhaustiveFailure, choose_set
 from evoros.failure.given import GivenFailure
 from evoros.failure.protocol import Fault, SystematicFailure
+from evoros.failure.random import RandomFailure
 from evoros.filter.protocol import Channels
 
 Case = tuple[tuple[int, ...], float]
@@ -90,3 +92,8 @@ def test_stated_sensors_are_different_whole_numbers(bad: object) -> None:
 def test_the_least_number_is_at_most_the_most() -> None:
     with pytest.raises(InputError, match="least"):
         ExhaustiveFailure(3, 2)
+
+
+def test_a_systematic_failure_is_no_part_of_a_combined_one() -> None:
+    with pytest.raises(InputError, match=r"failure.failures.all: .* ExhaustiveFailure"):
+        CombinedFailure({"one": RandomFailure(), "all": ExhaustiveFailure()})
