@@ -53,6 +53,7 @@ from evoros.bridge.process import OutsideProcess, start_process
 from evoros.controller.protocol import (
     Briefing,
     Controller,
+    EvolvedValue,
     Layer,
     LimitedController,
     LiveController,
@@ -108,6 +109,7 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "MOTION", "WHEELS", "CONTACT_SIGNAL", "sees", "Mount",
     "RegionDescription", "BoundRegion", "Area", "SensorPose",
     "Filter", "Channels", "Silence", "Failure", "Fault", "Controller", "Layer", "StartedLayer",
+    "EvolvedValue",
     "LiveController", "LimitedController", "VersionedController", "Briefing", "Pilot",
     "start_process", "OutsideProcess",
     "Simulator", "TeamSimulator", "PlacedRobot", "Simulation", "Optimizer", "Search", "Space",

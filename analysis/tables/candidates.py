@@ -52,25 +52,18 @@ def place_candidates(candidates: pd.DataFrame, record: "Record") -> pd.DataFrame
 def _list_beam_genes(record: "Record") -> Iterator[tuple[str, str, str]]:
     """Yield each gene of a field of view or range, its type of sensor, and the column of both."""
     columns = {"fov_deg": "fov_deg", "range_max_m": "range_m"}
-    for gene, key in _list_genes(record):
+    for gene, key in record.context.genes.items():
         value = re.fullmatch(rf"{re.escape(TYPES)}(.+)\.(fov_deg|range_max_m)", key)
         if value and value[1] in record.context.beams:
             yield gene, value[1], columns[value[2]]
-
-
-def _list_genes(record: "Record") -> Iterator[tuple[str, str]]:
-    """Yield the name and the key of each value that evolves beside the mounts."""
-    for name, key in record.values.items():
-        gene = re.fullmatch(r"design\.genes\.(.+)\.key", name)
-        if gene:
-            yield gene[1], str(key)
 
 
 def read_evolved(record: "Record", design: int) -> dict[str, float]:
     """Read the values that evolved beside the mounts of an individual, by key."""
     table = read_generations(record)
     row = table[table.id == design].iloc[:1]
-    return {key: float(row[gene].iloc[0]) for gene, key in _list_genes(record) if len(row)}
+    genes = record.context.genes
+    return {key: float(row[gene].iloc[0]) for gene, key in genes.items() if len(row)}
 
 
 def list_mounts(candidates: pd.DataFrame, record: "Record") -> pd.DataFrame:

@@ -121,6 +121,25 @@ class Controller(Protocol):
         ...
 
 
+class EvolvedValue(NamedTuple):
+    """A number of a controller that evolves with the design, and its range."""
+
+    path: str  # dotted, from the part that declares it: weights.3
+    low: float
+    high: float
+    group: str = ""  # of values that are inherited together
+
+
+@runtime_checkable
+class EvolvingPart(Protocol):
+    """A controller, or a part of one, that declares which of its numbers evolve."""
+
+    @property
+    def evolved(self) -> Mapping[str, EvolvedValue]:
+        """The values by the names of their genes."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Briefing:
     """What a controller outside of this process is told before its mission."""

@@ -32,12 +32,14 @@ class Gene:
     """One evolved value: the dotted key of a number in the configuration, and its range.
 
     The key starts with one of ``EVOLVABLE`` and is not the period of the controller or a sensor.
+    Genes of one ``group`` are inherited together.
     """
 
     key: Annotated[str, TEXT]
     low: Annotated[float, NUMBER]
     high: Annotated[float, NUMBER]
     whole: Annotated[bool, FLAG] = False  # whole numbers only, both bounds included
+    group: Annotated[str | None, TEXT] = None  # None: inherited by itself
 
     def __post_init__(self) -> None:
         if not self.key.startswith(EVOLVABLE) or not all(self.key.split(".")):
@@ -59,6 +61,15 @@ class Gene:
         if self.whole:
             return self.low + pick_index(gene, int(self.high - self.low) + 1)
         return scale(gene, float(self.low), float(self.high))
+
+
+def group_genes(genes: Mapping[str, Gene]) -> dict[str, list[str]]:
+    """Return the names of the genes that vary, by their group; one without a group has its own."""
+    groups: dict[str, list[str]] = {}
+    for name, gene in genes.items():
+        if gene.low < gene.high:
+            groups.setdefault(gene.group or name, []).append(name)
+    return groups
 
 
 def replace_values(part: Part, values: Mapping[str, float], at: str = "") -> Part:

@@ -6,7 +6,7 @@ keeps to regions, limits and symmetry, so that an optimizer need not know these 
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated
@@ -19,7 +19,7 @@ from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, bounds, pick_index, scale
 from evoros.design.design import Design
 from evoros.design.fixed import FixedSensor
-from evoros.design.genes import Gene
+from evoros.design.genes import Gene, group_genes
 from evoros.design.protocol import ANGLES, POSITION, BoundRegion, RegionDescription
 from evoros.optimizer.protocol import Aspect, Block
 from evoros.robot.model import Robot
@@ -66,7 +66,10 @@ class SensorDesign:
             if self.max_number > 0 and not choices:
                 fix = "give at least one, or set number to 0"
                 raise invalid(self, part, {}, "must not be empty if sensors are placed", fix)
-        for name in self.genes:
+        self._check_gene_names(self.genes)
+
+    def _check_gene_names(self, names: Iterable[str]) -> None:
+        for name in names:
             if not NAME.holds(name):  # it names a column of a table
                 raise invalid(self, "genes", name, f"each name must be {NAME.text}", "rename it")
             if re.match(r"number$|sensor\d+_", name):
@@ -95,12 +98,18 @@ class SensorDesign:
         """The maximum number of placed sensors, without twins."""
         return int(bounds(self.number)[1])
 
-    def bind(self, robot: Robot) -> "DesignSpace":
+    def bind(self, robot: Robot, declared: Mapping[str, Gene] | None = None) -> "DesignSpace":
         """Return the search space of this design on ``robot``.
 
+        ``declared`` are genes of other parts than the design, such as those of a controller.
+
         Raises:
-            InputError: a region or a fixed sensor is not on the robot.
+            InputError: a region or a fixed sensor is not on the robot, or a declared gene has the
+                name or the key of one of the design.
         """
+        genes = {**self.genes, **(declared or {})}
+        if declared:
+            self._check_declared(declared)
         sensors = tuple(self.sensors[name] for name in self.placed_types)
         regions = {
             name: region.bind(robot, self.mirrored, f"design.regions.{name}", sensors)
@@ -109,7 +118,17 @@ class SensorDesign:
         fixed = tuple(
             sensor.bind(robot, f"design.fixed.{name}") for name, sensor in self.fixed.items()
         )
-        return DesignSpace(self, regions, fixed)
+        return DesignSpace(self, regions, fixed, genes)
+
+    def _check_declared(self, declared: Mapping[str, Gene]) -> None:
+        """Check that no declared gene has the name or the key of another one."""
+        self._check_gene_names(declared)
+        keys = {gene.key: name for name, gene in declared.items()}
+        for name, gene in self.genes.items():
+            other = name if name in declared else keys.get(gene.key)
+            if other is not None:
+                rule = f"must have another name and key than the controller's own gene {other}"
+                raise invalid(self, "genes", name, rule, "remove it, or rename it")
 
 
 @dataclass(frozen=True)
@@ -119,6 +138,7 @@ class DesignSpace:
     design: SensorDesign
     regions: Mapping[str, BoundRegion]
     fixed: tuple[Mount, ...] = ()  # mounted in every design
+    genes: Mapping[str, Gene] = field(default_factory=dict)  # the design's, and declared ones
 
     @cached_property
     def _layout(self) -> tuple[tuple[Block, ...], dict[str, int]]:
@@ -144,14 +164,17 @@ class DesignSpace:
         blocks = [add_sensor(slot) for slot in self._slots]
         if design.min_number < design.max_number:
             blocks.append(Block("number", (Aspect("number", add_genes("number")),)))
-        for name, gene in design.genes.items():
-            if gene.low < gene.high:
-                blocks.append(Block(name, (Aspect("value", add_genes(name)),)))
+        for title, names in group_genes(self.genes).items():
+            aspects = tuple(Aspect(name, add_genes(name)) for name in names)
+            blocks.append(Block(title, aspects))
         return tuple(block for block in blocks if block.genes), index
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """One for each placed sensor, one for their number if it evolves, one for each value."""
+        """One for each placed sensor, one for their number if it evolves, one for each value.
+
+        Values of one group share theirs.
+        """
         return self._layout[0]
 
     @property
@@ -169,7 +192,7 @@ class DesignSpace:
                 f"{slot}_type": len(design.placed_types),
                 f"{slot}_region": len(self.regions),
             }
-        for name, gene in design.genes.items():
+        for name, gene in self.genes.items():
             if gene.whole:
                 counts[name] = int(gene.high - gene.low) + 1
         return {index[name]: count for name, count in counts.items() if name in index}
@@ -202,9 +225,7 @@ class DesignSpace:
                 mounts.append(replace(mount, y_m=0.0 - mount.y_m, yaw_deg=0.0 - mount.yaw_deg))
         types = list(self.design.sensors)
         mounts.sort(key=lambda mount: types.index(mount.sensor))
-        evolved = {
-            gene.key: gene.value(genes.get(name, 0.0)) for name, gene in self.design.genes.items()
-        }
+        evolved = {gene.key: gene.value(genes.get(name, 0.0)) for name, gene in self.genes.items()}
         return Design(tuple(mounts), evolved)
 
     def same(self, first: Array, second: Array) -> bool:
@@ -237,7 +258,7 @@ class DesignSpace:
                 row[f"{slot}_{name}"] = values[name] if i < number else absent
         if self.design.min_number < self.design.max_number:
             row["number"] = number
-        for name, gene in self.design.genes.items():
+        for name, gene in self.genes.items():
             row[name] = gene.value(genes.get(name, 0.0))
         return row
 

@@ -8,8 +8,8 @@ import numpy as np
 from evoros.base import elementary
 from evoros.base.errors import InputError
 from evoros.base.linear import product
-from evoros.design.space import SensorDesign
 from evoros.evolution.agent import Agent
+from evoros.evolution.declared_genes import find_declared_genes
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import Footprint
 from evoros.robot.model import Robot
@@ -17,9 +17,9 @@ from evoros.world.model import World
 
 
 def check_agents(
-    agents: Mapping[str, Agent], robot: Robot, design: SensorDesign, worlds: Mapping[str, World]
+    agents: Mapping[str, Agent], robot: Robot, controller: object, worlds: Mapping[str, World]
 ) -> None:
-    """Check the agents beside a first ``robot`` with its ``design``.
+    """Check the agents beside a first ``robot`` with its ``controller``.
 
     Raises:
         InputError: a design of another robot, genes without effect, or two robots that touch at
@@ -28,19 +28,23 @@ def check_agents(
     if not agents:
         return
     for name, agent in agents.items():
-        _check_design(name, agent, robot)
+        _check_design(name, agent, robot, controller)
     for world_name, world in worlds.items():
         _check_homes(agents, robot, world_name, world)
 
 
-def _check_design(name: str, agent: Agent, robot: Robot) -> None:
+def _check_design(name: str, agent: Agent, robot: Robot, controller: object) -> None:
     if agent.design is None and agent.robot not in (None, robot):
         raise InputError(
             f"agents.{name}.design: must be given for another robot than the first one, because "
             f"its regions are those of its robot; add for example /design@{name}.design: around "
             f"to the defaults"
         )
-    evolves = agent.design is not None and (agent.design.max_number > 0 or agent.design.genes)
+    evolves = agent.design is not None and (
+        agent.design.max_number > 0
+        or agent.design.genes
+        or find_declared_genes(agent.controller or controller)
+    )
     if evolves and not agent.scored:
         raise InputError(
             f"agents.{name}.scored: must be true if the robot's own design evolves, because "

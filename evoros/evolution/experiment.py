@@ -25,6 +25,7 @@ from evoros.design.team import TeamSpace
 from evoros.evolution.agent import Agent, make_room
 from evoros.evolution.agents_check import check_agents
 from evoros.evolution.confirmation import A_CONFIRMATION, Confirmation
+from evoros.evolution.declared_genes import find_declared_genes
 from evoros.evolution.final_choice import A_FINAL_CHOICE, AN_ALLOCATION, FinalChoice
 from evoros.evolution.validation import A_VALIDATION, Validation
 from evoros.executor.protocol import Executor
@@ -105,7 +106,7 @@ class Experiment:
             )
         # Worlds that are drawn for each mission leave room to all robots.
         object.__setattr__(self, "world", make_room(self.agents, self.world))
-        check_agents(self.agents, self.robot, self.design, self.world)
+        check_agents(self.agents, self.robot, self.controller, self.world)
         _ = self.confirming  # checks that the parts fit together
 
     @cached_property
@@ -190,8 +191,8 @@ class Experiment:
 
     @cached_property
     def own_space(self) -> DesignSpace:
-        """The search space of the first robot."""
-        return self.design.bind(self.robot)
+        """The search space of the first robot, with the genes that its controller declares."""
+        return self.design.bind(self.robot, find_declared_genes(self.controller))
 
     @cached_property
     def space(self) -> DesignSpace | TeamSpace:

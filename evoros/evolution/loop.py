@@ -66,7 +66,7 @@ def _list_champions(scores: Scores, individuals: Sequence[Individual]) -> Champi
 def _name_genes(experiment: Experiment) -> dict[str, dict[str, str]]:
     """Return the name of each gene by the robot and the key."""
     return {
-        name: {gene.key: title for title, gene in member.design.genes.items()}
+        name: {gene.key: title for title, gene in member.own_space.genes.items()}
         for name, member in experiment.members.items()
     }
 

@@ -137,7 +137,7 @@ def _list_scenarios(experiment: Experiment) -> dict[str, Scenario]:
 
 def _try_genes(experiment: Experiment, scenario: Scenario) -> None:
     parts = {name: getattr(scenario, name) for name in ("robot", "controller", "design")}
-    check_genes(experiment.design.genes, parts)
+    check_genes(experiment.own_space.genes, parts)
 
 
 def _describe_mount(experiment: Experiment) -> Iterator[str]:

@@ -7,7 +7,7 @@ the run was made.
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -90,6 +90,8 @@ class FigureContext:
     types: tuple[str, ...] = ()  # of sensors, in the order in which they are mounted
     fixed: tuple[Mount, ...] = ()  # sensors that every design has
     failure: FailureContext = field(default_factory=FailureContext)
+    genes: Mapping[str, str] = field(default_factory=dict)
+    """The keys of the values that evolve besides the sensors, by the names of their genes."""
     agents: Mapping[str, "FigureContext"] = field(default_factory=dict)
     """The other robots by name, each as if it were alone."""
 
@@ -178,6 +180,11 @@ def _numbers(raw: Any, count: int) -> tuple[Any, ...]:
 def describe_experiment(experiment: "Experiment") -> FigureContext:
     """Describe an experiment for figures."""
     robot, space = experiment.robot, experiment.own_space
+    genes = {name: gene.key for name, gene in space.genes.items()}
+    agents = {name: describe_experiment(experiment.members[name]) for name in experiment.agents}
+    for name, agent in experiment.agents.items():
+        if agent.design is None:  # the first robot's evolves for both
+            agents[name] = replace(agents[name], genes=genes)
     sensors = experiment.design.sensors
     return FigureContext(
         robot=robot.name,
@@ -194,7 +201,8 @@ def describe_experiment(experiment: "Experiment") -> FigureContext:
         types=tuple(sensors),
         fixed=tuple(space.fixed),
         failure=describe_failure(experiment),
-        agents={name: describe_experiment(experiment.members[name]) for name in experiment.agents},
+        genes=genes,
+        agents=agents,
     )
 
 

@@ -78,6 +78,7 @@ def test_exactly_the_keys_of_each_file_are_documented_with_their_defaults(choice
     configured = keys(CONF / f"{choice}.yaml")
     # What a region, a gene and a fixed sensor may have besides: fields of their classes.
     optional = {"z_m", "height_m", "pitch_deg", "link", "overhang_m", "key", "low", "high", "whole"}
+    optional |= {"group"}
     extra = {key for key in documented if ".NAME." in key and key.split(".")[-1] in optional}
     extra |= {key for key in documented if key.startswith("fixed.NAME.")}
     assert set(documented) - extra == set(configured) - extra

@@ -1,0 +1,174 @@
+"""A neural network as the controller, whose weights evolve with the design."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Annotated, ClassVar
+
+import numpy as np
+from numpy.random import Generator
+
+from evoros.base.arrays import Array
+from evoros.base.checks import (
+    COUNT,
+    FLAG,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Rule,
+    check_order,
+    checked,
+    invalid,
+    is_number,
+    is_whole,
+)
+from evoros.controller.network import (
+    Weight,
+    command_from,
+    list_weights,
+    look,
+    memory_size,
+    share_sectors,
+)
+from evoros.controller.protocol import LOCALIZATION, EvolvedValue, Localizer, StartedLayer
+from evoros.robot.model import Robot
+from evoros.sensor.protocol import sees
+
+ODD = Rule("an odd whole number, at most 99", lambda v: is_whole(v) and v % 2 == 1 and 0 < v < 100)
+SPAN = Rule("an angle greater than 0, at most 360", lambda v: is_number(v) and 0 < v <= 360)
+NUMBERS = Rule(
+    "a list of numbers", lambda v: isinstance(v, list | tuple) and all(map(is_number, v))
+)
+
+
+@dataclass(frozen=True)
+@checked
+class Neural:
+    """A network with one hidden layer, from readings, bearing and speed to steering and speed.
+
+    The inputs are the nearest reading in each of ``sectors``, as a share of ``range_m``, the
+    bearing to the waypoint and the speed. The outputs change the way of a robot that heads for the
+    waypoint at ``speed_mps``, which it does if all weights are 0. The mirror image of the inputs of
+    a ``symmetric`` network gives the mirror image of the command. The hidden neurons of a
+    ``recurrent`` one see their own last values too.
+
+    Without ``weights`` all are 0; their order is that of ``list_weights``. If they evolve, each
+    weight is a gene from ``-weight_limit`` to ``weight_limit``.
+
+    Raises:
+        InputError: a value is out of range, or the number of weights is wrong.
+    """
+
+    modes: ClassVar[Sequence[str]] = ("avoiding", "navigating")
+    """While something is within ``range_m``, and otherwise."""
+    sectors: Annotated[int, ODD] = 5
+    span_deg: Annotated[float, SPAN] = 180.0  # between the middles of the outermost sectors
+    range_m: Annotated[float, POSITIVE] = 2.0
+    hidden: Annotated[int, replace(COUNT, limit=100)] = 4
+    symmetric: Annotated[bool, FLAG] = True
+    recurrent: Annotated[bool, FLAG] = False
+    speed_mps: Annotated[float, POSITIVE] = 0.29
+    min_speed_mps: Annotated[float, NOT_NEGATIVE] = 0.1
+    gain: Annotated[float, POSITIVE] = 1.5
+    weights: Annotated[Sequence[float] | None, NUMBERS] = None
+    evolve: Annotated[bool, FLAG] = True
+    weight_limit: Annotated[float, POSITIVE] = 3.0
+    period_s: Annotated[float, POSITIVE] = 0.1
+    localization: Annotated[Mapping[str, Localizer], LOCALIZATION] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_order(self, "min_speed_mps", "speed_mps")
+        count = len(self._listed)
+        if self.weights is None:
+            object.__setattr__(self, "weights", (0.0,) * count)
+        elif len(self.weights) != count:
+            rule = f"must be {count} numbers, which is what a network of this size has"
+            raise invalid(
+                self, "weights", f"{len(self.weights)} numbers", rule, "leave it null for zeros"
+            )
+
+    @property
+    def _listed(self) -> list[Weight]:
+        return list_weights(self.sectors, self.hidden, self.symmetric, self.recurrent)
+
+    @property
+    def evolved(self) -> Mapping[str, EvolvedValue]:
+        """The genes of the weights, by name; those of a neuron are inherited together."""
+        if not self.evolve:
+            return {}
+        limit = float(self.weight_limit)
+        return {
+            weight.name: EvolvedValue(f"weights.{i}", -limit, limit, weight.neuron)
+            for i, weight in enumerate(self._listed)
+        }
+
+    @contextmanager
+    def open(
+        self, robot: Robot, rng: Callable[[str], Generator]
+    ) -> Iterator[Sequence[StartedLayer]]:
+        """Start the network for one mission: one memory, and a rule for each mode.
+
+        Raises:
+            InputError: ``range_m`` exceeds the range of a sensor, which would then read something
+                even if it sees nothing, or ``speed_mps`` what the robot can drive.
+        """
+        parameters = self._parameters(robot)
+        memory = np.zeros(memory_size(self.sectors, self.hidden))
+        yield [
+            StartedLayer(avoid, parameters, memory),
+            StartedLayer(navigate, parameters, memory),
+        ]
+
+    def _parameters(self, robot: Robot) -> Array:
+        ranges = [sensor.range_max_m for sensor in robot.mounted_sensors() if sees(sensor)]
+        shortest, fastest = min(ranges, default=math.inf), float(robot.drive.max_speed_mps)
+        for name, limit, what in (
+            ("range_m", shortest, "the smallest range_max_m of the sensors"),
+            ("speed_mps", fastest, "the maximum speed of the robot"),
+        ):
+            value = getattr(self, name)
+            if value > limit:
+                rule = f"must be at most {what}, which is {limit:g}"
+                raise invalid(self, name, value, rule, "lower it to less than that")
+        entries = share_sectors(robot.channel_yaws(), self.sectors, math.radians(self.span_deg))
+        head = [
+            self.sectors,
+            self.hidden,
+            self.symmetric,
+            self.recurrent,
+            self.range_m,
+            self.gain,
+            self.speed_mps,
+            self.min_speed_mps,
+            fastest,
+            robot.drive.steering_limit,
+        ]
+        return np.array([*head, *entries.ravel(), *(self.weights or ())], dtype=float)
+
+
+def avoid(
+    parameters: Array,
+    memory: Array,
+    state: Array,
+    leg: Array,
+    readings: Array,
+    time: float,
+    command: Array,
+) -> bool:
+    """Decide by the network if something is within range; look in any case."""
+    if not look(parameters, memory, readings):
+        return False
+    return command_from(parameters, memory, state, leg, len(readings), command)
+
+
+def navigate(
+    parameters: Array,
+    memory: Array,
+    state: Array,
+    leg: Array,
+    readings: Array,
+    time: float,
+    command: Array,
+) -> bool:
+    """Decide by the network, for which ``avoid`` has looked."""
+    return command_from(parameters, memory, state, leg, len(readings), command)
