@@ -10,30 +10,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
 
+from ..drawing.cells import LEAST_IN, draw_in_cells
 from ..drawing.gallery import choose_apart, draw_designs
 from ..drawing.sheet import Sheet
 from ..drawing.style import PAGE_IN, STYLE, assign_colours
 from ..product import Product
 from ..tables.candidates import place_candidates
-from ..tables.measured import (
-    DESCRIPTORS,
-    Axis,
-    add_choice,
-    choose_axes,
-    count_missions,
-    read_measured,
-    take_latest,
-)
+from ..tables.elites import Archive, Grid, read_archive
+from ..tables.measured import add_choice
 from ..tables.study import Study
 
 FIRST_ROBOT = True
 HELP = "the best design for each pair of descriptors, with coverage and QD score over the missions"
-DESIGNS, COLUMNS = 6, 3  # drawn beside the map
-HEIGHT_IN, MAP_IN = 5.1, 2.55
-Grid = tuple[Axis, Axis, int]
-"""Two descriptors, and the number of cells along each."""
+DESIGNS, COLUMNS = 6, 2  # drawn beside the map
+MAP_IN, PANEL_IN, BELOW_IN = 3.5, 1.02, 1.95
+HEIGHT_IN = MAP_IN + BELOW_IN + 0.55
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,93 +37,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the archive of all runs together; the tables are its elites and its growth."""
-    x, y = choose_axes(study, DESCRIPTORS, options)
-    cells = options.cells or int(study.records[0].values.get("optimizer.cells", 10))
-    if not 1 <= cells <= 1000:
-        raise InputError(f"--cells: must be a number from 1 to 1000, not {cells}; set it to 10")
-    grid = (x, y, cells)
-    tables = [read_measured(record, (x, y)) for record in study.records]
-    candidates = pd.concat(
-        [take_latest(table).assign(place=place) for place, table in enumerate(tables)]
-    )
-    elites = find_elites(candidates, grid)
-    growth = pd.concat(
-        [
-            trace_growth(table, count_missions(record), grid).assign(run=record.name)
-            for record, table in zip(study.records, tables, strict=True)
-        ],
-        ignore_index=True,
-    )
+    archive = read_archive(study, options)
+    (x, y, _), elites = archive.grid, archive.elites
     listed = elites.assign(run=[study.records[place].name for place in elites.place])
     listed = listed.rename(columns={x.column: "x", y.column: "y"})
     listed = listed[["run", "id", "cell_x", "cell_y", "x", "y", "fitness"]]
-    figure = draw_archive(study, elites, growth, grid)
-    return Product(
-        listed, figure, files={"archive_growth.csv": growth.to_csv(index=False).encode()}
-    )
+    growth = archive.growth.to_csv(index=False).encode()
+    return Product(listed, draw_archive(study, archive), files={"archive_growth.csv": growth})
 
 
-def assign_cells(table: pd.DataFrame, grid: Grid) -> pd.DataFrame:
-    """Return the cells of candidates; those beyond the bounds are in the outermost ones."""
-    *axes, cells = grid
-    columns = {}
-    for name, axis in zip(("cell_x", "cell_y"), axes, strict=True):
-        low, high = axis.bounds
-        share = (table[axis.column].to_numpy(float) - low) / (high - low)
-        columns[name] = np.clip(np.floor(share * cells), 0, cells - 1).astype(int)
-    return table.assign(**columns)
-
-
-def find_elites(candidates: pd.DataFrame, grid: Grid) -> pd.DataFrame:
-    """Return the fittest candidate of each cell that has one, the fittest first."""
-    ranked = assign_cells(candidates, grid).sort_values(
-        ["fitness", "id"], ascending=[False, True], kind="stable"
-    )
-    return ranked.drop_duplicates(["cell_x", "cell_y"]).reset_index(drop=True)
-
-
-def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) -> pd.DataFrame:
-    """Return a row for each generation: missions so far, coverage 0..1 and QD score.
-
-    The coverage is the share of cells that have a design. The QD score is the sum of the fitness of
-    their elites (Pugh et al., Frontiers in Robotics and AI 3, 2016).
-    """
-    rows = []
-    for number, count in missions.items():
-        elites = find_elites(take_latest(table[table.generation <= number]), grid)
-        row = {"generation": number, "missions": count, "coverage": len(elites) / grid[2] ** 2}
-        rows.append({**row, "qd_score": float(elites.fitness.sum())})
-    return pd.DataFrame(rows)
-
-
-def draw_archive(study: Study, elites: pd.DataFrame, growth: pd.DataFrame, grid: Grid) -> Figure:
+def draw_archive(study: Study, archive: Archive) -> Figure:
     """Draw the map, some of its designs beside it, and coverage and QD score below."""
+    elites = archive.elites
     with mpl.rc_context(STYLE):
         sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN], bottom=0.0)
         figure = sheet.make_figure()
         chosen = choose_apart(elites[["cell_x", "cell_y"]].to_numpy(float), DESIGNS)
-        bottom = HEIGHT_IN - MAP_IN - 0.15
+        bottom = BELOW_IN + 0.42
         axes = sheet.add_box(figure, (0.55, bottom), (MAP_IN, MAP_IN))
         bar = sheet.add_box(figure, (0.55 + MAP_IN + 0.08, bottom), (0.09, MAP_IN))
-        _draw_map(figure, axes, bar, elites, grid, chosen)
-        left, size = 0.55 + MAP_IN + 0.72, 1.0
+        _draw_map(figure, axes, bar, study, archive, chosen)
+        left, step = 0.55 + MAP_IN + 0.78, (MAP_IN - PANEL_IN) / 2
         corners = [
-            (left + (i % COLUMNS) * (size + 0.04), bottom + MAP_IN - 1.18 - (i // COLUMNS) * 1.33)
+            (left + (i % COLUMNS) * (PANEL_IN + 0.08), bottom + (2 - i // COLUMNS) * step - 0.04)
             for i in range(len(chosen))
         ]
-        panels = [sheet.add_box(figure, corner, (size, size)) for corner in corners]
+        panels = [sheet.add_box(figure, corner, (PANEL_IN, PANEL_IN)) for corner in corners]
         draw_chosen(study, elites, chosen, panels)
         width = (PAGE_IN - 1.55) / 2
         for i, (column, label) in enumerate((("coverage", "coverage"), ("qd_score", "QD score"))):
             place = (0.55 + i * (width + 0.85), 0.42)
-            _draw_growth(sheet.add_box(figure, place, (width, 1.25)), growth, column, label)
+            _draw_growth(sheet.add_box(figure, place, (width, 1.25)), archive.growth, column, label)
     return figure
 
 
 def _draw_map(
-    figure: Figure, axes: Axes, bar: Axes, elites: pd.DataFrame, grid: Grid, chosen: Sequence[int]
+    figure: Figure, axes: Axes, bar: Axes, study: Study, archive: Archive, chosen: Sequence[int]
 ) -> None:
-    x, y, cells = grid
+    (x, y, cells), elites = archive.grid, archive.elites
     fitness: Array = np.full((cells, cells), np.nan)
     fitness[elites.cell_y, elites.cell_x] = elites.fitness
     extent = (*x.bounds, *y.bounds)
@@ -140,15 +83,33 @@ def _draw_map(
     )
     axes.set_facecolor("0.94")
     axes.set(xlabel=x.label, ylabel=y.label)
-    low, high = (np.array([axis.bounds[0] for axis in (x, y)]), [a.bounds[1] for a in (x, y)])
+    side = np.array([axis.bounds[1] - axis.bounds[0] for axis in (x, y)]) / cells
+    centres = _find_centres(elites, archive.grid)
+    into = MAP_IN / cells >= LEAST_IN
+    if into:
+        designs = [
+            place_candidates(elites.loc[[row]], study.records[int(elites.place[row])])
+            for row in elites.index
+        ]
+        draw_in_cells(axes, centres, side, designs, study.records[0].context)
+    corner = np.array([-0.32, 0.32]) if into else np.zeros(2)
     for number, row in enumerate(chosen, start=1):
-        place = elites.loc[row, ["cell_x", "cell_y"]].to_numpy(float)
-        at = low + (place + 0.5) / cells * (np.array(high) - low)
-        mark_number(axes, at, number)
+        mark_number(axes, centres[row] + corner * side, number, size=4 if into else 6)
     figure.colorbar(image, cax=bar).set_label("fitness")
 
 
-def mark_number(axes: Axes, at: Array, number: int, offset: tuple[float, float] = (0, 0)) -> None:
+def _find_centres(elites: pd.DataFrame, grid: Grid) -> Array:
+    """Return the centres (n, 2) of the cells of elites, in the units of the descriptors."""
+    *axes, cells = grid
+    low, high = np.array([axis.bounds for axis in axes]).T
+    places = elites[["cell_x", "cell_y"]].to_numpy(float)
+    centres: Array = low + (places + 0.5) / cells * (high - low)
+    return centres
+
+
+def mark_number(
+    axes: Axes, at: Array, number: int, offset: tuple[float, float] = (0, 0), size: float = 6
+) -> None:
     """Write the number of a design in a white disc."""
     axes.annotate(
         f"{number}",
@@ -157,7 +118,7 @@ def mark_number(axes: Axes, at: Array, number: int, offset: tuple[float, float] 
         textcoords="offset points",
         ha="center",
         va="center",
-        fontsize=6,
+        fontsize=size,
         bbox={"boxstyle": "circle,pad=0.15", "fc": "white", "ec": "black", "lw": 0.5},
         zorder=5,
     )

@@ -3,7 +3,6 @@
 import argparse
 
 import matplotlib as mpl
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,15 +13,8 @@ from ..drawing.gallery import choose_apart
 from ..drawing.sheet import Sheet
 from ..drawing.style import BLUE, PAGE_IN, STYLE, VERMILLION
 from ..product import Product
-from ..tables.measured import (
-    OBJECTIVES,
-    Axis,
-    add_choice,
-    choose_axes,
-    read_axes,
-    read_measured,
-    take_latest,
-)
+from ..tables.elites import Front, read_front
+from ..tables.measured import Axis, add_choice
 from ..tables.study import Study
 from .archive import draw_chosen, mark_number
 
@@ -38,39 +30,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Draw the front of all runs together; the table is the front.
-
-    All objectives of the first run count for the front, also those that are not drawn.
-    """
-    x, y = choose_axes(study, OBJECTIVES, options)
-    axes = read_axes(study.records[0], OBJECTIVES)
-    candidates = pd.concat(
-        [
-            take_latest(read_measured(record, axes)).assign(place=place)
-            for place, record in enumerate(study.records)
-        ],
-        ignore_index=True,
-    )
-    values = np.column_stack([axis.sign * candidates[axis.column] for axis in axes])
-    front = candidates[find_front(values)].sort_values([x.column, y.column], ignore_index=True)
+    """Draw the front of all runs together; the table is the front."""
+    found = read_front(study, options)
+    front = found.front
     listed = front.assign(run=[study.records[place].name for place in front.place])
-    listed = listed.assign(x=front[x.column], y=front[y.column])[["run", "id", "x", "y", "fitness"]]
-    return Product(listed, draw_front(study, candidates, front, x, y))
+    listed = listed.assign(x=front[found.x.column], y=front[found.y.column])
+    return Product(listed[["run", "id", "x", "y", "fitness"]], draw_front(study, found))
 
 
-def find_front(values: Array) -> Array:
-    """Return which rows of (n, objectives), all maximized, no other one dominates."""
-    kept = np.ones(len(values), dtype=bool)
-    for i, row in enumerate(values):
-        better = np.all(values >= row, axis=1) & np.any(values > row, axis=1)
-        kept[i] = not better.any()
-    return kept
-
-
-def draw_front(
-    study: Study, candidates: pd.DataFrame, front: pd.DataFrame, x: Axis, y: Axis
-) -> Figure:
+def draw_front(study: Study, found: Front) -> Figure:
     """Draw all candidates, their front, and some of its designs beside it."""
+    x, y, candidates, front = found
     with mpl.rc_context(STYLE):
         sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN], bottom=0.0)
         figure = sheet.make_figure()

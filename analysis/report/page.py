@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
 from evoros.base.resources import expand_home
@@ -14,8 +15,10 @@ from ..product import Product
 from ..subcommands import EXPORTS, SUBCOMMANDS
 from ..tables.records import Record
 from ..tables.study import Study
+from .map_missions import Missions, collect_missions
+from .maps import TITLES, DesignMap, make_maps
 from .outline import common_choices, outline, tabulate_differences
-from .playback import select_playbacks
+from .playback import Json, select_playbacks
 from .section import render_section
 from .summary import (
     label_runs,
@@ -32,7 +35,15 @@ FIGURES = tuple(name for name in SUBCOMMANDS if name not in {"report", "replay",
 """The subcommands whose results are in the page."""
 OWN_SECTION = {"compare": "Statistics", "claims": "Claims"}
 """The titles of the subcommands with sections of their own; the others are under Figures."""
-SCRIPTS = ("missions.js", "plan.js", "readings.js", "signals.js", "player.js", "tables.js")
+SCRIPTS = (
+    "missions.js",
+    "plan.js",
+    "readings.js",
+    "signals.js",
+    "player.js",
+    "maps.js",
+    "tables.js",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,12 +56,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="size of the missions in the page: the best run of each treatment, which is always "
         "included, then the others, as far as they fit; 3",
     )
+    parser.add_argument(
+        "--designs",
+        type=float,
+        default=3.0,
+        metavar="MB",
+        help="size of the missions of designs in an archive and a front, as many as fit, from one "
+        "that lies apart to the next; 3",
+    )
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Make the page of a study."""
     playbacks = select_playbacks(study, options.replays * 1e6)
-    labels = label_runs(study.records)
+    maps = make_maps(study, options)
+    missions = collect_missions(maps, study, options.designs * 1e6)
     script = Markup("\n" + "".join(map(read_asset, SCRIPTS)))
     page = render(
         "page.html",
@@ -58,17 +78,31 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         title=", ".join(expand_home(path).resolve().name for path in options.folders),
         subtitle=summarize(study),
         style=read_asset("style.css"),
-        sections=dict(_render_sections(study, options, playbacks)),
-        playbacks=[(labels[name], content) for name, content in playbacks.items()],
+        sections=dict(_render_sections(study, options, playbacks, maps, missions)),
+        playbacks=[*_list_playbacks(study, playbacks), *missions.list_playbacks()],
+        grounds=htmlsafe_json_dumps(missions.grounds, separators=(",", ":")),
         script=script,
     ).encode()
     played = f"missions of {len(playbacks)} of {len(study.records)} runs"
+    if missions.playbacks:
+        played += f" and {len(missions.playbacks)} other designs"
     message = f"report.html: {len(page) / 1e6:.1f} MB, with the {played} to be played"
     return Product(messages=[message], files={"report.html": page})
 
 
+def _list_playbacks(study: Study, playbacks: Mapping[str, Markup]) -> Iterator[Json]:
+    """Yield the missions of the champions, for the templates."""
+    labels = label_runs(study.records)
+    for name, content in playbacks.items():
+        yield {"label": labels[name], "content": content, "players": ["replay"], "key": name}
+
+
 def _render_sections(
-    study: Study, options: argparse.Namespace, playbacks: Mapping[str, Markup]
+    study: Study,
+    options: argparse.Namespace,
+    playbacks: Mapping[str, Markup],
+    maps: Mapping[str, DesignMap],
+    missions: Missions,
 ) -> Iterator[tuple[str, Markup]]:
     """Yield the title and the content of each section."""
     runs, evaluations = study.records, study.evaluations
@@ -86,8 +120,11 @@ def _render_sections(
     yield "Configuration", render("configuration.html", groups=configured)
     others = sum(record.finished for record in runs) - len(playbacks)
     yield "Replay", render("player.html", played=len(playbacks), others=others)
-    drawn = {name: render_section(name, study, options, name in OWN_SECTION) for name in FIGURES}
-    yield "Figures", Markup("\n").join(drawn[n] for n in FIGURES if n not in OWN_SECTION)
+    own = {*OWN_SECTION, *maps}
+    drawn = {name: render_section(name, study, options, name in own) for name in FIGURES}
+    for name, each in maps.items():
+        yield TITLES[name], Markup("\n").join((missions.render(each), drawn[name]))
+    yield "Figures", Markup("\n").join(drawn[n] for n in FIGURES if n not in own)
     for name, title in OWN_SECTION.items():
         yield title, drawn[name]
     versions = format_table(tabulate_versions(study))

@@ -3,12 +3,16 @@
 import numpy as np
 import pandas as pd
 import pytest
+from evoros.analysis.drawing.cells import draw_in_cells
 from evoros.analysis.drawing.gallery import choose_apart
-from evoros.analysis.figures.archive import Grid, find_elites, trace_growth
-from evoros.analysis.figures.front import find_front
+from evoros.analysis.tables.elites import Grid, find_elites, find_front, trace_growth
 from evoros.analysis.tables.measured import Axis, take_latest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from evoros.storage.figure_context import FigureContext, Part
 
 GRID: Grid = (
     Axis("descriptors.a", "a", (0.0, 1.0), 1.0),
@@ -63,3 +67,30 @@ def test_the_front_of_one_objective_is_its_best() -> None:
     assert np.flatnonzero(find_front(np.array([[1.0], [3.0], [2.0]]))).tolist() == [1]
     with pytest.raises(ValueError, match="axis"):
         find_front(np.array([1.0, 2.0]))
+
+
+def test_a_design_in_a_cell_is_in_it_with_its_nose_up_and_its_left_on_the_left() -> None:
+    box = ((-0.2, -0.1), (0.2, -0.1), (0.2, 0.1), (-0.2, 0.1))
+    parts = (Part("base", box, 0.0, 0.1, False),)
+    context = FigureContext("box", parts, {}, {}, {}, True, (), (), {})
+    row = {"type": "sonar", "fov_deg": 20.0, "range_m": 4.0, "yaw_deg": 90.0}
+    sensors = pd.DataFrame([{**row, "x_m": 0.15, "y_m": 0.1}])
+    axes = Figure().add_subplot()
+    centre, side = np.array([[3.0, 40.0]]), np.array([2.0, 10.0])
+    draw_in_cells(
+        axes,
+        centre,
+        side,
+        [
+            sensors,
+        ],
+        context,
+    )
+    (drawn,) = [each for each in axes.collections if isinstance(each, PolyCollection)]
+    cone, body = [(path.vertices - centre) / side for path in drawn.get_paths()]
+    for outline in (cone, body):
+        assert np.abs(outline).max() <= 0.5
+    assert cone[:, 0].min() < body[:, 0].min()  # reaches out to the left
+    assert cone[0, 1] > 0 > body[:, 1].min()  # from the front half
+    lengths = np.ptp(body, axis=0)
+    assert lengths[1] == pytest.approx(2 * lengths[0])  # to scale

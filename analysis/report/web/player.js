@@ -5,7 +5,8 @@ function startPlayer(root) {
   const parts = Object.fromEntries(
     ["run", "world", "speed", "course", "close", "readings", "timeline", "play", "scrub", "clock",
       "status", "ended", "key", "nearer", "farther"].map((name) => [name, find(name)]));
-  const scripts = document.querySelectorAll("script[data-label]");
+  const scripts = [...document.querySelectorAll(`script[data-players~="${root.dataset.player}"]`)];
+  const grounds = JSON.parse(document.querySelector("script[data-grounds]").textContent);
   const now = { run: null, mission: null, time: 0, last: 0, across: 3, playing: false };
   let look = null, ground = null, before = null;
 
@@ -125,7 +126,7 @@ function startPlayer(root) {
     }
     parts.status.textContent = words.join(" · ");
     Object.assign(root.dataset, {
-      run: now.run.run, world: mission.world, playing: now.playing, mode, visited, touching,
+      run: now.run.run, design: now.run.design, world: mission.world, playing: now.playing, mode, visited, touching,
       agents: mission.agents.map((path) => poseAt(path, now.last, now.time))
         .map((agent) => `${agent.x.toFixed(4)} ${agent.y.toFixed(4)}`).join(";"),
       time: now.time.toFixed(3), x: pose.x.toFixed(4), y: pose.y.toFixed(4),
@@ -164,7 +165,8 @@ function startPlayer(root) {
   }
 
   function chooseWorld() {
-    now.mission = decode(now.run.missions[Number(parts.world.value)]);
+    const raw = now.run.missions[Number(parts.world.value)];
+    now.mission = decode({ ...grounds[raw.ground], ...raw });
     now.time = 0;
     now.playing = false;
     parts.scrub.max = now.mission.time[now.mission.time.length - 1];
@@ -211,8 +213,22 @@ function startPlayer(root) {
     draw();
   }
 
+  /** Chooses the run or the design of a key, or hides the player if it has none. */
+  function choose(key) {
+    const place = scripts.findIndex((script) => script.dataset.key === key);
+    root.hidden = place < 0;
+    if (root.hidden) return play(false);
+    parts.run.value = place;
+    chooseRun();
+  }
+
   scripts.forEach((script, i) => parts.run.add(new Option(script.dataset.label, i)));
-  parts.run.addEventListener("change", chooseRun);
+  parts.run.addEventListener("change", () => {
+    chooseRun();
+    const key = scripts[Number(parts.run.value)].dataset.key;
+    root.dispatchEvent(new CustomEvent("chosen", { detail: key }));
+  });
+  root.addEventListener("choose", ({ detail }) => choose(detail));
   parts.world.addEventListener("change", chooseWorld);
   parts.play.addEventListener("click", () => play(!now.playing));
   parts.scrub.addEventListener("input", () => seek(Number(parts.scrub.value)));

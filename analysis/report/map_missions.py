@@ -1,0 +1,79 @@
+"""The missions of designs in an archive and a front, as the page of a report plays them."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+
+from markupsafe import Markup
+
+from ..drawing.gallery import choose_apart
+from ..tables.records import Record
+from ..tables.shown import read_shown
+from ..tables.study import Study
+from .maps import DesignMap
+from .playback import Json, encode_shown
+from .templates import render
+
+MAX_RECORDS = 300
+"""Maximum number of records of a mission of a design in a map."""
+
+
+@dataclass
+class Missions:
+    """The missions of designs that are in the page, and the grounds that these share."""
+
+    playbacks: dict[tuple[str, int], Markup] = field(default_factory=dict)  # by run and design
+    maps: dict[tuple[str, int], list[str]] = field(default_factory=dict)  # that show the design
+    labels: dict[tuple[str, int], str] = field(default_factory=dict)
+    grounds: dict[str, Json] = field(default_factory=dict)
+
+    def list_playbacks(self) -> Iterator[Json]:
+        """Yield the missions of the designs, for the templates."""
+        for key, content in self.playbacks.items():
+            about = {"label": self.labels[key], "key": f"{key[0]}/{key[1]}"}
+            yield {**about, "content": content, "players": self.maps[key]}
+
+    def render(self, chosen: DesignMap) -> Markup:
+        """Render a map, and the player of its designs."""
+        keys = [(record.name, design) for record, design in chosen.designs]
+        playable = [key in self.playbacks for key in keys]
+        return render("map.html", map=chosen, playable=playable, played=sum(playable))
+
+
+def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: float) -> Missions:
+    """Encode missions of the maps' designs, from one that lies apart to the next, while they fit.
+
+    The maps take turns, and together have at most ``max_bytes``.
+    """
+    missions = Missions()
+    size = 0
+    for name, index in _take_turns(maps):
+        chosen = maps[name]
+        record, design = chosen.designs[index]
+        key = (record.name, design)
+        if key not in missions.playbacks:
+            encode = partial(_encode, design=design, missions=missions)
+            data = dict(study.read_each([record], encode)).get(record)
+            if data is None or size + len(data) > max_bytes:
+                continue
+            size += len(data)
+            missions.playbacks[key] = data
+            missions.labels[key] = chosen.marks[index].name
+        missions.maps.setdefault(key, []).append(name)
+    return missions
+
+
+def _encode(record: Record, design: int, missions: Missions) -> Markup:
+    return encode_shown(read_shown(record, design), MAX_RECORDS, missions.grounds)
+
+
+def _take_turns(maps: Mapping[str, DesignMap]) -> Iterator[tuple[str, int]]:
+    """Yield the name of a map and the number of a playable mark of it."""
+    orders = {}
+    for name, each in maps.items():
+        playable = [i for i, mark in enumerate(each.marks) if mark.playable]
+        apart = choose_apart(each.points[playable], len(playable)) if playable else []
+        orders[name] = [playable[i] for i in apart]
+    for turn in range(max(map(len, orders.values()), default=0)):
+        for name, order in orders.items():
+            yield from ((name, i) for i in order[turn : turn + 1])

@@ -1,0 +1,141 @@
+"""The archive and the front in the page of a report: a design is chosen, appears and is played."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from browser import chromium, complaints
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.report.map_missions import collect_missions
+from evoros.analysis.report.maps import make_maps
+from evoros.analysis.subcommands import parse
+from evoros.analysis.tables.study import load_study
+from helpers import tiny
+from selenium.webdriver import Chrome, Keys
+from selenium.webdriver.remote.webelement import WebElement
+
+from evoros.base.console import DONE
+from evoros.storage.reading import load_run
+from evoros.storage.trajectory_files import trajectory_file
+
+SEARCH = (
+    "optimizer=map_elites",
+    "optimizer.population_size=6",
+    "optimizer.generations=2",
+    "optimizer.validation_trials=0",
+    "~optimizer.mutation_probability",
+    "+measure@objectives.fitness=fitness",
+    "+measure@objectives.coverage=coverage",
+)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("maps") / "run"
+    assert tiny(folder, *SEARCH) == DONE
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(run: Path) -> Path:
+    assert evoros_analyze(["report", str(run), "--output", str(run.parent / "page")]) == DONE
+    return run.parent / "page" / "report.html"
+
+
+@pytest.fixture(scope="module")
+def browser(page: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
+    with chromium(tmp_path_factory.mktemp("profile")) as browser:
+        browser.get(page.as_uri())
+        yield browser
+        assert complaints(browser) == []
+
+
+def find(browser: Chrome, name: str = "archive") -> tuple[WebElement, list[WebElement], WebElement]:
+    """A map, its marks, and the player below it."""
+    chooser = browser.find_element("css selector", f'[data-map="{name}"]')
+    marks = chooser.find_elements("css selector", '[role="radio"]')
+    return chooser, marks, browser.find_element("css selector", f'[data-player="{name}"]')
+
+
+def chosen_id(chooser: WebElement) -> str:
+    return str(chooser.get_attribute("data-chosen")).rpartition("/")[2]
+
+
+def press(browser: Chrome, mark: WebElement) -> None:
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", mark)
+    mark.click()
+
+
+@pytest.mark.parametrize("name", ["archive", "front"])
+def test_each_design_can_be_chosen_and_its_own_mission_is_played(
+    name: str, run: Path, browser: Chrome
+) -> None:
+    assert evoros_analyze([name, str(run)]) == DONE
+    listed = pd.read_csv(run / "figures" / f"{name}.csv")
+    chooser, marks, player = find(browser, name)
+    assert len(marks) == len(listed) > 1
+    kept = load_run(run)
+    for mark, row in zip(marks, listed.to_dict("records"), strict=True):
+        press(browser, mark)
+        assert chooser.get_attribute("data-chosen") == f"{run.name}/{row['id']}"
+        assert mark.get_attribute("aria-checked") == "true"
+        assert f"fitness {row['fitness']:.2f}" in (mark.get_attribute("aria-label") or "")
+        mission = kept.missions[kept.missions.design == row["id"]].iloc[0]
+        keys = (int(mission.generation), int(mission.design), mission.world, int(mission.trial))
+        if not (run / trajectory_file(keys)).is_file():
+            assert name == "front"  # of all designs; those of the archive have theirs
+            assert not player.is_displayed()
+            continue
+        assert player.get_attribute("data-design") == str(row["id"])
+        world = str(player.get_attribute("data-world"))
+        begin = kept.mission_trajectory(*keys[:2], world, keys[3]).iloc[0]
+        place = [float(player.get_attribute(f"data-{axis}") or "nan") for axis in "xy"]
+        assert place == pytest.approx([begin.x_m, begin.y_m], abs=0.001)
+
+
+def test_arrows_move_to_a_neighbour_and_the_player_names_what_it_plays(browser: Chrome) -> None:
+    chooser, marks, player = find(browser)
+    by_x = sorted(marks, key=lambda mark: float(mark.get_attribute("data-x") or "nan"))
+    press(browser, by_x[0])
+    for _ in marks:
+        browser.switch_to.active_element.send_keys(Keys.ARROW_RIGHT)
+    active = browser.switch_to.active_element
+    assert active != by_x[0]
+    assert active.get_attribute("aria-checked") == "true"
+    assert chosen_id(chooser) == player.get_attribute("data-design")
+    assert [mark.get_attribute("tabindex") for mark in marks].count("0") == 1
+    select = player.find_element("css selector", '[data-part="run"]')
+    first = select.find_elements("css selector", "option")[0]
+    first.click()
+    assert f"design {player.get_attribute('data-design')}" in str(first.get_property("text"))
+    assert chosen_id(chooser) == player.get_attribute("data-design")
+
+
+def test_a_narrow_screen_shows_all_of_it(browser: Chrome) -> None:
+    size = {"width": 400, "height": 900, "deviceScaleFactor": 1, "mobile": True}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= 400
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def rendered(run: Path, max_bytes: float) -> str:
+    study = load_study([run])
+    maps = make_maps(study, parse(["report", str(run)]))
+    missions = collect_missions(maps, study, max_bytes)
+    assert sum(map(len, missions.playbacks.values())) <= max_bytes
+    return "".join(missions.render(each) for each in maps.values())
+
+
+def test_what_cannot_be_played_is_told(run: Path, tmp_path: Path) -> None:
+    whole, none = rendered(run, 1e9), rendered(run, 0.0)
+    assert "see --designs" not in whole
+    assert "are left out because of their size; see --designs" in none
+    assert "data-player=" not in none
+    shutil.copytree(run, bare := tmp_path / "bare")
+    shutil.rmtree(bare / "trajectories")
+    bare_page = rendered(bare, 1e9)
+    assert "the runs have kept no trajectory; see record=champions" in bare_page
+    numbers = {text.count('role="radio"') for text in (whole, none, bare_page)}
+    assert len(numbers) == 1
