@@ -83,7 +83,7 @@ class Algorithm:
         robot = brief().robot
         self._first_end = first_end  # the tick in which a Rate or Timer first ends
         self._style, self._wheelbase = style, robot.drive.wheelbase_m
-        yaws = {f"sonar_{i}": yaw for i, yaw in enumerate(robot.sensor_poses()[:, 3].tolist())}
+        yaws = {f"sonar_{i}": yaw for i, yaw in enumerate(robot.sensor_poses[:, 3].tolist())}
         lock = float(robot.drive.steering_limit)
         self._avoider = Avoider(yaws, lock, self._wheelbase, REACH_M)
 

@@ -70,7 +70,7 @@ def _describe_range_finders(robot: Robot) -> Iterator[tuple[str, float]]:
 
     The limits have the names of all versions, because each passes over those of the others.
     """
-    poses = robot.sensor_poses().tolist()
+    poses = robot.sensor_poses.tolist()
     for number, (mount, sensor) in enumerate(list_range_finders(robot), 1):
         instance, (x, y, z, yaw, _) = str(number), poses[mount]
         yield name_parameter(instance, "TYPE"), SIMULATED

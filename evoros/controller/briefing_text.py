@@ -42,7 +42,7 @@ def describe_drive(drive: Drive) -> dict[str, float]:
 
 def _describe_sensors(briefing: Briefing) -> Iterator[dict[str, Any]]:
     robot = briefing.robot
-    poses = robot.sensor_poses().tolist()
+    poses = robot.sensor_poses.tolist()
     for (name, mount), pose in zip(robot.named_mounts(), poses, strict=True):
         sensor = robot.sensors[mount.sensor]
         yield {

@@ -54,7 +54,7 @@ class DeadReckoning:
         imus = self._find(robot, "imu", self.imu, Imu, period) if self.imu else []
         numbers = [robot.channel_count, robot.drive.rear_axle_x_m, len(speeds), len(imus)]
         numbers += [robot.layout[mount].start for mount in speeds]
-        frames = robot.sensor_frames()
+        frames = robot.sensor_frames
         for mount in imus:
             numbers += [robot.layout[mount].start, *frames[mount, 2, :3].tolist()]
         return np.array(numbers, dtype=np.float64)

@@ -76,7 +76,7 @@ def _find_seen(scenario: Scenario, itself: bool) -> Iterator[Sight]:
     ranges = _read(robot, itself)
     if itself:
         ranges = np.where(ranges < _read(robot, False), ranges, np.inf)
-    frames = robot.sensor_frames()
+    frames = robot.sensor_frames
     for mount, beams, frame in zip(robot.mounts, robot.beam_layout, frames, strict=True):
         sensor = robot.sensors[mount.sensor]
         if not sees(sensor):

@@ -119,7 +119,7 @@ def _measure_posture(simulation: Simulation, robot: Robot) -> tuple[float, float
     """Return how far [m] the robot sank, and its tilt [deg]; zeros if its rays do not tell."""
     readings = np.zeros(robot.beam_count)
     simulation.sense(readings)
-    errors = readings - robot.sensor_poses()[:, 2]
+    errors = readings - robot.sensor_poses[:, 2]
     if not np.abs(errors).max() < READABLE_M:
         return 0.0, 0.0
     slope = math.hypot(errors[1] - errors[0], errors[2] - errors[0]) / ARM_M

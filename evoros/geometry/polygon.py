@@ -28,7 +28,9 @@ def polygon_distance(first: Array, second: Array, cutoff: float) -> float:
     A polygon may be a segment or a point. Most pairs are far apart: if an edge proves that the
     distance exceeds ``cutoff``, the lower bound that the edge gives is returned instead.
     """
-    apart = max(_separation(first, second), _separation(second, first))
+    apart = _separation(first, second, cutoff)
+    if apart <= cutoff:
+        apart = max(apart, _separation(second, first, cutoff))
     if apart > cutoff or apart <= 0.0:
         return max(apart, 0.0)
     # A corner of one of two disjoint convex polygons belongs to their nearest pair of points.
@@ -45,8 +47,11 @@ def _edge(polygon: Array, i: int) -> tuple[float, float, float, float]:
 
 
 @compilable
-def _separation(polygon: Array, points: Array) -> float:
-    """Return how far [m] its best edge separates a polygon from all points; -inf without edges."""
+def _separation(polygon: Array, points: Array, enough: float) -> float:
+    """Return how far [m] its best edge separates a polygon from all points; -inf without edges.
+
+    The first edge that separates them by more than ``enough`` will do.
+    """
     best = -math.inf
     for i in range(len(polygon)):
         x, y, dx, dy = _edge(polygon, i)
@@ -58,8 +63,9 @@ def _separation(polygon: Array, points: Array) -> float:
             outside = dy * (points[j, 0] - x) - dx * (points[j, 1] - y)
             if outside < nearest:
                 nearest = outside
-        if nearest / length > best:
-            best = nearest / length
+        best = max(best, nearest / length)
+        if best > enough:
+            break
     return best
 
 

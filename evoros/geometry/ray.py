@@ -122,7 +122,11 @@ def _intersect_box(
 ) -> float:
     """Return the distance from (ox, oy, oz) along (ux, uy, uz) to a box of half lengths a, b, c."""
     near, far = _clip(ox, ux, a, -math.inf, best)
+    if near > far or far < 0.0:
+        return best
     near, far = _clip(oy, uy, b, near, far)
+    if near > far or far < 0.0:
+        return best
     near, far = _clip(oz, uz, c, near, far)
     return near if 0.0 <= near <= far else best
 

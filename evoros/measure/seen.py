@@ -27,7 +27,7 @@ def find_seen(robot: Robot, distance_m: float) -> Mask:
     """
     points = distance_m * _DIRECTIONS + (robot.outline.min(axis=0) + robot.outline.max(axis=0)) / 2
     seen = np.zeros((len(robot.mounts), COUNT), dtype=bool)
-    poses = robot.sensor_poses()
+    poses = robot.sensor_poses
     for place, sensor in enumerate(robot.mounted_sensors()):
         if sees(sensor):
             x, y, _, yaw, _ = poses[place].tolist()

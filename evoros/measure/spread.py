@@ -30,7 +30,7 @@ class Spread:
     def compute(self, evaluated: Evaluated) -> float:
         """Return the share; 0 without sensors."""
         robot = evaluated.robot(self.robot)
-        places = robot.sensor_poses()[:, :2]
+        places = robot.sensor_poses[:, :2]
         if not len(places):
             return 0.0
         offsets = places - np.add.reduce(places) / len(places)

@@ -24,7 +24,7 @@ def describe_sensors(robot: Robot) -> Channels:
     return Channels(
         low=np.array([min(channel.low for channel in sensor.channels) for sensor in sensors]),
         high=np.array([max(channel.high for channel in sensor.channels) for sensor in sensors]),
-        position=np.ascontiguousarray(robot.sensor_poses()[:, :3]),
+        position=np.ascontiguousarray(robot.sensor_poses[:, :3]),
         period=min((sensor.period_s for sensor in sensors), default=0.0),
     )
 
@@ -58,7 +58,7 @@ def _describe_channels(robot: Robot, first: int, last: int) -> Channels:
     return Channels(
         low=np.array([channel.low for channel in channels] * count),
         high=np.array([channel.high for channel in channels] * count),
-        position=np.repeat(robot.sensor_poses()[first:last, :3], len(channels), axis=0),
+        position=np.repeat(robot.sensor_poses[first:last, :3], len(channels), axis=0),
         period=sensor.period_s,
         names=tuple(channel.name for channel in channels) * count,
     )

@@ -173,8 +173,9 @@ class Robot:
         """Return the pitch [deg] of the default mount for these types of sensors."""
         return level_pitch(sensors) if self.mount_pitch_deg is None else self.mount_pitch_deg
 
+    @cached_property
     def sensor_poses(self) -> Array:
-        """Return the poses (n, 5): x, y, z [m], yaw (left positive), pitch (nose up) [rad]."""
+        """The poses (n, 5): x, y, z [m], yaw (left positive), pitch (nose up) [rad]."""
         poses = np.empty((len(self.mounts), 5))
         for i, mount in enumerate(self.mounts):
             x, y, z, yaw = self.sensor_links[mount.link]
@@ -186,6 +187,7 @@ class Robot:
                 yaw + math.radians(mount.yaw_deg),
                 math.radians(mount.pitch_deg),
             )
+        poses.flags.writeable = False
         return poses
 
     def channel_yaws(self) -> list[float]:
@@ -194,9 +196,9 @@ class Robot:
         Those of a sensor with several channels are of the middle of each channel's rays.
         """
         yaws: list[float] = []
-        frames = self.sensor_frames()
+        frames = self.sensor_frames
         for sensor, pose, frame in zip(
-            self.mounted_sensors(), self.sensor_poses(), frames, strict=True
+            self.mounted_sensors(), self.sensor_poses, frames, strict=True
         ):
             count = len(sensor.channels)
             if not sees(sensor):
@@ -209,22 +211,20 @@ class Robot:
                 yaws += elementary.atan2_all(middles[:, 1], middles[:, 0]).tolist()
         return yaws
 
+    @cached_property
     def sensor_frames(self) -> Array:
-        """Return the frames (n, 4, 4) [m], x along the beam, in the robot's frame."""
+        """The frames (n, 4, 4) [m], x along the beam, in the robot's frame."""
         frames = np.empty((len(self.mounts), 4, 4))
-        for i, (x, y, z, yaw, pitch) in enumerate(self.sensor_poses().tolist()):
-            cy, sy, cp, sp = (
-                elementary.cos(yaw),
-                elementary.sin(yaw),
-                elementary.cos(pitch),
-                elementary.sin(pitch),
-            )
+        for i, (x, y, z, yaw, pitch) in enumerate(self.sensor_poses.tolist()):
+            sy, cy = elementary.sin_cos(yaw)
+            sp, cp = elementary.sin_cos(pitch)
             frames[i] = (
                 (cy * cp, -sy, -cy * sp, x),
                 (sy * cp, cy, -sy * sp, y),
                 (sp, 0.0, cp, z),
                 (0.0, 0.0, 0.0, 1.0),
             )
+        frames.flags.writeable = False
         return frames
 
     def _check_mount(self, mount: Mount, known: Mapping[str, int]) -> None:

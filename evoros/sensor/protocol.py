@@ -171,6 +171,11 @@ def sees(sensor: Sensor) -> TypeGuard[RangeSensor]:
     return sensor.measures == RANGE
 
 
+def feels(sensor: Sensor) -> TypeGuard[ContactSensor]:
+    """Whether a sensor feels contacts."""
+    return sensor.measures == CONTACT
+
+
 def is_signal_sensor(sensor: Sensor) -> TypeGuard[SignalSensor]:
     """Whether a sensor computes its readings from a signal."""
     return sensor.measures in SIGNAL_SIZES

@@ -132,7 +132,7 @@ def _sample_places(experiment: Experiment) -> dict[str, Array]:
         row, types = space.to_row(genome), experiment.design.placed_types
         mounts = [mount for mount in space.decode(genome).mounts if mount.sensor in types]
         regions = [str(row[key]) for key in row if key.endswith("_region") and row[key]]
-        poses = experiment.robot.with_sensors(mounts, experiment.design.sensors).sensor_poses()
+        poses = experiment.robot.with_sensors(mounts, experiment.design.sensors).sensor_poses
         twins = max(1, len(poses) // max(1, len(regions)))
         for number, pose in enumerate(poses):
             region = regions[number // twins] if regions else next(iter(space.regions))

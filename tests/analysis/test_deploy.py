@@ -236,7 +236,7 @@ def test_positions_are_those_of_the_design_wherever_they_are_written(
     urdf = independent(files[description].decode())
     root = np.array(robot.sensor_links[urdf.base_link][:3])  # in the robot's frame
     mounts = champion_mounts(champion)
-    poses = robot.with_sensors(mounts, {m.sensor: Sonar() for m in mounts}).sensor_poses()
+    poses = robot.with_sensors(mounts, {m.sensor: Sonar() for m in mounts}).sensor_poses
     parameters = yaml.safe_load(files["config/robot.yaml"])["/**"]["ros__parameters"]
     given = dict(
         line.split()

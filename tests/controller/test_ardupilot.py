@@ -346,7 +346,7 @@ def test_parameters_follow_from_the_robot_and_the_mission(short: Scenario) -> No
     assert derived["RNGFND1_ORIENT"] == left
     assert derived["RNGFND4_ORIENT"] == forward
     assert derived["RNGFND5_ORIENT"] == half_right
-    x, y, z = robot.sensor_poses()[0, :3].tolist()
+    x, y, z = robot.sensor_poses[0, :3].tolist()
     assert [derived[f"RNGFND1_POS_{axis}"] for axis in "XYZ"] == [x, -y, -z]
     assert derived["RNGFND1_MAX_CM"] == 100.0 * derived["RNGFND1_MAX"]
 

@@ -161,7 +161,7 @@ def test_the_parameters_are_those_of_the_mission(heard: Heard) -> None:
     assert parameters["/evoros/seed"] == brief().seed % 2**31
     assert parameters["/evoros/drive/wheelbase_m"] == brief().robot.drive.wheelbase_m
     poses = [sensor["pose"] for sensor in parameters["/evoros/sensors"]]
-    assert poses == brief().robot.sensor_poses().tolist()
+    assert poses == brief().robot.sensor_poses.tolist()
 
 
 def test_the_mode_is_the_reported_one_and_the_first_before(heard: Heard) -> None:

@@ -172,7 +172,7 @@ def test_the_parameters_are_those_of_the_mission(heard: Heard) -> None:
     assert parameters["evoros.drive.wheelbase_m"] == briefing.robot.drive.wheelbase_m
     assert parameters["evoros.route"] == briefing.route.ravel().tolist()
     poses = [parameters[f"evoros.{name}.pose"] for name in parameters["evoros.sensors"]]
-    assert poses == briefing.robot.sensor_poses().tolist()
+    assert poses == briefing.robot.sensor_poses.tolist()
 
 
 def test_the_mode_is_the_reported_one_and_the_first_before(heard: Heard) -> None:

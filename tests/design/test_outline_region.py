@@ -88,7 +88,7 @@ def test_the_default_design_fits_every_robot(name: str) -> None:
         placed = robot.with_sensors(
             space.decode(np.full(space.size, 0.5)).mounts, {"sonar": Sonar()}
         )
-        ((x, y, z, yaw, _),) = placed.sensor_poses()
+        ((x, y, z, yaw, _),) = placed.sensor_poses
         outline = compute_outline_at(robot.solids, z)
         assert_on_surface(robot.outline if outline is None else outline, x, y, math.degrees(yaw))
         assert z == pytest.approx(robot.mount_z_m)
@@ -133,7 +133,7 @@ def test_the_widest_sensor_levels_its_lowest_ray_without_a_pitch() -> None:
     (mount,) = space.decode(np.full(space.size, 0.5)).mounts
     assert mount.pitch_deg > 25
     carrier = robot.with_sensors([replace(mount, sensor="wide")], sensors)
-    frame = carrier.sensor_frames()[0]
+    frame = carrier.sensor_frames[0]
     assert (sensors["wide"].rays() @ frame[:3, :3].T)[:, 2].min() == pytest.approx(0, abs=1e-7)
 
 

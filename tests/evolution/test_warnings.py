@@ -289,7 +289,7 @@ class StubSimulation:
             state[X] = math.nan
 
     def sense(self, readings: Array) -> None:
-        heights = self.robot.sensor_poses()[:, 2]
+        heights = self.robot.sensor_poses[:, 2]
         readings[:] = heights - (0.03 if self.fault == "sink" else 0.0)
         if self.fault == "tip":
             readings += 0.02 * np.arange(len(readings))

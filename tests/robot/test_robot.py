@@ -112,7 +112,7 @@ def test_a_robot_travels_to_workers() -> None:
     copy = pickle.loads(pickle.dumps(robot))
     assert copy.urdf == robot.urdf
     assert copy.drive == robot.drive
-    np.testing.assert_array_equal(copy.sensor_poses(), robot.sensor_poses())
+    np.testing.assert_array_equal(copy.sensor_poses, robot.sensor_poses)
 
 
 def test_the_elements_are_those_of_the_text_here_and_in_a_worker() -> None:

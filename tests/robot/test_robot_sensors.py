@@ -50,7 +50,7 @@ mounts = st.lists(
 def test_sensors_are_where_they_were_asked_to_be(placed: list[Mount]) -> None:
     robot = rover().with_sensors(placed, SENSORS)
     model = independent(robot.urdf)
-    poses, frames = robot.sensor_poses(), robot.sensor_frames()
+    poses, frames = robot.sensor_poses, robot.sensor_frames
     assert poses.shape == (len(placed), 5)
     for i, mount in enumerate(robot.mounts):
         frame = model.get_transform(f"{mount.sensor}_{i}", "base_link")
@@ -155,4 +155,4 @@ def test_sensors_on_a_turned_link_keep_their_place(tmp_path: Path) -> None:
     mount = Mount("sonar", "mast", 0.05, 0.02, 0.01, 30.0, -20.0)
     robot = bare.with_sensors([mount], SENSORS)
     frame = independent(robot.urdf).get_transform("sonar_0", "base_link")
-    np.testing.assert_allclose(robot.sensor_frames()[0], frame, atol=1e-12)
+    np.testing.assert_allclose(robot.sensor_frames[0], frame, atol=1e-12)

@@ -104,7 +104,7 @@ def inside(robot: Robot, world: World, sensor: int, rays: Array, ranges: Array) 
     turn = np.array(
         [[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]]
     )
-    frame = robot.sensor_frames()[sensor]
+    frame = robot.sensor_frames[sensor]
     origin = turn @ frame[:3, 3] + (x, y, 0.0)
     ends = origin + ranges[:, None, None] * (rays @ (turn @ frame[:3, :3]).T)
     found = ends[..., 2] < 0.0

@@ -29,7 +29,7 @@ def trace_readings(world: World, pose: Sequence[float], robot: Robot) -> Array:
     x, y, yaw = pose
     turn = rotation_about_z(yaw)
     readings = []
-    for mount, frame in zip(robot.mounts, robot.sensor_frames(), strict=True):
+    for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
         sensor = robot.sensors[mount.sensor]
         assert sees(sensor)
         start = turn @ frame[:3, 3] + (x, y, 0.0)
@@ -91,7 +91,7 @@ def test_readings_are_the_nearest_hits(
     # The tracing misses what is thinner along a ray than its step; it never sees what is not.
     assert (readings <= expected + 1e-9).all()
     nearer = readings < expected - 1e-9
-    for reading, frame in zip(readings[nearer], robot.sensor_frames()[nearer], strict=True):
+    for reading, frame in zip(readings[nearer], robot.sensor_frames[nearer], strict=True):
         assert _grazes(world, (x, y, yaw), frame, reading, robot)
 
 

@@ -138,7 +138,7 @@ def test_sensors_are_where_the_robot_has_them(
     with_sensors = robot.with_sensors(mounts, EVOLVING.design.sensors)
     table = pd.read_csv(io.StringIO(design_table({1: Design(tuple(mounts))})))
     found = place_sensors(table, replace(SETTING, places={"mast": place}))
-    expected = with_sensors.sensor_poses()
+    expected = with_sensors.sensor_poses
     np.testing.assert_allclose(found[["x_m", "y_m", "z_m"]], expected[:, :3], atol=1e-12)
     turned = np.radians(found.yaw_deg) - expected[:, 3]
     np.testing.assert_allclose(np.cos(turned), 1.0, atol=1e-12)

@@ -79,7 +79,7 @@ class Plane:
 
     def __init__(self, robot: Robot, world: World, step: float) -> None:
         self.wheelbase, self.step = robot.drive.wheelbase_m, step
-        self.yaws = robot.sensor_poses()[:, 3]
+        self.yaws = robot.sensor_poses[:, 3]
         home = world.course.home
         self.x, self.y, self.yaw, self.speed, self.rate = home[0], home[1], home[3], 0.0, 0.0
 

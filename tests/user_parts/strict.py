@@ -18,7 +18,7 @@ class Strict(Planar):
 
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator[Any]:
-        if robot.sensor_poses()[:, 0].mean() > self.most_x_m:
+        if robot.sensor_poses[:, 0].mean() > self.most_x_m:
             raise SimulationError("heavy at the front")
         with super().open(robot, world) as simulation:
             yield simulation

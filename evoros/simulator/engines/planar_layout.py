@@ -80,7 +80,7 @@ def lay_out(
 
     The times are in [s]; ``probes`` is a block; ``tallest`` is the height [m] of the tallest robot.
     """
-    frames = robot.sensor_frames()
+    frames = robot.sensor_frames
     beams = sensor_beams(robot, frames)
     rays = np.concatenate([np.zeros((0, 3)), *(beam.directions for beam in beams)])
     rows = beam_rows(robot, frames, beams, rays)

@@ -184,12 +184,18 @@ def push(
 
 
 @compilable
+def placed_outline(parameters: Array, memory: Array) -> Array:
+    """Return the outline of the robot where it was placed last, in the memory."""
+    end = layout.PLACED_OUTLINE + len(block(parameters, layout.OUTLINE))
+    return memory[layout.PLACED_OUTLINE : end].reshape((-1, 2))
+
+
+@compilable
 def place_outline(
     parameters: Array, memory: Array, x: float, y: float, cos: float, sin: float
 ) -> Array:
     """Return the outline of the robot at x, y [m], in the memory."""
-    end = layout.PLACED_OUTLINE + len(block(parameters, layout.OUTLINE))
-    placed = memory[layout.PLACED_OUTLINE : end].reshape((-1, 2))
+    placed = placed_outline(parameters, memory)
     transform_polygon(block(parameters, layout.OUTLINE).reshape((-1, 2)), x, y, cos, sin, placed)
     return placed
 
@@ -208,10 +214,11 @@ def touches(parameters: Array, memory: Array, x: float, y: float, cos: float, si
     end = int(starts[cell + 1])
     if first == end:
         return False
-    placed = place_outline(parameters, memory, x, y, cos, sin)
     entries = block(parameters, layout.CONTACT_ENTRIES)
     footprints = block(parameters, layout.FOOTPRINTS).reshape((-1, FOOTPRINT_SIZE))
     corners = block(parameters, layout.CORNERS).reshape((-1, 2))
+    placed = placed_outline(parameters, memory)
+    is_placed = False
     for entry in range(first, end):
         row = footprints[int(entries[entry])]
         dx = row[CENTRE_X] - x
@@ -219,6 +226,9 @@ def touches(parameters: Array, memory: Array, x: float, y: float, cos: float, si
         near = parameters[layout.OUTLINE_RADIUS] + row[CIRCLE]
         if dx * dx + dy * dy > near * near:
             continue
+        if not is_placed:
+            place_outline(parameters, memory, x, y, cos, sin)
+            is_placed = True
         polygon = corners[int(row[START]) : int(row[END])]
         if polygon_distance(placed, polygon, row[RADIUS]) <= row[RADIUS]:
             return True

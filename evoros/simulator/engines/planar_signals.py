@@ -47,7 +47,7 @@ def probe_rows(robot: Robot, gravity: float) -> Array:
         place, row = robot.signal_layout[number].start, np.zeros(PROBE_SIZE)
         row[[KIND, PLACE]] = KINDS[sensor.measures], place
         if sensor.measures == MOTION:
-            x, y, z, yaw, pitch = robot.sensor_poses()[number].tolist()
+            x, y, z, yaw, pitch = robot.sensor_poses[number].tolist()
             row[FRAME : PROBE_GRAVITY + 1] = (x, y, z, *_face(yaw, pitch), gravity)
         elif sensor.measures == CONTACT:
             row[FRAME : FRAME + 6] = zones[number]

@@ -101,7 +101,7 @@ def _sensor_frames(robot: Robot, bullet: Any, to_base: Frame) -> Iterator[Array]
     """The frames (4, 4) of the sensors in the frame of the chassis' centre of mass."""
     position, quaternion = to_base
     rotation = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
-    for frame in robot.sensor_frames():
+    for frame in robot.sensor_frames:
         moved = np.eye(4)
         moved[:3, :3] = product(rotation, frame[:3, :3])
         moved[:3, 3] = product(rotation, frame[:3, 3]) + position

@@ -36,7 +36,7 @@ class RigidSignals:
         self.feels = bool(self._zones)  # whether an engine has to tell of contacts
         starts = [part.start for part in robot.signal_layout]
         self._touches = {starts[number]: 0.0 for number in self._zones}
-        frames = robot.sensor_frames()
+        frames = robot.sensor_frames
         self._frames = {
             start: frame
             for start, frame, measured in zip(starts, frames, measures, strict=True)

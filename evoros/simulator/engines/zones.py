@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from evoros.base.compilable import compilable
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import ContactSensor
+from evoros.sensor.protocol import feels
 
 
 class Zone(NamedTuple):
@@ -20,9 +20,9 @@ class Zone(NamedTuple):
 
 def find_zones(robot: Robot) -> dict[int, Zone]:
     """Find the zones of a robot, by the number of the mount."""
-    zones, frames = {}, robot.sensor_frames()
+    zones, frames = {}, robot.sensor_frames
     for number, sensor in enumerate(robot.mounted_sensors()):
-        if isinstance(sensor, ContactSensor):
+        if feels(sensor):
             x, y, across = float(frames[number, 0, 3]), float(frames[number, 1, 3]), frames[number]
             # Along its left axis, which a pitch leaves level.
             cos, sin = float(across[1, 1]), -float(across[0, 1])
