@@ -13,6 +13,10 @@ EXTENT = ROTATION + 9
 row of a polyhedron in the array of faces and the row after its last."""
 OBSTACLE_SIZE = EXTENT + 3
 BOX, CYLINDER, SPHERE, CONVEX = 0.0, 1.0, 2.0, 3.0
+Frame = tuple[float, float, float, float, float, float, float, float, float]
+"""The rows of a rotation."""
+MARGIN_M = 1e-9
+"""More than rounding can change a distance: what is farther away by it is so in any case."""
 FACE_SIZE = 4
 """A face of a polyhedron: its outward normal (3,), and its distance [m] from the origin of the
 polyhedron's frame along that normal."""
@@ -34,8 +38,7 @@ def place_obstacle(obstacle: Array, x: float, y: float, cos: float, sin: float, 
 def cast_rays(
     obstacle: Array,
     faces: Array,
-    cos: float,
-    sin: float,
+    frame: Frame,
     x: float,
     y: float,
     z: float,
@@ -52,11 +55,10 @@ def cast_rays(
     ``ranges[target]``, which is lowered, and ``best`` does not count.
 
     ``faces`` (f, FACE_SIZE) are those of all polyhedra. The rays are ``rays[start:end]`` of (n, 3)
-    unit vectors. Their frame is turned to the left by
-    the angle of ``cos`` and ``sin``; (x, y, z) [m] is their origin relative to the obstacle's
-    centre, in that frame. A ray that starts inside the obstacle does not see it.
+    unit vectors, whose frame ``turn_frame`` has turned; (x, y, z) [m] is their origin relative to
+    the obstacle's centre, in that frame. A ray that starts inside the obstacle does not see it.
     """
-    m00, m01, m02, m10, m11, m12, m20, m21, m22 = _rotation(obstacle, cos, sin)
+    m00, m01, m02, m10, m11, m12, m20, m21, m22 = frame
     ox = m00 * x + m01 * y + m02 * z
     oy = m10 * x + m11 * y + m12 * z
     oz = m20 * x + m21 * y + m22 * z
@@ -88,10 +90,38 @@ def cast_rays(
 
 
 @compilable
-def _rotation(
-    obstacle: Array, cos: float, sin: float
-) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Return the rows of the rotation from the frame of the rays to that of the obstacle."""
+def is_beside(box: Array, frame: Frame, x: float, y: float, across: float, along: float) -> bool:
+    """Whether a box, its centre at (x, y) [m], lies on one side of a vertical plane at the origin.
+
+    (across, along) is the plane's unit normal, to that side. Both are in the frame of the rays.
+    """
+    m00, m01, _, m10, m11, _, m20, m21, _ = frame
+    half = box[EXTENT] * abs(m00 * across + m01 * along)
+    half += box[EXTENT + 1] * abs(m10 * across + m11 * along)
+    half += box[EXTENT + 2] * abs(m20 * across + m21 * along)
+    return bool(x * across + y * along > half + MARGIN_M)
+
+
+@compilable
+def is_beyond(box: Array, frame: Frame, x: float, y: float, z: float, distance: float) -> bool:
+    """Whether a box, its centre at (x, y, z) [m], has no point within ``distance`` [m].
+
+    It may have none if this is not known. The frame is that of the rays.
+    """
+    m00, m01, m02, m10, m11, m12, _, _, _ = frame
+    far = distance + MARGIN_M
+    return bool(
+        abs(m00 * x + m01 * y + m02 * z) - box[EXTENT] > far
+        or abs(m10 * x + m11 * y + m12 * z) - box[EXTENT + 1] > far
+    )
+
+
+@compilable
+def turn_frame(obstacle: Array, cos: float, sin: float) -> Frame:
+    """Return the rotation from the frame of the rays to that of an obstacle.
+
+    The frame of the rays is turned to the left by the angle of ``cos`` and ``sin``.
+    """
     r = ROTATION
     # The transpose of the obstacle's rotation, after the turn of the rays' frame.
     return (

@@ -9,7 +9,20 @@ from evoros.base import elementary
 from evoros.base.arrays import YAW, Array, X, Y
 from evoros.base.compilable import compilable
 from evoros.geometry.grid import cell_at
-from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, FACE_SIZE, OBSTACLE_SIZE, cast_rays
+from evoros.geometry.ray import (
+    AT_X,
+    AT_Y,
+    AT_Z,
+    BOUND,
+    BOX,
+    FACE_SIZE,
+    KIND,
+    OBSTACLE_SIZE,
+    cast_rays,
+    is_beside,
+    is_beyond,
+    turn_frame,
+)
 from evoros.simulator.engines import planar_bodies as bodies
 from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_beams import (
@@ -152,7 +165,7 @@ def detect(
             end = min(int(high + k * turn) + 1, count)
             if start < end:
                 cast_rays(
-                    obstacle, faces, cos, sin, -px, -py, -pz,
+                    obstacle, faces, turn_frame(obstacle, cos, sin), -px, -py, -pz,
                     rays, ray + start, ray + end, math.inf, ranges, first_beam + start,
                 )  # fmt: skip
 
@@ -188,8 +201,15 @@ def cast_beams(
         if px * beams[i, RIGHT_EDGE] + py * beams[i, RIGHT_EDGE + 1] > bound:
             continue
         pz = obstacle[AT_Z] - beams[i, ORIGIN + 2]
+        frame = turn_frame(obstacle, cos, sin)
+        if obstacle[KIND] == BOX and (
+            is_beside(obstacle, frame, px, py, beams[i, LEFT_EDGE], beams[i, LEFT_EDGE + 1])
+            or is_beside(obstacle, frame, px, py, beams[i, RIGHT_EDGE], beams[i, RIGHT_EDGE + 1])
+            or is_beyond(obstacle, frame, px, py, pz, ranges[i])
+        ):
+            continue
         first = int(beams[i, FIRST_RAY])
         end = int(beams[i, END_RAY])
         ranges[i] = cast_rays(
-            obstacle, faces, cos, sin, -px, -py, -pz, rays, first, end, ranges[i], ranges, -1
+            obstacle, faces, frame, -px, -py, -pz, rays, first, end, ranges[i], ranges, -1
         )
