@@ -10,7 +10,9 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from evoros.base.errors import InputError
+from evoros.failure.case import Case
 from evoros.storage.figure_context import FigureContext
+from evoros.storage.worst_cases import describe_worst_cases, read_worst_cases
 
 from ..drawing.robot import (
     AXES,
@@ -55,6 +57,12 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     cases, risks = list_cases(missions), estimate_risks(missions)
     sets = count_sets(cases, sensors)
     key = _choose(cases, options.design)
+    searched = {
+        (str(source), str(design)): own
+        for each in study.evaluations
+        if (found := read_worst_cases(each.path)) is not None
+        for (source, design), own in found.groupby(list(KEYS))
+    }
     record = next(each for each in study.evaluations if key in dict(count_sensors(each)))
     mounts = record.mounts.assign(**{name: record.mounts[name].astype(str) for name in KEYS})
     placed = place_sensors(_of(mounts, *key), record.context)
@@ -64,8 +72,14 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         placed,
         record.context,
         figure_width(options.columns, 2),
+        searched.get(key),
     )
-    messages = [line for each in sensors for line in describe(cases, sets, risks, *each)]
+    messages = [
+        line
+        for each in sensors
+        for line in describe(cases, sets, risks, *each, searched=each in searched)
+    ]
+    messages += [line for each in study.evaluations for line in describe_worst_cases(each.path)]
     files = {"worst_sets.csv": to_csv(sets), "worst_risks.csv": to_csv(risks)}
     return Product(cases, figure, messages, files)
 
@@ -87,9 +101,17 @@ def _of(table: pd.DataFrame, source: str, design: str) -> pd.DataFrame:
 
 
 def describe(
-    cases: pd.DataFrame, sets: pd.DataFrame, risks: pd.DataFrame, source: str, design: str
+    cases: pd.DataFrame,
+    sets: pd.DataFrame,
+    risks: pd.DataFrame,
+    source: str,
+    design: str,
+    searched: bool = False,
 ) -> list[str]:
-    """Say what stops a design, how much was tried, how to repeat it, and the risks."""
+    """Say what stops a design, how much was tried, how to repeat it, and the risks.
+
+    What an evaluation that has ``searched`` for worst cases found is said by its own table.
+    """
     own, name = _of(cases, source, design), f"design {design} of {source}"
     if own.empty:
         return []
@@ -99,7 +121,9 @@ def describe(
         f"completed"
         for row in tried[tried["failed"] == 0].to_dict("records")
     ]
-    if smallest.empty:
+    if searched:
+        lines = []
+    elif smallest.empty:
         extent = _describe_extent(tried)
         lines.append(f"{name}: completed with every set of failed sensors ({extent})")
     else:
@@ -141,24 +165,48 @@ def draw_worst(
     sensors: pd.DataFrame,
     context: FigureContext,
     width: float = PAGE_IN,
+    searched: pd.DataFrame | None = None,
 ) -> Figure:
     """Draw the share of sets that stop a design by their size, and its smallest stopping set.
 
     ``cases`` and ``sets`` are those of one design; ``sensors`` has the columns of
-    ``designs.COLUMNS``. ``width`` is in inches.
+    ``designs.COLUMNS``. ``width`` is in inches. ``searched`` has the rows of the design in the
+    table of an evaluation that looked for worst cases; its finding takes the place of the cases.
     """
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(width, 0.42 * PAGE_IN), layout="constrained")
         shares, plan = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
         _draw_shares(shares, sets)
-        smallest = find_smallest(cases)
-        failed = read_set(smallest["failed_sensors"].iloc[0]) if len(smallest) else ()
+        failed, title = _find_met(cases) if searched is None else _find_confirmed(searched)
         _draw_plan(plan, sensors, context, failed)
-        if failed:
-            first = smallest.iloc[0]
-            worlds = first["stopped_in"].replace(" ", ", ")
-            plan.set_title(f"not completed: {worlds}, failure at {first['failed_at_s']:g} s")
+        plan.set_title(title)
     return figure
+
+
+def _find_met(cases: pd.DataFrame) -> tuple[tuple[int, ...], str]:
+    """Return the smallest set with which a mission was not completed, and what it did."""
+    smallest = find_smallest(cases)
+    if smallest.empty:
+        return (), ""
+    first = smallest.iloc[0]
+    worlds = first["stopped_in"].replace(" ", ", ")
+    title = f"not completed: {worlds}, failure at {first['failed_at_s']:g} s"
+    return read_set(first["failed_sensors"]), title
+
+
+def _find_confirmed(searched: pd.DataFrame) -> tuple[tuple[int, ...], str]:
+    """Return the smallest set that stops the design on fresh draws, and what it does."""
+    stopping = searched[searched["smallest"] & searched["stops"]]
+    if stopping.empty:
+        return (), f"stopped by none of {searched['number'].nunique() - 1} cases"
+    first = stopping.iloc[0]
+    case = Case.parse(str(first["case"]))
+    times = ", ".join(f"{time:g}" for time in dict.fromkeys(case.times_s))
+    rate, low, high = (100 * first[name] for name in ("rate", "low", "high"))
+    title = (
+        f"{first['world']}: completed {rate:.0f} % ({low:.0f} to {high:.0f}), failure at {times} s"
+    )
+    return case.sensors, title
 
 
 def _draw_shares(axes: Axes, sets: pd.DataFrame) -> None:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from evoros.base.errors import InputError
+from evoros.failure.case import INTACT
+from evoros.storage.tables import CASE
 
 if TYPE_CHECKING:
     from .records import EvaluationRecord
@@ -30,8 +32,8 @@ def collect_missions(study: "Study") -> pd.DataFrame:
     frames = [
         missions.assign(
             evaluation=record.name,
-            drawn=record.context.failure.drawn,
-            intact=_find_intact(record, missions["trial"]),
+            drawn=record.context.failure.drawn & ~_is_stated(missions),
+            intact=_find_intact(record, missions),
         )
         for record, missions in study.read_each(study.evaluations, lambda each: each.missions)
         if len(missions)
@@ -52,9 +54,17 @@ def count_sensors(record: "EvaluationRecord") -> Iterator[tuple[tuple[str, str],
         yield (str(source), str(design)), int(own["sensor"].notna().sum())
 
 
-def _find_intact(record: "EvaluationRecord", trials: "pd.Series[int]") -> "pd.Series[bool]":
-    failure = record.context.failure
-    return trials.isin(failure.intact) | failure.always_intact
+def _is_stated(missions: pd.DataFrame) -> "pd.Series[bool]":
+    """Whether each mission met a stated case, in an evaluation that looked for worst cases."""
+    if CASE not in missions:
+        return pd.Series(False, index=missions.index)
+    return missions[CASE].notna()
+
+
+def _find_intact(record: "EvaluationRecord", missions: pd.DataFrame) -> "pd.Series[bool]":
+    failure, stated = record.context.failure, _is_stated(missions)
+    of_model = (missions["trial"].isin(failure.intact) | failure.always_intact) & ~stated
+    return of_model | (stated & missions[CASE].eq(INTACT) if CASE in missions else stated)
 
 
 def _require_one_simulator(study: "Study") -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from evoros.session.figures import FIGURES
 from evoros.storage.layout import STATUS
+from evoros.storage.worst_cases import describe_worst_cases
 
 
 def summarize_run(folder: Path) -> str:
@@ -39,6 +40,7 @@ def summarize_evaluation(folder: Path) -> str:
         _describe_missions(status),
         f"scores            {folder / 'designs.csv'}",
         f"folder            {folder}",
+        *(f"worst case        {line}" for line in describe_worst_cases(folder)),
     ]
     return "\n".join(lines)
 

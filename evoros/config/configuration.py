@@ -1,6 +1,6 @@
 """A composed configuration, and the experiment that is built from it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,6 +24,7 @@ class Configuration:
     text: str  # content of config.yaml: YAML, references ``${...}`` unresolved
     values: Mapping[str, Any] = field(repr=False)  # references resolved; may hold secrets
     choices: Mapping[str, str] = field(default_factory=dict)
+    overrides: Sequence[str] = field(default=(), repr=False)  # as typed
     designs: Any = None  # the key ``designs`` of an evaluation; not in ``text`` and ``values``
 
     def build(self) -> Experiment:
@@ -63,7 +64,11 @@ def freeze(config: DictConfig, split_designs: bool = False) -> Configuration:
     if OmegaConf.is_config(designs):
         designs = OmegaConf.to_container(designs, resolve=True)
     return Configuration(
-        OmegaConf.to_yaml(shown, resolve=False), _resolve(shown), _choices(config), designs
+        OmegaConf.to_yaml(shown, resolve=False),
+        _resolve(shown),
+        _choices(config),
+        tuple(map(str, OmegaConf.select(config, "hydra.overrides.task") or ())),
+        designs,
     )
 
 

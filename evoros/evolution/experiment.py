@@ -28,6 +28,7 @@ from evoros.evolution.confirmation import A_CONFIRMATION, Confirmation
 from evoros.evolution.declared_genes import find_declared_genes
 from evoros.evolution.final_choice import A_FINAL_CHOICE, AN_ALLOCATION, FinalChoice
 from evoros.evolution.validation import A_VALIDATION, Validation
+from evoros.evolution.worst_cases import A_SEARCH, WorstCases
 from evoros.executor.protocol import Executor
 from evoros.failure.protocol import Failure
 from evoros.fitness.protocol import Fitness
@@ -87,6 +88,7 @@ class Experiment:
     agents: Annotated[Mapping[str, Agent], AGENTS] = field(default_factory=dict)
     objectives: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     descriptors: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
+    worst_cases: Annotated[WorstCases | None, A_SEARCH] = None  # which an evaluation looks for
     figures: Sequence[str] = ()
     course: Annotated[Course | None, A_COURSE] = None
 
@@ -207,6 +209,11 @@ class Experiment:
         """The fitness, of all robots that are scored."""
         scored = (place for place, agent in enumerate(self.agents.values()) if agent.scored)
         return TeamFitness(self.fitness, tuple(scored)) if self.agents else self.fitness
+
+    @property
+    def states_cases(self) -> bool:
+        """Whether missions meet stated cases of failures."""
+        return self.worst_cases is not None
 
     @cached_property
     def combine(self) -> Combine:

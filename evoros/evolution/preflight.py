@@ -164,12 +164,13 @@ def _start_stages(experiment: Experiment, scenario: Scenario, draws: Draws) -> S
         for name in experiment.design.sensors
     )
     robot = scenario.with_design(Design(mounts, middle.values)).robot
-    faults = draw_faults(scenario.failure, robot, draws, 0)
+    equipped = scenario.with_design(middle)
+    drawn = draw_faults(scenario.failure, equipped.robot, draws, 0)
+    faults = [replace(fault, onset=np.zeros(len(mounts))) for fault in drawn]
     signals, readings = np.zeros(robot.signal_count), np.zeros(robot.channel_count)
     filters = start_sensor_filters(
         robot, faults, signals, readings, scenario.simulator.time_step, draws
     )
-    equipped = scenario.with_design(middle)
     told, pose = np.zeros(equipped.robot.channel_count), np.zeros(POSE_SIZE)
     localization = start_localization(equipped.controller, equipped.robot, told, pose, draws)
     layers = _start_layers(equipped, draws)

@@ -82,24 +82,29 @@ class Validation:
         return round(values[outside], DIGITS), round(values[-1 - outside], DIGITS)
 
     def bound_rate(self, successes: int, trials: int) -> Bounds:
-        """Return the score interval of a rate; NaN without trials.
-
-        Source: Wilson, Probable inference, the law of succession, and statistical inference,
-        Journal of the American Statistical Association 22, 1927.
-        """
-        if not trials:
-            return math.nan, math.nan
-        z = float(ndtri(0.5 + self.confidence / 2))
-        rate, scale = successes / trials, 1 + z * z / trials
-        centre = (rate + z * z / (2 * trials)) / scale
-        inner = rate * (1 - rate) / trials + z * z / (4 * trials * trials)
-        half_width = z * math.sqrt(inner) / scale
-        low, high = max(0.0, centre - half_width), min(1.0, centre + half_width)
-        return round(low, DIGITS), round(high, DIGITS)
+        """Return the interval of a rate; see ``bound_rate``."""
+        return bound_rate(successes, trials, self.confidence)
 
     def quantile(self, trials: int) -> float:
         """Return the two-sided quantile of Student's t for so many trials, at least 2."""
         return float(stdtrit(trials - 1, 0.5 + self.confidence / 2))
+
+
+def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
+    """Return the score interval of a rate; NaN without trials.
+
+    Source: Wilson, Probable inference, the law of succession, and statistical inference, Journal of
+    the American Statistical Association 22, 1927.
+    """
+    if not trials:
+        return math.nan, math.nan
+    z = float(ndtri(0.5 + confidence / 2))
+    rate, scale = successes / trials, 1 + z * z / trials
+    centre = (rate + z * z / (2 * trials)) / scale
+    inner = rate * (1 - rate) / trials + z * z / (4 * trials * trials)
+    half_width = z * math.sqrt(inner) / scale
+    low, high = max(0.0, centre - half_width), min(1.0, centre + half_width)
+    return round(low, DIGITS), round(high, DIGITS)
 
 
 def compute_chance(

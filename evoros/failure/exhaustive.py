@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
-import numpy as np
 from numpy.random import Generator
 
 from evoros.base.checks import NOT_NEGATIVE, WHOLE, Rule, check_order, checked
+from evoros.failure.case import Case
 from evoros.failure.protocol import Fault
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
@@ -66,9 +66,9 @@ class ExhaustiveFailure:
         if not size:
             return ()
         rank, place = divmod(number, len(self.times_s))
-        onset = np.full(sensors, math.inf)
-        onset[list(choose_set(sensors, size, rank))] = self.times_s[place]
-        return (Fault(self.effect, onset),)
+        time = self.times_s[place]
+        case = Case.of((number, time) for number in choose_set(sensors, size, rank))
+        return case.make_faults(self.effect, sensors)
 
 
 def choose_set(count: int, size: int, rank: int) -> tuple[int, ...]:

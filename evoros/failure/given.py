@@ -1,15 +1,14 @@
 """Failures that are stated: these sensors at this time, to repeat a case that was found."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
-import numpy as np
 from numpy.random import Generator
 
-from evoros.base.checks import NOT_NEGATIVE, Rule, checked
+from evoros.base.checks import NOT_NEGATIVE, Rule, checked, invalid
 from evoros.base.errors import InputError
+from evoros.failure.case import Case
 from evoros.failure.protocol import Fault
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
@@ -23,15 +22,32 @@ SENSORS = Rule(
     ),
 )
 
+TIMES = Rule(
+    "a number of at least 0, or a list of these",
+    lambda v: all(map(NOT_NEGATIVE.holds, v if isinstance(v, list | tuple) else [v])),
+)
+
 
 @dataclass(frozen=True)
 @checked
 class GivenFailure:
-    """The sensors with these numbers, from 0, fail at ``time_s`` in every mission."""
+    """The sensors with these numbers, from 0, fail in every mission, at one time or each at its."""
 
     sensors: Annotated[Sequence[int], SENSORS] = ()
-    time_s: Annotated[float, NOT_NEGATIVE] = 0.0
+    time_s: Annotated[float | Sequence[float], TIMES] = 0.0  # a list: of each sensor
     effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # acts on the readings
+
+    def __post_init__(self) -> None:
+        if isinstance(self.time_s, list | tuple) and len(self.time_s) != len(self.sensors):
+            rule = f"must be one number, or one for each of the {len(self.sensors)} sensors"
+            raise invalid(self, "time_s", self.time_s, rule)
+
+    @property
+    def case(self) -> Case:
+        """The case that every mission meets."""
+        if isinstance(self.time_s, int | float):
+            return Case.of((number, self.time_s) for number in self.sensors)
+        return Case.of(zip(self.sensors, self.time_s, strict=True))
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         """Return one fault with the onsets of these sensors; none without sensors.
@@ -39,12 +55,10 @@ class GivenFailure:
         Raises:
             InputError: the robot has not so many sensors.
         """
-        onset = np.full(channels.size, math.inf)
         beyond = [number for number in self.sensors if number >= channels.size]
         if beyond:
             raise InputError(
                 f"failure.sensors: must be numbers of the robot's sensors, 0 to "
                 f"{channels.size - 1}, not {beyond[0]}; correct them"
             )
-        onset[list(self.sensors)] = self.time_s
-        return (Fault(self.effect, onset),) if self.sensors else ()
+        return self.case.make_faults(self.effect, channels.size)

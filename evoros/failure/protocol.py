@@ -41,6 +41,16 @@ class Failure(Protocol):
 
 
 @runtime_checkable
+class StatedFailure(Failure, Protocol):
+    """A failure model whose effect on the readings stated cases have, too."""
+
+    @property
+    def effect(self) -> Filter:
+        """The filter that acts from a failure on."""
+        ...
+
+
+@runtime_checkable
 class SystematicFailure(Failure, Protocol):
     """A failure model whose faults follow from the number of the trial."""
 

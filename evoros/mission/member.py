@@ -68,7 +68,8 @@ class Member:
 def create_member(name: str, scenario: Scenario, world: World, mission: Mission) -> Member:
     """Draw the route and the faults of a robot. The first one's name is empty.
 
-    The draws of each robot are its own, so another robot changes nothing for the first one.
+    The draws of each robot are its own, so another robot changes nothing for the first one. A
+    stated case is that of the first one.
     """
     prefix = f"agents.{name}." if name else ""
 
@@ -77,7 +78,8 @@ def create_member(name: str, scenario: Scenario, world: World, mission: Mission)
 
     number = count_round(mission.purpose, mission.generation, mission.trial)
     route = world.course.route(world.course.goes_forward(number, draws("course")))
-    faults = draw_faults(scenario.failure, scenario.robot, draws, mission.trial)
+    case = None if name else mission.case
+    faults = draw_faults(scenario.failure, scenario.robot, draws, mission.trial, case)
     return Member(scenario, world, route, faults, draws)
 
 

@@ -8,7 +8,8 @@ from numpy.random import Generator
 from evoros.base.arrays import NO_PARAMETERS, POSE_SIZE, Array
 from evoros.base.errors import InputError
 from evoros.controller.protocol import Controller, LiveController
-from evoros.failure.protocol import Failure, Fault, SystematicFailure
+from evoros.failure.case import Case
+from evoros.failure.protocol import Failure, Fault, StatedFailure, SystematicFailure
 from evoros.filter.protocol import Channels, Filter
 from evoros.mission.loop import FilterStage, publish
 from evoros.robot.model import Robot
@@ -29,13 +30,19 @@ def describe_sensors(robot: Robot) -> Channels:
     )
 
 
-def draw_faults(failure: Failure, robot: Robot, draws: Draws, trial: int) -> tuple[Fault, ...]:
-    """Draw the faults of a mission of this trial.
+def draw_faults(
+    failure: Failure, robot: Robot, draws: Draws, trial: int, case: Case | None = None
+) -> tuple[Fault, ...]:
+    """Return the faults of a stated case, or draw those of a mission of this trial.
 
     Raises:
         InputError: a fault has not one onset for each sensor; compiled code would read past them.
     """
     channels = describe_sensors(robot)
+    if case is not None:
+        if not isinstance(failure, StatedFailure):
+            raise InputError(f"failure: must have an effect for cases; correct {failure!r}")
+        return case.make_faults(failure.effect, len(robot.mounts))
     if isinstance(failure, SystematicFailure):
         faults = failure.draw_case(channels, trial)
     else:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from evoros.design.design import Design
+from evoros.failure.case import Case
 from evoros.mission.mission import Mission
 
 SELECTION, CONFIRMATION = "selection", "confirmation"
@@ -11,6 +12,8 @@ VALIDATION, EVALUATION = "validation", "evaluation"
 FINAL = "final"
 POLICIES = ("generation", "individual", "run")
 STOP, WORST = "stop", "worst"
+MOST_REPEATS = 1000
+"""The number of trials that a stated case can have; even."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +118,19 @@ class Plan:
         return self._missions(
             generation, design_id, design, EVALUATION, f"{generation}", range(self.trials)
         )
+
+    def stated(
+        self, design_id: int, design: Design, case: Case, number: int, repeats: range
+    ) -> list[Mission]:
+        """Return missions of an evaluation that meet a case, under the draws of its first trials.
+
+        ``number`` is that of the case; ``repeats`` counts its missions in each world, from 0 to
+        below ``MOST_REPEATS``. Trials are numbered after those of ``evaluation``, so that each has
+        the parity of the trial whose draws it has.
+        """
+        first = self.trials + self.trials % 2 + number * MOST_REPEATS
+        missions = self._missions(0, design_id, design, EVALUATION, "0", repeats)
+        return [replace(each, trial=first + each.trial, case=case) for each in missions]
 
     @property
     def _selected(self) -> int:

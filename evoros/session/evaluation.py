@@ -23,19 +23,23 @@ from evoros.session.design_tables import (
     write_designs,
 )
 from evoros.session.evaluation_record import EvaluationRecord, evaluation_header
+from evoros.session.figures import draw_figures
 from evoros.session.given_designs import read_given
 from evoros.session.resume import rebuild
 from evoros.session.run import check_experiment
-from evoros.session.status import Display, Status, log_start
+from evoros.session.status import FINISHED, Display, Status, log_start
 from evoros.session.work import PoolOpener, open_pool
+from evoros.session.worst_case_run import WorstCaseRun
 from evoros.storage.creation import create_folder, require_unused
 from evoros.storage.figure_context import describe_experiment
 from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, SETTING
 from evoros.storage.manifest import manifest
 from evoros.storage.mission_table import begin_table
 from evoros.storage.seals import seal_json
+from evoros.storage.worst_cases import OVERRIDES
 
 COMMAND = "evoros-evaluate"
+FIGURE = "worst"  # of an evaluation that looked for worst cases
 ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)
 """Files from which everything else follows."""
 
@@ -81,8 +85,22 @@ class Evaluation:
                     dispatcher.run_missing(
                         experiment.scenario, record.list_missions(), record, status.mission
                     )
-                record.write_scores()
-                record.complete()
+                    if experiment.worst_cases is not None:
+                        search = WorstCaseRun(
+                            experiment=experiment,
+                            settings=experiment.worst_cases,
+                            designs=self.designs,
+                            record=record,
+                            dispatcher=dispatcher,
+                            status=status,
+                            display=display,
+                        )
+                        search.run()
+                    record.write_scores()
+                    record.complete()
+                    if experiment.worst_cases is not None:
+                        status.write(FINISHED)  # first: figures are drawn of finished folders
+                        draw_figures(self.path, [FIGURE], pool)
 
 
 def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
@@ -99,6 +117,7 @@ def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
         designs = read_sources(config.designs, experiment)
         files = write_designs(designs)
         content = manifest(experiment, config.text, config.values, config.choices, COMMAND, files)
+        content[OVERRIDES] = list(config.overrides)
     others = {
         MANIFEST: seal_json(content),
         SETTING: describe_experiment(experiment).text,

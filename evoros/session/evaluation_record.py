@@ -23,9 +23,12 @@ from evoros.session.design_tables import NamedDesign
 from evoros.storage.layout import MISSIONS
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.tables import (
+    CASE,
     OUTCOME_COLUMNS,
+    case_cells,
     name_agent_columns,
     outcome_cells,
+    read_conditions,
     read_outcome,
     to_csv,
 )
@@ -39,7 +42,8 @@ GENERATION = 0
 
 def evaluation_header(experiment: Experiment) -> list[str]:
     """Return the columns of the table of missions."""
-    return [*KEY_COLUMNS, *OUTCOME_COLUMNS, *name_agent_columns(experiment.agents)]
+    case = [CASE] if experiment.states_cases else []
+    return [*KEY_COLUMNS, *OUTCOME_COLUMNS, *name_agent_columns(experiment.agents), *case]
 
 
 @dataclass
@@ -64,6 +68,7 @@ class EvaluationRecord(MissionLog):
         self._experiment, self._designs = experiment, designs
         self._unfinished: dict[int, _UnfinishedDesign] = {}
         self._scores: dict[int, dict[str, float]] = {}  # of finished designs
+        self._stated: dict[MissionKey, tuple[str, Outcome]] = {}  # conditions and outcomes
         self.trajectories = TrajectoryFiles(self)
         try:
             self._read()
@@ -74,13 +79,13 @@ class EvaluationRecord(MissionLog):
     @property
     def wanted(self) -> int:
         """The number of missions of the evaluation."""
-        return len(self._designs) * self._missions_per_design
+        return len(self._designs) * self._missions_per_design + len(self._stated)
 
     @property
     def known(self) -> int:
         """The number of missions on disk."""
         unfinished = sum(len(design.outcomes) for design in self._unfinished.values())
-        return len(self._scores) * self._missions_per_design + unfinished
+        return len(self._scores) * self._missions_per_design + unfinished + len(self._stated)
 
     def list_missions(self) -> Iterator[Mission]:
         """All missions of the unfinished designs, including those on disk."""
@@ -89,9 +94,34 @@ class EvaluationRecord(MissionLog):
                 yield from self._start(number).missions.values()
 
     def has(self, mission: Mission) -> bool:
-        """Whether the mission is on disk."""
+        """Whether the mission is on disk.
+
+        Raises:
+            InputError: it was recorded under other draws, or another case.
+        """
+        if mission.case is not None:
+            return self._find_stated(mission) is not None
         number = mission.design_id
         return number in self._scores or mission.key in self._start(number).outcomes
+
+    def find_stated(self, mission: Mission) -> Outcome:
+        """Return the outcome of a mission of a stated case, which is on disk."""
+        outcome = self._find_stated(mission)
+        assert outcome is not None
+        return outcome
+
+    def _find_stated(self, mission: Mission) -> Outcome | None:
+        found = self._stated.get(mission.key)
+        if found is None or (self._keeps_all and not self.trajectories.has(mission)):
+            return None
+        conditions, outcome = found
+        if conditions != mission.conditions:
+            raise InputError(
+                f"{self.path / MISSIONS}: the mission {mission.key} was recorded under the draws "
+                f"{conditions}, not {mission.conditions}: the file was made by another version or "
+                f"has been edited; start a new evaluation"
+            )
+        return outcome
 
     def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
         """Write the trajectory of a mission, before its row."""
@@ -99,9 +129,15 @@ class EvaluationRecord(MissionLog):
 
     def record(self, results: Sequence[MissionResult]) -> None:
         """Put finished missions on disk."""
-        self.append([self._row(mission, outcome) for mission, outcome in results])
+        new = [result for result in results if result[0].key not in self._stated]
+        self.append([self._row(mission, outcome) for mission, outcome in new])
         for mission, outcome in results:
             self._take(mission, outcome)
+
+    def rates(self, number: int) -> dict[str, float]:
+        """Return the share of the trials in which a finished design completed each world."""
+        scores = self._scores[number]
+        return {world: scores[f"{world}_completed"] for world in self._experiment.world}
 
     def write_scores(self) -> None:
         """Write the table of scores once all designs are finished.
@@ -142,23 +178,33 @@ class EvaluationRecord(MissionLog):
     def _missions_per_design(self) -> int:
         return len(self._experiment.world) * self._experiment.trials
 
+    @property
+    def _keeps_all(self) -> bool:
+        return self._experiment.record == ALL
+
     def _number_designs(self) -> dict[tuple[str, str], int]:
         return {(design.source, design.name): i for i, design in enumerate(self._designs)}
 
     def _read(self) -> None:
         numbers = self._number_designs()
-        keeps_all = self._experiment.record == ALL
+        trials = self._experiment.trials
 
         def parse(row: Mapping[str, str]) -> tuple[int, str, int, str, Outcome]:
             number = numbers[row["source"], row["design"]]
             outcome = read_outcome(row, list(self._experiment.agents))
-            return number, row["world"], int(row["trial"]), row["draws"], outcome
+            return number, row["world"], int(row["trial"]), read_conditions(row), outcome
 
         for number, world, trial, draws, outcome in self.read_missions(parse):
+            key = (GENERATION, number, world, trial)
+            if self._experiment.states_cases and trial >= trials:
+                if key in self._stated:
+                    self.table.reject()
+                self._stated.setdefault(key, (draws, outcome))
+                continue
             if number in self._scores:
                 self.table.reject()
                 continue
-            mission = self._start(number).missions.get((GENERATION, number, world, trial))
+            mission = self._start(number).missions.get(key)
             if mission is None or mission.draws != draws:
                 raise InputError(
                     f"{self.path / MISSIONS}: trial {trial} of design "
@@ -167,7 +213,7 @@ class EvaluationRecord(MissionLog):
                     f"been edited; start a new evaluation"
                 )
             known = mission.key in self._unfinished[number].outcomes
-            if known or (keeps_all and not self.trajectories.has(mission)):
+            if known or (self._keeps_all and not self.trajectories.has(mission)):
                 self.table.reject()
             else:
                 self._take(mission, outcome)
@@ -181,6 +227,9 @@ class EvaluationRecord(MissionLog):
 
     def _take(self, mission: Mission, outcome: Outcome) -> None:
         """Score a design once all its missions are known, and drop its outcomes."""
+        if mission.case is not None:
+            self._stated[mission.key] = mission.conditions, outcome
+            return
         number = mission.design_id
         design = self._start(number)
         design.outcomes[mission.key] = outcome
@@ -194,4 +243,5 @@ class EvaluationRecord(MissionLog):
     def _row(self, mission: Mission, outcome: Outcome) -> list[object]:
         design = self._designs[mission.design_id]
         key = (design.source, design.name, mission.world, mission.trial, mission.draws)
-        return [*key, *outcome_cells(outcome)]
+        case = case_cells(mission, self._experiment.states_cases)
+        return [*key, *outcome_cells(outcome), *case]

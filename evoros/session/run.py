@@ -152,6 +152,11 @@ def create_run(config: Configuration, folder: Path) -> Session:
     require_unused(folder)  # before the experiment is built, which may take seconds
     with collect_messages() as messages:
         experiment = config.build()
+        if experiment.worst_cases is not None:
+            raise InputError(
+                "worst_cases: must be none in a run; look for those of its champion with "
+                "evoros-evaluate designs=FOLDER worst_cases=search"
+            )
         check_experiment(experiment)
         content = manifest(experiment, config.text, config.values, config.choices)
     record = RunFolder.create(folder, config.text, content, describe_experiment(experiment))

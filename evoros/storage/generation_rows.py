@@ -7,7 +7,7 @@ from evoros.mission.mission import MissionKey
 from evoros.mission.outcome import Outcome
 
 Recorded = tuple[MissionKey, str, Outcome]
-"""The key of a mission, the key of its draws, and its outcome."""
+"""The key of a mission, its conditions, and its outcome."""
 
 ReadRow = Callable[[int], Recorded]
 """Reads the row at a place in the table of missions."""
@@ -30,7 +30,7 @@ class GenerationRows:
         return sum(map(len, self._places.values()))
 
     def find(self, key: MissionKey) -> tuple[str, Outcome] | None:
-        """Return the key of the draws and the outcome of a mission; None if it has no row."""
+        """Return the conditions and the outcome of a mission; None if it has no row."""
         generation = key[0]
         if generation != self._generation:
             rows = map(self._read_row, self._places.get(generation, ()))

@@ -48,6 +48,7 @@ def manifest(
         "seed": experiment.seed,
         "record": experiment.record,
         "agents": list(experiment.agents),
+        "states_cases": experiment.states_cases,
         "choices": dict(sorted(choices.items())),
         "simulators": _simulators(experiment),
         "commit": _commit(),

@@ -24,6 +24,7 @@ from evoros.storage.mission_log import MissionLog
 from evoros.storage.mission_table import begin_table
 from evoros.storage.seals import seal_json
 from evoros.storage.tables import (
+    CASE,
     MISSIONS_HEADER,
     design_table,
     gene_table,
@@ -42,6 +43,7 @@ from evoros.storage.trajectory_files import TrajectoryFiles
 GENERATIONS, CHAMPION = "generations", "champion"
 CERTIFICATE = "certificate.json"  # of the champion
 CHAMPIONS = "champions"  # of a search that finds several
+STATES_CASES = "states_cases"  # in the manifest, whether missions meet stated cases
 AGENTS = "agents"  # in the manifest, their names; of a champion, the folder of their robots
 ROBOT = "robot.urdf"  # of the champion, as it was described
 
@@ -56,7 +58,8 @@ class RunFolder(MissionLog):
     def __init__(self, path: Path) -> None:
         manifest = read_json(path / MANIFEST)
         agents = manifest.get(AGENTS, [])
-        super().__init__(path, _header(agents))
+        self._states_cases = bool(manifest.get(STATES_CASES))
+        super().__init__(path, _header(manifest))
         self.keeps_all = manifest.get("record") == ALL
         self.trajectories = TrajectoryFiles(self)
         self._parse = partial(read_mission, agents=agents)
@@ -96,7 +99,7 @@ class RunFolder(MissionLog):
         """
         require_unused(path)
         files = {CONFIG: config, MANIFEST: seal_json(manifest), SETTING: setting.text}
-        create_folder(path, {**files, MISSIONS: begin_table(_header(manifest.get(AGENTS, [])))})
+        create_folder(path, {**files, MISSIONS: begin_table(_header(manifest))})
         return cls(path)
 
     def record(self, results: Sequence[MissionResult]) -> None:
@@ -106,8 +109,10 @@ class RunFolder(MissionLog):
             InputError: a mission whose trajectory was missing has another outcome than recorded.
         """
         new = [result for result in results if not self._repeats(*result)]
-        places = self.append([mission_row(mission, outcome) for mission, outcome in new])
-        self.rows.add([(mission.key, mission.draws, outcome) for mission, outcome in new], places)
+        places = self.append([mission_row(*result, self._states_cases) for result in new])
+        self.rows.add(
+            [(mission.key, mission.conditions, outcome) for mission, outcome in new], places
+        )
 
     def _repeats(self, mission: Mission, outcome: Outcome) -> bool:
         """Whether the mission has a row, which must be that of this outcome."""
@@ -157,12 +162,12 @@ class RunFolder(MissionLog):
         found = self.rows.find(mission.key)
         if found is None:
             return None
-        draws, outcome = found
-        if draws != mission.draws:
+        conditions, outcome = found
+        if conditions != mission.conditions:
             raise InputError(
                 f"{self.path / MISSIONS}: the mission {mission.key} was recorded under the draws "
-                f"{draws}, not {mission.draws}: the run was made by another version or has been "
-                f"edited; start a new run"
+                f"{conditions}, not {mission.conditions}: the run was made by another version or "
+                f"has been edited; start a new run"
             )
         return outcome
 
@@ -246,8 +251,9 @@ def _generation_file(number: int) -> str:
     return f"{GENERATIONS}/{number:05d}.csv"
 
 
-def _header(agents: Sequence[str]) -> list[str]:
-    return [*MISSIONS_HEADER, *name_agent_columns(agents)]
+def _header(manifest: Mapping[str, Any]) -> list[str]:
+    case = [CASE] if manifest.get(STATES_CASES) else []
+    return [*MISSIONS_HEADER, *name_agent_columns(manifest.get(AGENTS, [])), *case]
 
 
 def _trajectory_file(world: str) -> str:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 
 from evoros.base.arrays import Array
 from evoros.design.design import Design
-from evoros.mission.mission import Mission, MissionKey
+from evoros.mission.mission import Mission, MissionKey, name_conditions
 from evoros.mission.outcome import TRAJECTORY, Outcome
 from evoros.sensor.protocol import Mount
 
@@ -34,6 +34,7 @@ GENE_COLUMNS = ("design", "gene", "key", "value")
 _TYPES = get_type_hints(Outcome)
 OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome) if field.name != "others")
 MISSIONS_HEADER = (*MISSION_COLUMNS, *OUTCOME_COLUMNS)
+CASE = "case"  # the last column, if missions meet stated cases
 
 
 def name_agent_columns(agents: Iterable[str]) -> list[str]:
@@ -59,9 +60,22 @@ def cell(value: object) -> str:
     return "" if value is None else str(value)
 
 
-def mission_row(mission: Mission, outcome: Outcome) -> list[object]:
+def mission_row(mission: Mission, outcome: Outcome, states_cases: bool = False) -> list[object]:
     """Return the cells of a mission in ``missions.csv``."""
-    return [*mission.key, mission.purpose, mission.draws, *outcome_cells(outcome)]
+    return [
+        *(*mission.key, mission.purpose, mission.draws),
+        *(*outcome_cells(outcome), *case_cells(mission, states_cases)),
+    ]
+
+
+def case_cells(mission: Mission, states_cases: bool) -> list[str]:
+    """Return the cell of the column ``CASE``, if there is one."""
+    return ["" if mission.case is None else mission.case.text] if states_cases else []
+
+
+def read_conditions(row: Mapping[str, str]) -> str:
+    """Read the ``conditions`` of a mission from its row."""
+    return name_conditions(row["draws"], row.get(CASE, ""))
 
 
 def outcome_cells(outcome: Outcome) -> list[object]:
@@ -73,12 +87,12 @@ def outcome_cells(outcome: Outcome) -> list[object]:
 def read_mission(
     row: Mapping[str, str], agents: Sequence[str] = ()
 ) -> tuple[MissionKey, str, Outcome]:
-    """Read the key of a mission, the key of its draws and its outcome from a row.
+    """Read the key of a mission, its conditions and its outcome from a row.
 
     Raises:
         ValueError, KeyError: the row is damaged.
     """
-    return read_key(row), row["draws"], read_outcome(row, agents)
+    return read_key(row), read_conditions(row), read_outcome(row, agents)
 
 
 def read_key(row: Mapping[str, str]) -> MissionKey:

@@ -1,0 +1,59 @@
+"""A stated case of failure: which sensors fail in a mission, and when."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.failure.protocol import Fault
+from evoros.filter.protocol import Filter
+
+INTACT = "intact"
+"""The text of the case in which no sensor fails."""
+MODEL, NOMINAL, SCREENED, CONFIRMED = "model", "nominal", "screened", "confirmed"
+"""What trials are for: to estimate the risk under the failure model, to know the design without a
+failure, to find bad cases, and to judge these."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """The numbers of the sensors that fail, increasing from 0, and the time of each failure."""
+
+    sensors: tuple[int, ...] = ()
+    times_s: tuple[float, ...] = ()
+
+    @classmethod
+    def of(cls, failures: Iterable[tuple[int, float]]) -> "Case":
+        """Return the case of these sensors and times, in any order."""
+        ordered = sorted(failures)
+        return cls(tuple(n for n, _ in ordered), tuple(float(time) for _, time in ordered))
+
+    @classmethod
+    def parse(cls, text: str) -> "Case":
+        """Read a case from its ``text``.
+
+        Raises:
+            ValueError: it is none.
+        """
+        parts = [] if text == INTACT else [part.split("@") for part in text.split(" ")]
+        return cls.of((int(number), float(time)) for number, time in parts)
+
+    @property
+    def text(self) -> str:
+        """The cell of a table, for example ``0@40.0 3@52.5``; times in s."""
+        pairs = zip(self.sensors, self.times_s, strict=True)
+        return " ".join(f"{number}@{time!r}" for number, time in pairs) or INTACT
+
+    def onsets(self, count: int) -> Array:
+        """Return when each of so many sensors fails [s], (count,); those beyond are left out."""
+        onset = np.full(count, math.inf)
+        for number, time in zip(self.sensors, self.times_s, strict=True):
+            if number < count:
+                onset[number] = time
+        return onset
+
+    def make_faults(self, effect: Filter, count: int) -> tuple[Fault, ...]:
+        """Return the fault of a robot with so many sensors; none without a failure."""
+        return (Fault(effect, self.onsets(count)),) if self.sensors else ()

@@ -1,0 +1,122 @@
+"""Evaluations that look for worst cases: their missions, their finding, and resuming them."""
+
+import csv
+import shlex
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from evoros.analysis.command import evoros_analyze
+from helpers import USER_PARTS, tiny
+
+from evoros.base.console import DONE, INPUT
+from evoros.cli.evaluate import evaluate
+from evoros.failure.case import Case
+from evoros.storage.worst_cases import write_command
+
+DESIGN = "design,sensor,x_m,y_m,yaw_deg\na,0,0.2,0.05,10\na,1,0.2,-0.05,-10\n"
+PARTS = ["--config-dir", str(USER_PARTS), "simulator=bicycle", "world=plains", "failure=random"]
+SMALL = ["most=2", "times_s=[0.0]", "rounds=1", "population=2", "trials=4", "screening=3"]
+"""Settings of a search of a few dozen missions."""
+
+
+@pytest.fixture(scope="module")
+def designs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("worst") / "two.csv"
+    path.write_text(DESIGN)
+    return path
+
+
+def look(folder: Path, designs: Path, *more: str) -> int:
+    search = [
+        "worst_cases=search",
+        *(f"worst_cases.{each}" for each in SMALL),
+        "trials=3",
+        "failure.latest_s=50",
+    ]
+    typed = [*PARTS, f"designs={designs}", *search, "trials=3", f"hydra.run.dir={folder}", *more]
+    return evaluate(typed)
+
+
+@pytest.fixture(scope="module")
+def whole(designs: Path) -> Path:
+    folder = designs.parent / "whole"
+    assert look(folder, designs, "executor=serial") == DONE
+    return folder
+
+
+def read(folder: Path, name: str) -> list[dict[str, str]]:
+    with (folder / name).open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_every_case_is_a_mission_that_its_row_describes(whole: Path) -> None:
+    missions, cases = read(whole, "missions.csv"), read(whole, "worst_cases.csv")
+    assert {row["case"] for row in missions if int(row["trial"]) < 3} == {""}
+    stated = [row for row in missions if row["case"]]
+    assert {row["case"] for row in stated} == {row["case"] for row in cases if row["case"]}
+    for row in stated:
+        case = Case.parse(row["case"])
+        failed = {int(each) for each in row["failed_sensors"].split(";") if each}
+        assert failed <= set(case.sensors)
+    for row in cases:
+        if row["stage"] in ("nominal", "confirmed"):
+            assert row["trials"] == "4"
+    assert {row["world"] for row in cases if row["stage"] == "model"} == {"near", "far"}
+    assert (whole / "figures" / "worst.pdf").is_file()
+
+
+def test_two_workers_and_a_resumed_search_give_the_same_bytes(
+    whole: Path, designs: Path, tmp_path: Path
+) -> None:
+    files = ("missions.csv", "worst_cases.csv", "designs.csv")
+    other = tmp_path / "other"
+    assert look(other, designs, "executor=processes", "executor.workers=2") == DONE
+    assert [(other / name).read_bytes() for name in files] == [
+        (whole / name).read_bytes() for name in files
+    ]
+    lines = (other / "missions.csv").read_bytes().splitlines(keepends=True)
+    (other / "missions.csv").write_bytes(b"".join(lines[: len(lines) * 2 // 3]))
+    for name in ("worst_cases.csv", "designs.csv", "digests.csv"):
+        (other / name).unlink()
+    config = ["--config-dir", str(USER_PARTS)]
+    assert evaluate([*config, f"resume={other}", "executor=serial"]) == DONE
+    assert [(other / name).read_bytes() for name in files] == [
+        (whole / name).read_bytes() for name in files
+    ]
+
+
+def test_the_printed_command_repeats_the_missions_of_a_case(whole: Path, tmp_path: Path) -> None:
+    case = Case((0, 1), (0.0, 0.0))
+    (source,) = {row["source"] for row in read(whole, "missions.csv")}
+    words = shlex.split(write_command(whole, source, case, 3))
+    assert words[0] == "evoros-evaluate"
+    assert not any("worst_cases" in word or "hydra" in word for word in words)
+    config = ["--config-dir", str(USER_PARTS), f"hydra.run.dir={tmp_path / 'again'}"]
+    assert evaluate([*config, *words[1:]]) == DONE
+    known = {
+        (row["world"], row["draws"]): row
+        for row in read(whole, "missions.csv")
+        if row["case"] == case.text
+    }
+    again = read(tmp_path / "again", "missions.csv")
+    assert len(again) == 6
+    for row in again:
+        found = known[row["world"], row["draws"]]
+        same = [name for name in row if name not in ("trial", "digest")]
+        assert [row[name] for name in same] == [found[name] for name in same]
+
+
+def test_the_figure_says_what_was_found(whole: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert evoros_analyze(["worst", str(whole), "--output", str(whole / "drawn")]) == DONE
+    said = capsys.readouterr().out
+    assert "design a of" in said
+    assert "under the failure model: not completed near" in said
+    assert "stopped by" in said
+    risks = pd.read_csv(whole / "drawn" / "worst_risks.csv")
+    assert set(risks["missions"]) == {3}  # the drawn trials alone
+
+
+def test_a_run_looks_for_no_worst_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert tiny(tmp_path / "run", "worst_cases=search") == INPUT
+    assert "worst_cases: must be none in a run" in capsys.readouterr().err
