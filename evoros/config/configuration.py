@@ -24,7 +24,7 @@ class Configuration:
     text: str  # content of config.yaml: YAML, references ``${...}`` unresolved
     values: Mapping[str, Any] = field(repr=False)  # references resolved; may hold secrets
     choices: Mapping[str, str] = field(default_factory=dict)
-    overrides: Sequence[str] = field(default=(), repr=False)  # as typed
+    overrides: Sequence[str] = ()  # as typed, references unresolved
     designs: Any = None  # the key ``designs`` of an evaluation; not in ``text`` and ``values``
 
     def build(self) -> Experiment:
@@ -67,7 +67,7 @@ def freeze(config: DictConfig, split_designs: bool = False) -> Configuration:
         OmegaConf.to_yaml(shown, resolve=False),
         _resolve(shown),
         _choices(config),
-        tuple(map(str, OmegaConf.select(config, "hydra.overrides.task") or ())),
+        _list_overrides(config),
         designs,
     )
 
@@ -82,6 +82,13 @@ def _resolve(config: DictConfig) -> dict[str, Any]:
         ) from error
     assert isinstance(values, dict)
     return {str(key): value for key, value in values.items()}
+
+
+def _list_overrides(config: DictConfig) -> tuple[str, ...]:
+    """Return what was typed, references unresolved; nothing if ``config`` was not composed."""
+    typed = OmegaConf.select(config, "hydra.overrides.task")
+    listed = OmegaConf.to_container(typed, resolve=False) if OmegaConf.is_config(typed) else []
+    return tuple(map(str, listed)) if isinstance(listed, list) else ()
 
 
 def _choices(config: DictConfig) -> dict[str, str]:

@@ -28,6 +28,7 @@ def test_references_are_kept_and_not_their_values(monkeypatch: pytest.MonkeyPatc
     config = compose(["+robot.arguments.front_axle_x=${oc.env:EVOROS_SECRET}"])
     assert "97531" not in config.text
     assert "97531" not in repr(config)
+    assert config.overrides == ("+robot.arguments.front_axle_x=${oc.env:EVOROS_SECRET}",)
     assert "0.297531" in config.build().robot.urdf
 
 
