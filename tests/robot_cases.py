@@ -35,6 +35,7 @@ class Whisker:
     range_max_m: float = 1.0
     size_m: Sequence[float] = (0.01, 0.02, 0.03)
     mass_kg: float = 0.012
+    price: float = 1.0
     filters: Mapping[str, Filter] = field(default_factory=dict)
 
     @property

@@ -22,8 +22,8 @@ from evoros.base.arrays import (
 )
 from evoros.base.compilable import compilable
 
-# The parameters of the rules. Then follow, for each reading, two sectors and its shares in them,
-# and last the weights.
+# The parameters of the rules. Then follow, for each reading, the range [m] from which on it sees
+# nothing, two sectors and its shares in them, and last the weights.
 (
     SECTORS,
     HIDDEN,
@@ -37,8 +37,8 @@ from evoros.base.compilable import compilable
     FULL_LOCK,  # [rad]
     CHANNELS,  # where the entries of the readings begin
 ) = range(11)
-ENTRY = 4
-"""The number of parameters of a reading: sector, share in it, next sector, share in it."""
+ENTRY = 5
+"""The number of parameters of a reading: range, sector, share in it, next sector, share in it."""
 OTHERS = 2
 """The number of inputs besides the sectors: bearing and speed."""
 AUTHORITY = 2.0
@@ -77,13 +77,13 @@ def memory_size(sectors: int, hidden: int) -> int:
 
 
 def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
-    """Return for each reading's yaw [rad] its entry: two sectors and its shares in them.
+    """Return for each reading's yaw [rad] two sectors and its shares in them, (readings, 4).
 
     The middles of the outermost sectors are ``span`` [rad] apart. The share falls linearly from 1
     in the middle of a sector to 0 in that of the next one, and beyond the outermost as well. A
     reading without a yaw (NaN) has no share. Mirror images have exactly the same shares.
     """
-    entries = np.zeros((len(yaws), ENTRY))
+    entries = np.zeros((len(yaws), ENTRY - 1))
     middle = (sectors - 1) // 2
     width = span / max(sectors - 1, 1)
     for entry, yaw in zip(entries, yaws, strict=True):
@@ -112,10 +112,10 @@ def look(parameters: Array, memory: Array, readings: Array) -> bool:
     near = False
     for i in range(len(readings)):
         reading = float(readings[i])
-        if reading < limit:
+        if reading < float(parameters[CHANNELS + ENTRY * i]):
             closeness = 1.0 - max(reading, 0.0) / limit
             for place in range(2):
-                at = CHANNELS + ENTRY * i + 2 * place
+                at = CHANNELS + ENTRY * i + 1 + 2 * place
                 sector, share = int(parameters[at]), float(parameters[at + 1])
                 memory[sector] = max(float(memory[sector]), share * closeness)
                 near = near or share > 0.0

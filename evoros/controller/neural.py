@@ -32,7 +32,6 @@ from evoros.controller.network import (
 )
 from evoros.controller.protocol import LOCALIZATION, EvolvedValue, Localizer, StartedLayer
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import sees
 
 ODD = Rule("an odd whole number, at most 99", lambda v: is_whole(v) and v % 2 == 1 and 0 < v < 100)
 SPAN = Rule("an angle greater than 0, at most 360", lambda v: is_number(v) and 0 < v <= 360)
@@ -109,8 +108,7 @@ class Neural:
         """Start the network for one mission: one memory, and a rule for each mode.
 
         Raises:
-            InputError: ``range_m`` exceeds the range of a sensor, which would then read something
-                even if it sees nothing, or ``speed_mps`` what the robot can drive.
+            InputError: ``speed_mps`` exceeds what the robot can drive.
         """
         parameters = self._parameters(robot)
         memory = np.zeros(memory_size(self.sectors, self.hidden))
@@ -120,17 +118,17 @@ class Neural:
         ]
 
     def _parameters(self, robot: Robot) -> Array:
-        ranges = [sensor.range_max_m for sensor in robot.mounted_sensors() if sees(sensor)]
-        shortest, fastest = min(ranges, default=math.inf), float(robot.drive.max_speed_mps)
-        for name, limit, what in (
-            ("range_m", shortest, "the smallest range_max_m of the sensors"),
-            ("speed_mps", fastest, "the maximum speed of the robot"),
-        ):
-            value = getattr(self, name)
-            if value > limit:
-                rule = f"must be at most {what}, which is {limit:g}"
-                raise invalid(self, name, value, rule, "lower it to less than that")
-        entries = share_sectors(robot.channel_yaws(), self.sectors, math.radians(self.span_deg))
+        fastest = float(robot.drive.max_speed_mps)
+        if self.speed_mps > fastest:
+            rule = f"must be at most the maximum speed of the robot, which is {fastest:g}"
+            raise invalid(self, "speed_mps", self.speed_mps, rule, "lower it")
+        shares = share_sectors(robot.channel_yaws(), self.sectors, math.radians(self.span_deg))
+        limits = [
+            min(self.range_m, channel.high)  # what a range reads if it sees nothing
+            for sensor in robot.mounted_sensors()
+            for channel in sensor.channels
+        ]
+        entries = np.column_stack((limits, shares)) if limits else shares
         head = [
             self.sectors,
             self.hidden,

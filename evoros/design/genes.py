@@ -23,6 +23,7 @@ EVOLVABLE = (
 )
 MAX_EXHAUSTIVE = 10
 """For up to so many genes all 2^n combinations of their bounds are tried, within half a second."""
+_PRICE = re.compile(r"design\.sensors\.[^.]+\.price")
 _PERIOD = re.compile(r"controller\.period_s|design\.sensors\.[^.]+\.period_s")
 
 
@@ -31,8 +32,8 @@ _PERIOD = re.compile(r"controller\.period_s|design\.sensors\.[^.]+\.period_s")
 class Gene:
     """One evolved value: the dotted key of a number in the configuration, and its range.
 
-    The key starts with one of ``EVOLVABLE`` and is not the period of the controller or a sensor.
-    Genes of one ``group`` are inherited together.
+    The key starts with one of ``EVOLVABLE``, and is neither a price nor the period of the
+    controller or a sensor. Genes of one ``group`` are inherited together.
     """
 
     key: Annotated[str, TEXT]
@@ -48,6 +49,9 @@ class Gene:
             raise invalid(self, "key", self.key, rule, fix)
         if _PERIOD.fullmatch(self.key):
             rule = "must not be a period that has to be a multiple of the time step"
+            raise invalid(self, "key", self.key, rule, "choose another key")
+        if _PRICE.fullmatch(self.key):
+            rule = "must not be a price, which would only fall"
             raise invalid(self, "key", self.key, rule, "choose another key")
         if self.high < self.low:
             raise invalid(self, "high", self.high, f"must be at least low, which is {self.low}")

@@ -52,6 +52,7 @@ class Plumb:
     range_max_m: float = 10.0
     size_m: Sequence[float] = (1e-3, 1e-3, 1e-3)
     mass_kg: float = 1e-6
+    price: float = 0.0
     filters: Mapping[str, Filter] = field(default_factory=dict)
 
     @property

@@ -21,17 +21,21 @@ class EquationOne:
     """
 
     sensor_penalty: Annotated[float, NOT_NEGATIVE] = 0.0  # for each sensor; original runs: 0.3
+    price_weight: Annotated[float, NOT_NEGATIVE] = 0.0  # for each unit of the sensors' price
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
-        """Sum Eq. 1 over the missions, and subtract the penalty for the design's sensors."""
+        """Sum Eq. 1 over the missions, and subtract the penalties for the design's sensors."""
         return sum(map(equation_one, outcomes)) - self._penalty(outcomes)
 
     def worst(self, outcomes: Sequence[Outcome]) -> float:
-        """Return 1 for each world, minus the penalty."""
+        """Return 1 for each world, minus the penalties."""
         return len(outcomes) * NOTHING_DONE - self._penalty(outcomes)
 
     def _penalty(self, outcomes: Sequence[Outcome]) -> float:
-        return self.sensor_penalty * outcomes[0].sensors if outcomes else 0.0
+        if not outcomes:
+            return 0.0
+        design = outcomes[0]  # the same in all worlds
+        return self.sensor_penalty * design.sensors + self.price_weight * design.price
 
 
 def equation_one(outcome: Outcome) -> float:

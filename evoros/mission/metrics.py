@@ -10,6 +10,7 @@ from evoros.failure.protocol import Fault
 from evoros.geometry.clearance import summarize_track
 from evoros.mission.outcome import AT_X, AT_Y, COMPLETED, HEADING, PACE, TIME, Outcome
 from evoros.robot.model import Robot
+from evoros.sensor.protocol import add_prices
 from evoros.world.model import World
 from evoros.world.obstacles import outlines
 
@@ -47,6 +48,7 @@ def measure(
         time_s=rollout.time,
         time_limit_s=course.time_limit_s,
         sensors=len(robot.mounts),
+        price=add_prices(robot.mounts, robot.sensors),
         visited=rollout.visited,
         mean_speed_mps=summary.length / rollout.time if rollout.time > 0 else 0.0,
         max_speed_mps=float(np.abs(track[:, PACE]).max()),

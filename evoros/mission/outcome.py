@@ -44,6 +44,7 @@ class Outcome:
     time_s: float
     time_limit_s: float
     sensors: int
+    price: float  # of the sensors
     visited: int  # waypoints reached, in order
     mean_speed_mps: float
     max_speed_mps: float
@@ -59,13 +60,19 @@ class Outcome:
     others: tuple["Outcome", ...] = ()  # in the order of the experiment's agents
 
     @classmethod
-    def failure(cls, ended: str, reason: str, time_limit: float, sensors: int) -> "Outcome":
-        """Create the outcome of a mission that was not run because of ``reason``."""
+    def failure(
+        cls, ended: str, reason: str, time_limit: float, sensors: int, price: float = 0.0
+    ) -> "Outcome":
+        """Create the outcome of a mission that was not run because of ``reason``.
+
+        The design has so many ``sensors``, which cost ``price``.
+        """
         known: dict[str, Any] = {
             "ended": ended,
             "reason": " ".join(reason.split()),
             "time_limit_s": time_limit,
             "sensors": sensors,
+            "price": price,
         }
         blank: dict[Any, Any] = {bool: False, int: 0, float: float("nan"), str: ""}
         for field in fields(cls):

@@ -91,8 +91,8 @@ def failed_mission(scenario: Scenario, mission: Mission, ended: str, reason: str
     """Create the outcome of a mission that could not be run."""
     limit = scenario.world[mission.world].course.time_limit_s
     first, *others = (
-        Outcome.failure(ended, reason, limit, number)
-        for number in scenario.count_sensors(mission.design)
+        Outcome.failure(ended, reason, limit, number, price)
+        for number, price in scenario.count_sensors(mission.design)
     )
     return replace(first, others=tuple(others))
 

@@ -15,7 +15,7 @@ from evoros.failure.protocol import Failure
 from evoros.filter.protocol import Filter
 from evoros.mission.outcome import AGENT_COLUMNS, ESTIMATE
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import Sensor, name_channels
+from evoros.sensor.protocol import Sensor, add_prices, name_channels
 from evoros.simulator.protocol import (
     A_SIMULATOR,
     SelectiveSimulator,
@@ -160,9 +160,14 @@ class Scenario:
                 raise InputError(f"agents.{name}: {error}") from None
         return team
 
-    def count_sensors(self, design: Design) -> list[int]:
-        """Return the number of sensors of each robot."""
-        return [len(each.mounts) for each in (design, *map(design.of, self.agents))]
+    def count_sensors(self, design: Design) -> list[tuple[int, float]]:
+        """Return the number and the price of the sensors of each robot, as they are configured."""
+        robots = {"": self, **self.agents}
+        mounts = {name: design.of(name).mounts for name in robots}
+        return [
+            (len(mounts[name]), add_prices(mounts[name], robot.design.sensors))
+            for name, robot in robots.items()
+        ]
 
     def name_columns(self, design: Design) -> list[str]:
         """Return the columns of a trajectory that follow those of ``TRAJECTORY``.

@@ -42,6 +42,7 @@ class Bumper:
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.02, 0.4, 0.05)
     mass_kg: Annotated[float, POSITIVE] = 0.1
+    price: Annotated[float, NOT_NEGATIVE] = 3.0
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
 
     @property

@@ -10,7 +10,7 @@ from numpy.random import Generator
 
 from evoros.base import elementary
 from evoros.base.arrays import Array
-from evoros.base.checks import POSITIVE, checked
+from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.base.compilable import compilable
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.protocol import BOX, MOTION, SIGNAL_SIZES, Channel
@@ -51,6 +51,7 @@ class Imu:
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.015, 0.026, 0.003)
     mass_kg: Annotated[float, POSITIVE] = 0.003
+    price: Annotated[float, NOT_NEGATIVE] = 10.0
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
 
     @property

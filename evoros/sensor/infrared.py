@@ -36,6 +36,7 @@ class Infrared:
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.0135, 0.0295, 0.013)
     mass_kg: Annotated[float, POSITIVE] = 0.0035
+    price: Annotated[float, NOT_NEGATIVE] = 8.0
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
 
     def __post_init__(self) -> None:

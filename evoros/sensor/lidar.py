@@ -36,6 +36,7 @@ class Lidar:
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two scans
     size_m: Annotated[Sequence[float], BOX] = (0.07, 0.07, 0.04)
     mass_kg: Annotated[float, POSITIVE] = 0.17
+    price: Annotated[float, NOT_NEGATIVE] = 99.0
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
 
     def __post_init__(self) -> None:

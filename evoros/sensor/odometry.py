@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 from numpy.random import Generator
 
 from evoros.base.arrays import NO_PARAMETERS, Array
-from evoros.base.checks import POSITIVE, checked
+from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.protocol import BOX, SIGNAL_SIZES, WHEELS, Channel
 from evoros.sensor.signals import DISTANCE, TURN
@@ -33,6 +33,7 @@ class Odometry:
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.01, 0.01, 0.01)
     mass_kg: Annotated[float, POSITIVE] = 0.01
+    price: Annotated[float, NOT_NEGATIVE] = 15.0
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
 
     @property

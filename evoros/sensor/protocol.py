@@ -1,5 +1,6 @@
 """What a sensor must offer, where it is mounted, and how its readings are named."""
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -85,6 +86,11 @@ class Sensor(Protocol):
         """Mass of its body, greater than 0: simulators drop a body without mass."""
         ...
 
+    @property
+    def price(self) -> float:
+        """What one costs, at least 0, in a unit of the user's choice."""
+        ...
+
     def gazebo(self, name: str) -> str:
         """The ``<sensor>`` element (SDF) that makes Gazebo simulate this sensor."""
         ...
@@ -164,6 +170,11 @@ def check_limits(sensor: RangeSensor) -> None:
     if sensor.range_min_m >= sensor.range_max_m:
         rule = f"must be less than range_max_m ({sensor.range_max_m})"
         raise invalid(sensor, "range_min_m", sensor.range_min_m, rule)
+
+
+def add_prices(mounts: Iterable[Mount], sensors: Mapping[str, Sensor]) -> float:
+    """Return the sum of the prices of mounted sensors."""
+    return math.fsum(float(sensors[mount.sensor].price) for mount in mounts)
 
 
 def sees(sensor: Sensor) -> TypeGuard[RangeSensor]:

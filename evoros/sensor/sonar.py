@@ -37,6 +37,7 @@ class Sonar:
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.02, 0.045, 0.02)  # of common small sonars
     mass_kg: Annotated[float, POSITIVE] = 0.009
+    price: Annotated[float, NOT_NEGATIVE] = 4.0
     filters: Annotated[Mapping[str, Filter], FILTERS] = field(default_factory=dict)  # in order
 
     def __post_init__(self) -> None:

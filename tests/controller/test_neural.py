@@ -191,11 +191,16 @@ def test_what_makes_no_network_is_refused_in_one_line(values: dict[str, Any], pr
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(("key", "value"), [("range_m", 4.6), ("speed_mps", 0.4)])
-def test_what_the_robot_cannot_do_is_refused(key: str, value: Any) -> None:
-    with pytest.raises(InputError, match=rf"Neural\.{key}: must be at most") as caught:
-        Drive(replace(Neural(), **{key: value}), [0.0])
+def test_a_speed_that_the_robot_cannot_drive_is_refused() -> None:
+    with pytest.raises(InputError, match=r"Neural\.speed_mps: must be at most") as caught:
+        Drive(Neural(speed_mps=0.4), [0.0])
     assert "\n" not in str(caught.value)
+
+
+def test_a_sensor_that_reads_its_maximum_sees_nothing_whatever_the_range_of_the_network() -> None:
+    drive = Drive(network(4, range_m=9.0), [0.0])
+    assert drive([4.5], 0.1)[0] == 2
+    assert drive([4.4], 0.1)[0] == 1
 
 
 # As genes
@@ -261,3 +266,31 @@ def test_a_run_an_evaluation_and_a_resumed_run_carry_the_weights(tmp_path: Path)
     assert champion[names].tolist() == genes.value.tolist()
     given_genes = pd.read_csv(scored(tmp_path / "scored", run, *NEURAL) / "genes_in.csv")
     assert given_genes.value.tolist() == genes.value.tolist()
+
+
+# At a price
+
+
+def test_every_mission_has_the_price_of_the_sensors_of_its_design() -> None:
+    few = ["design=priced_sensors", "course.time_limit_s=1", "world=boxes"]
+    experiment = experiment_of(*few)
+    prices = {name: sensor.price for name, sensor in experiment.design.sensors.items()}
+    rng = np.random.default_rng(7)
+    types: set[str] = set()
+    for genome in rng.random((6, experiment.space.size)):
+        design = experiment.space.decode(genome)
+        (mission,) = experiment.plan.evaluation(0, 0, design)
+        outcome, _ = run_mission(experiment.scenario, mission)
+        assert outcome.sensors == len(design.mounts)
+        assert outcome.price == sum(prices[mount.sensor] for mount in design.mounts)
+        types |= {mount.sensor for mount in design.mounts}
+        refused = replace(design, values={"controller.gain": -1.0})
+        failed, _ = run_mission(experiment.scenario, replace(mission, design=refused))
+        assert (failed.ended, failed.price) == ("refused", outcome.price)
+    assert types == set(prices)
+
+
+def test_prices_do_not_evolve() -> None:
+    with pytest.raises(InputError, match=r"Gene\.key: must not be a price") as caught:
+        Gene("design.sensors.sonar.price", 0.0, 1.0)
+    assert "\n" not in str(caught.value)

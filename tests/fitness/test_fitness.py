@@ -50,6 +50,16 @@ def test_worlds_add_up_and_sensors_are_paid_for_once(done: list[float], sensors:
     assert EquationOne(0.3).score(outcomes) == pytest.approx(total - 0.3 * sensors)
 
 
+@given(SHARE, st.floats(0.0, 999.0), st.floats(0.0, 2.0))
+def test_the_price_of_the_sensors_is_paid_once(done: float, price: float, weight: float) -> None:
+    bought = [replace(outcome_of(done), price=price)] * 3
+    free = [outcome_of(done)] * 3
+    fitness, paid = EquationOne(), EquationOne(price_weight=weight)
+    assert paid.score(bought) == pytest.approx(fitness.score(free) - weight * price)
+    assert paid.worst(bought) == pytest.approx(fitness.worst(free) - weight * price)
+    assert paid.score(free) == fitness.score(free)
+
+
 def test_six_sensors_cost_1_8_in_the_original_runs() -> None:
     outcomes = [outcome_of(1.0, time=360.0, sensors=6)] * 3
     assert EquationOne(0.3).score(outcomes) == pytest.approx(EquationOne().score(outcomes) - 1.8)

@@ -120,7 +120,7 @@ def test_spread_is_a_share_of_half_the_diagonal() -> None:
 def test_number_cost_and_mass_are_sums() -> None:
     both = evaluated([mount("sonar", 0.0), mount("sonar", 9.0), mount("lidar", 0.0)])
     assert SensorNumber().compute(both) == 3
-    assert Cost({"lidar": 40.0}, other_price=2.5).compute(both) == 45.0
+    assert Cost().compute(both) == 2 * Sonar().price + Lidar().price
     assert Mass().compute(both) == pytest.approx(2 * Sonar().mass_kg + Lidar().mass_kg)
 
 

@@ -50,6 +50,7 @@ class Comb:
     range_max_m: float = FAR_M
     size_m: Sequence[float] = (0.01, 0.01, 0.01)
     mass_kg: float = 0.01
+    price: float = 1.0
     filters: Mapping[str, Filter] = field(default_factory=dict)
 
     @property
@@ -87,6 +88,7 @@ class Compass:
     period_s: float = 0.1
     size_m: Sequence[float] = (0.01, 0.01, 0.01)
     mass_kg: float = 0.01
+    price: float = 1.0
     filters: Mapping[str, Filter] = field(default_factory=dict)
 
     def gazebo(self, name: str) -> str:
