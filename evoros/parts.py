@@ -64,7 +64,8 @@ from evoros.controller.protocol import (
 from evoros.design.protocol import Area, BoundRegion, RegionDescription, SensorPose
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.executor.protocol import Executor, Pool
-from evoros.failure.protocol import Failure, Fault
+from evoros.failure.case import Case
+from evoros.failure.protocol import AdaptiveFailure, Adversary, Failure, Fault, SystematicFailure
 from evoros.filter.protocol import A_FILTER, FILTERS, Channels, Filter
 from evoros.filter.silence import Silence
 from evoros.fitness.protocol import CombiningFitness, Fitness
@@ -108,7 +109,8 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "Sensor", "RangeSensor", "SignalSensor", "ContactSensor", "Channel", "RANGE",
     "MOTION", "WHEELS", "CONTACT_SIGNAL", "sees", "Mount",
     "RegionDescription", "BoundRegion", "Area", "SensorPose",
-    "Filter", "Channels", "Silence", "Failure", "Fault", "Controller", "Layer", "StartedLayer",
+    "Filter", "Channels", "Silence", "Failure", "Fault", "SystematicFailure", "AdaptiveFailure",
+    "Adversary", "Case", "Controller", "Layer", "StartedLayer",
     "EvolvedValue",
     "LiveController", "LimitedController", "VersionedController", "Briefing", "Pilot",
     "start_process", "OutsideProcess",

@@ -30,7 +30,7 @@ from evoros.evolution.final_choice import A_FINAL_CHOICE, AN_ALLOCATION, FinalCh
 from evoros.evolution.validation import A_VALIDATION, Validation
 from evoros.evolution.worst_cases import A_SEARCH, WorstCases
 from evoros.executor.protocol import Executor
-from evoros.failure.protocol import Failure
+from evoros.failure.protocol import AdaptiveFailure, Failure
 from evoros.fitness.protocol import Fitness
 from evoros.fitness.scoring import choose_combine
 from evoros.fitness.team import TeamFitness
@@ -213,7 +213,7 @@ class Experiment:
     @property
     def states_cases(self) -> bool:
         """Whether missions meet stated cases of failures."""
-        return self.worst_cases is not None
+        return self.worst_cases is not None or isinstance(self.failure, AdaptiveFailure)
 
     @cached_property
     def combine(self) -> Combine:

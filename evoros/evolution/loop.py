@@ -94,7 +94,8 @@ def _list_first(scores: Scores, individual: Individual) -> list[Mission]:
     plan = experiment.plan.confirmation if number in scores.confirmed else experiment.plan.selection
     generation, earlier = scores.ledger.find_shown(number)
     design = experiment.space.decode(individual.genome)
-    return plan(generation, number, design, range(1), earlier)
+    cases = scores.opposition.list_cases(generation)
+    return plan(generation, number, design, range(1), earlier, cases)
 
 
 def _record_champion(scores: Scores, individual: Individual, certificate: Certificate) -> None:

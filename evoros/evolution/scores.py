@@ -11,6 +11,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation, Journal, Observer
 from evoros.evolution.ledger import Ledger
 from evoros.evolution.measuring import Measuring, list_values, name_measures
+from evoros.evolution.opposition import Opposition
 from evoros.fitness.scoring import score_trials
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
@@ -41,9 +42,11 @@ class Scores:
     rescored: list[Individual] = field(default_factory=list)  # of these, in this generation
     measuring: Measuring = field(init=False)
     ledger: Ledger = field(init=False)
+    opposition: Opposition = field(init=False)
 
     def __post_init__(self) -> None:
         self.measuring = Measuring(self.experiment)
+        self.opposition = Opposition(self.experiment)
         self.ledger = Ledger(len(self.measuring.measures), self.experiment.final_choice)
 
     @property
@@ -92,14 +95,16 @@ class Scores:
         experiment = self.experiment
         earlier = self.ledger.find_screened(designs)
         contest = Contest(experiment.allocation, experiment.trials, earlier, self.combine)
+        cases = self.opposition.list_cases(generation)
         while wanted := contest.next_round():
             missions = {
                 number: experiment.plan.selection(
-                    generation, number, designs[number], trials, len(earlier[number])
+                    generation, number, designs[number], trials, len(earlier[number]), cases
                 )
                 for number, trials in wanted.items()
             }
             contest.add(self.score(generation, missions, SELECTION))
+        self.opposition.tell(contest.scores)
         return contest
 
     def _confirm_best(
@@ -110,12 +115,14 @@ class Scores:
         if confirmation is None:
             return
 
+        cases = self.opposition.list_cases(generation)
+
         def confirm(best: Iterable[int]) -> dict[int, float]:
             missions = {}
             for number in best:
                 trials, earlier = range(len(contest.scores[number])), len(contest.earlier[number])
                 missions[number] = plan.confirmation(
-                    generation, number, designs[number], trials, earlier
+                    *(generation, number, designs[number], trials, earlier, cases)
                 )
                 if number not in self.confirmed:
                     self.ledger.show(number, generation, earlier)

@@ -9,7 +9,7 @@ from numpy.random import Generator
 from evoros.base import rng as randomness
 from evoros.base.checks import checked, mapping_of
 from evoros.base.errors import InputError
-from evoros.failure.protocol import Failure, Fault, SystematicFailure
+from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure
 from evoros.filter.protocol import Channels
 
 FAILURES = mapping_of(Failure, "failures")
@@ -27,11 +27,11 @@ class CombinedFailure:
 
     def __post_init__(self) -> None:
         for name, failure in self.failures.items():
-            if isinstance(failure, SystematicFailure):
+            if isinstance(failure, SystematicFailure | AdaptiveFailure):
                 raise InputError(
                     f"failure.failures.{name}: must be drawn for each mission, and "
-                    f"{type(failure).__name__} goes through cases by the number of the trial; use "
-                    f"it alone (failure=...), or remove it"
+                    f"{type(failure).__name__} has cases for trials; use it alone (failure=...), "
+                    f"or remove it"
                 )
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:

@@ -1,12 +1,16 @@
 """What a failure model must offer, and the faults that it draws."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
 from evoros.filter.protocol import Channels, Filter
+
+if TYPE_CHECKING:  # a case makes faults
+    from evoros.failure.case import Case
 
 
 @dataclass(frozen=True)
@@ -60,4 +64,31 @@ class SystematicFailure(Failure, Protocol):
 
     def draw_case(self, channels: Channels, trial: int) -> tuple[Fault, ...]:
         """Return the faults of all missions of a trial, counted from 0."""
+        ...
+
+
+class Adversary(Protocol):
+    """The cases of one run, which change from generation to generation."""
+
+    def list_cases(self) -> "Sequence[Case]":
+        """Return the case of each trial of the next generation, once for each."""
+        ...
+
+    def tell(self, scores: Mapping[int, Sequence[float]]) -> None:
+        """Take the scores of that generation's trials, by the design, in the order of the trials.
+
+        A design may have fewer trials than there are cases, or none.
+        """
+        ...
+
+
+@runtime_checkable
+class AdaptiveFailure(StatedFailure, Protocol):
+    """A failure model whose cases in the selection follow from the scores of designs.
+
+    In all other missions, ``draw`` draws the failures.
+    """
+
+    def start(self, sensors: int, trials: int, rng: Generator) -> Adversary:
+        """Start a run of robots with so many sensors, and so many trials in a generation."""
         ...

@@ -1,6 +1,6 @@
 """Plans the missions that score a design, and the keys of their random draws."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from evoros.design.design import Design
@@ -51,11 +51,13 @@ class Plan:
         design: Design,
         trials: range | None = None,
         earlier: int = 0,
+        cases: Sequence[Case] = (),
     ) -> list[Mission]:
         """Return the missions that give a design its fitness.
 
         ``trials`` numbers those of this generation, by default as many as each new design gets.
-        ``earlier`` counts the design's trials in earlier generations; no draw is met again.
+        ``earlier`` counts the design's trials in earlier generations; no draw is met again. With
+        ``cases``, the trial 0 of a generation meets the first, and so on.
         """
         groups = {
             "generation": f"{generation}",
@@ -65,7 +67,11 @@ class Plan:
         trials = range(self.trials) if trials is None else trials
         skipped = earlier if self.policy == "run" else 0
         group = groups[self.policy]
-        return self._missions(generation, design_id, design, SELECTION, group, trials, skipped)
+        missions = self._missions(generation, design_id, design, SELECTION, group, trials, skipped)
+        return [
+            replace(each, case=cases[each.trial % len(cases)]) if cases else each
+            for each in missions
+        ]
 
     def validation(
         self, generation: int, design_id: int, design: Design, count: int | None = None
@@ -102,6 +108,7 @@ class Plan:
         design: Design,
         trials: range | None = None,
         earlier: int = 0,
+        cases: Sequence[Case] = (),
     ) -> list[Mission]:
         """Return the missions of ``selection``, with the same draws, for another simulator.
 
@@ -110,7 +117,7 @@ class Plan:
         after = self._selected + self.validation_trials
         return [
             replace(mission, trial=after + mission.trial, purpose=CONFIRMATION)
-            for mission in self.selection(generation, design_id, design, trials, earlier)
+            for mission in self.selection(generation, design_id, design, trials, earlier, cases)
         ]
 
     def evaluation(self, generation: int, design_id: int, design: Design) -> list[Mission]:

@@ -1,6 +1,7 @@
 """Computes parts of a recorded run again from its folder: designs and single missions."""
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -8,11 +9,13 @@ from evoros.base.errors import InputError
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.measuring import read_score
+from evoros.failure.case import Case
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import TRAJECTORY, Outcome
 from evoros.mission.rollout import run_mission
 from evoros.session.run import rebuild_experiment
 from evoros.storage.reading import Run, load_run
+from evoros.storage.tables import CASE
 
 
 def replay(
@@ -45,7 +48,7 @@ def replay(
     row = rows.loc[[key]].iloc[0]
     purpose, draws = str(row["purpose"]), str(row["draws"])
     decoded = replay_designs(run, experiment)[design]
-    mission = Mission(generation, design, decoded, world, trial, purpose, draws)
+    mission = Mission(generation, design, decoded, world, trial, purpose, draws, _read_case(row))
     scenario = experiment.scenario_for(purpose)
     outcome, trajectory = run_mission(scenario, mission)
     columns = [*TRAJECTORY, *scenario.name_columns(decoded)]
@@ -68,3 +71,9 @@ def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
         search.tell({row["id"]: read_score(experiment, row) for row in told})
         designs |= {individual.id: space.decode(individual.genome) for individual in search.ask()}
     return designs
+
+
+def _read_case(row: "pd.Series[Any]") -> Case | None:
+    """Read the case that a mission met; None if it met failures that were drawn."""
+    text = row.get(CASE)
+    return Case.parse(text) if isinstance(text, str) else None

@@ -1,0 +1,123 @@
+"""Failures that evolve against the designs of a run (competitive co-evolution)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from numpy.random import Generator
+
+from evoros.base.checks import COUNT, NOT_NEGATIVE, WHOLE, check_order, checked, instance_of
+from evoros.base.combining import mean
+from evoros.base.errors import InputError
+from evoros.base.intervals import scale
+from evoros.failure.case import Case
+from evoros.failure.protocol import AdaptiveFailure, Failure, Fault, SystematicFailure
+from evoros.failure.random import RandomFailure
+from evoros.filter.protocol import A_FILTER, Channels, Filter
+from evoros.filter.silence import Silence
+
+A_FAILURE = instance_of(Failure, "a failure model (draw)")
+
+
+@dataclass(frozen=True)
+@checked
+class AdversarialFailure:
+    """Cases of failed sensors and times evolve from generation to generation.
+
+    In the selection, each trial of a generation has one case, the same for all designs. What a case
+    takes from the score of the designs that meet it, compared with their other trials, is its
+    fitness: the better half stays, and mutants of it take the place of the others. ``fame`` trials
+    meet the hardest cases of earlier generations, so that designs do not forget these (Rosin and
+    Belew, New methods for competitive coevolution, Evolutionary Computation 5, 1997; parasites
+    against sorting networks: Hillis, Physica D 42, 1990). All other missions, such as those of the
+    validation, meet the failures that ``validation`` draws.
+    """
+
+    validation: Annotated[Failure, A_FAILURE] = field(default_factory=RandomFailure)
+    most: Annotated[int, COUNT] = 1  # sensors that fail in a case, at least one
+    earliest_s: Annotated[float, NOT_NEGATIVE] = 40.0
+    latest_s: Annotated[float, NOT_NEGATIVE] = 80.0
+    fame: Annotated[int, WHOLE] = 1  # trials of a generation; fewer than half of all
+    effect: Annotated[Filter, A_FILTER] = field(default_factory=Silence)  # acts on the readings
+
+    def __post_init__(self) -> None:
+        check_order(self, "earliest_s", "latest_s")
+        if isinstance(self.validation, SystematicFailure | AdaptiveFailure):
+            raise InputError(
+                f"failure.validation: must be drawn for each mission, and "
+                f"{type(self.validation).__name__} is not; choose for example random"
+            )
+
+    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
+        """Return the faults of a mission outside of the selection."""
+        return self.validation.draw(channels, rng)
+
+    def start(self, sensors: int, trials: int, rng: Generator) -> "EvolvingCases":
+        """Start with random cases."""
+        return EvolvingCases(self, sensors, trials, rng)
+
+
+class EvolvingCases:
+    """The cases of a run, of a robot with so many sensors, one for each trial of a generation."""
+
+    def __init__(
+        self, model: AdversarialFailure, sensors: int, trials: int, rng: Generator
+    ) -> None:
+        self._model, self._sensors, self._rng = model, sensors, rng
+        self._famous: list[Case] = []
+        self._replayed = min(model.fame, (trials - 1) // 2)
+        self._evolving = [self._create() for _ in range(trials - self._replayed)]
+
+    def list_cases(self) -> list[Case]:
+        """Return the cases of the next generation, by the number of the trial."""
+        famous = self._famous or self._evolving  # none are known in the first generation
+        chosen = [famous[self._choose(len(famous))] for _ in range(self._replayed)]
+        return [*self._evolving, *chosen]
+
+    def tell(self, scores: Mapping[int, Sequence[float]]) -> None:
+        """Evolve by the scores of designs, each in the order of its trials of the generation."""
+        harm: list[list[float]] = [[] for _ in self._evolving]
+        for own in scores.values():
+            usual = mean(own) if own else 0.0
+            for place, score in enumerate(own[: len(harm)]):
+                harm[place].append(usual - score)
+        fitness = [mean(each) if each else -float("inf") for each in harm]
+        order = sorted(range(len(harm)), key=lambda place: -fitness[place])
+        ranked = [self._evolving[place] for place in order]
+        if ranked[0] not in self._famous:
+            self._famous.append(ranked[0])
+        kept = ranked[: (len(ranked) + 1) // 2]
+        mutants = [self._mutate(kept[i % len(kept)]) for i in range(len(ranked) - len(kept))]
+        self._evolving = [*kept, *mutants]
+
+    def _create(self) -> Case:
+        failures: dict[int, float] = {}
+        for _ in range(1 + self._choose(self._model.most)):
+            if self._sensors:
+                failures[self._choose(self._sensors)] = self._draw_time()
+        return Case.of(failures.items())
+
+    def _mutate(self, case: Case) -> Case:
+        """Move a time, exchange a sensor, or let one sensor more or less fail."""
+        failures = dict(zip(case.sensors, case.times_s, strict=True))
+        if not failures:
+            return case
+        number = case.sensors[self._choose(len(failures))]
+        others = sorted(set(range(self._sensors)) - failures.keys())
+        kind = self._choose(4)
+        if kind == 0 and others and len(failures) < self._model.most:
+            failures[others[self._choose(len(others))]] = self._draw_time()
+        elif kind == 1 and len(failures) > 1:
+            del failures[number]
+        elif kind == 2 and others:
+            failures[others[self._choose(len(others))]] = failures.pop(number)
+        else:
+            failures[number] = self._draw_time()
+        return Case.of(failures.items())
+
+    def _draw_time(self) -> float:
+        share = float(self._rng.random())
+        return round(scale(share, self._model.earliest_s, self._model.latest_s), 1)
+
+    def _choose(self, count: int) -> int:
+        return int(self._rng.random() * count)

@@ -1,0 +1,104 @@
+"""Failures that evolve against the designs of a run."""
+
+from pathlib import Path
+
+import pytest
+from helpers import USER_PARTS, content, cut, resume
+from hypothesis import given
+from hypothesis import strategies as st
+
+import evoros
+from evoros.base.console import DONE
+from evoros.base.errors import InputError
+from evoros.base.rng import generator
+from evoros.cli.run import evoros as command
+from evoros.failure.adversarial import AdversarialFailure
+from evoros.failure.case import Case
+from evoros.failure.combined import CombinedFailure
+from evoros.failure.exhaustive import ExhaustiveFailure
+from evoros.failure.protocol import AdaptiveFailure
+
+ADVERSARIAL = ["failure=adversarial", "failure.fame=1", "trials=4"]
+
+
+@given(st.integers(0, 9), st.integers(1, 9), st.integers(1, 4), st.integers(0, 3), st.integers())
+def test_cases_stay_within_their_bounds_whatever_the_scores(
+    sensors: int, trials: int, most: int, fame: int, seed: int
+) -> None:
+    model = AdversarialFailure(most=most, earliest_s=5.0, latest_s=9.0, fame=fame)
+    assert isinstance(model, AdaptiveFailure)
+    first, second = (model.start(sensors, trials, generator("any", f"{seed}")) for _ in range(2))
+    luck = generator("scores", f"{seed}")
+    for _ in range(6):
+        cases = first.list_cases()
+        assert len(cases) == trials
+        for case in cases:
+            assert len(case.sensors) <= min(most, sensors)
+            assert bool(case.sensors) == (sensors > 0)
+            assert all(0 <= number < sensors for number in case.sensors)
+            assert all(5.0 <= time <= 9.0 for time in case.times_s)
+        scores = {i: luck.random(int(luck.random() * (trials + 1))).tolist() for i in range(3)}
+        assert second.list_cases() == cases  # the same scores give the same cases
+        first.tell(scores)
+        second.tell(scores)
+
+
+def test_what_harms_designs_prevails() -> None:
+    def score(case: Case) -> float:  # late failures of sensor 3 are the worst
+        return -case.times_s[case.sensors.index(3)] if 3 in case.sensors else 0.0
+
+    adversary = AdversarialFailure(most=2).start(6, 8, generator("any", "adversary"))
+    for _ in range(40):
+        cases = adversary.list_cases()
+        scores = [score(case) for case in cases]
+        adversary.tell({1: scores, 2: [10.0 + each for each in scores]})
+    last = adversary.list_cases()
+    assert sum(3 in case.sensors for case in last) >= 6
+    assert min(map(score, last)) < -75.0
+
+
+def test_it_is_validated_by_drawn_failures_alone() -> None:
+    with pytest.raises(InputError, match=r"failure.validation: .* ExhaustiveFailure"):
+        AdversarialFailure(validation=ExhaustiveFailure())
+    with pytest.raises(InputError, match=r"failure.failures.foe: .* AdversarialFailure"):
+        CombinedFailure({"foe": AdversarialFailure()})
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("adversarial") / "run"
+    keys = ["simulator=bicycle", "world=plains", "figures=[]", *ADVERSARIAL]
+    small = ["optimizer.generations=4", "optimizer.population_size=4"]
+    typed = ["--config-dir", str(USER_PARTS), *keys, *small, "optimizer.validation_trials=1"]
+    more = ["failure.earliest_s=2", "failure.latest_s=8", f"hydra.run.dir={folder}"]
+    assert command([*typed, *more, "executor=serial"]) == DONE
+    assert command([*typed, *more[:2], f"hydra.run.dir={folder}2", "executor.workers=2"]) == DONE
+    return folder
+
+
+def test_designs_of_a_generation_meet_the_same_cases_and_validation_draws(run: Path) -> None:
+    missions = evoros.load_run(run).missions
+    selected = missions[missions["purpose"] == "selection"]
+    others = missions[missions["purpose"] != "selection"]
+    assert selected["case"].notna().all()
+    assert others["case"].isna().all()
+    assert (selected.groupby(["generation", "trial"])["case"].nunique() == 1).all()
+    by_generation = selected.groupby("generation")["case"].agg(frozenset)
+    assert by_generation.nunique() > 1
+
+
+def test_workers_and_resuming_change_nothing(run: Path) -> None:
+    other = run.with_name("run2")
+    assert content(other) == content(run)
+    cut(other, (other / "missions.csv").stat().st_size * 2 // 3)
+    assert resume(other, "executor=serial") == DONE
+    assert content(other) == content(run)
+
+
+def test_a_recorded_mission_is_replayed_under_its_case(run: Path) -> None:
+    missions = evoros.load_run(run).missions
+    row = missions[missions["failed_sensors"].notna()].iloc[-1].to_dict()
+    key = (int(row["generation"]), int(row["design"]), str(row["world"]), int(row["trial"]))
+    outcome, _ = evoros.replay(run, *key, config_dir=USER_PARTS)
+    assert list(outcome.failed_sensors) == [int(float(row["failed_sensors"]))]
+    assert outcome.progress == row["progress"]
