@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from helpers import content, scored, tiny
+from helpers import content, copied, cut, resume, scored, tiny
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -258,6 +258,10 @@ def test_a_run_an_evaluation_and_a_resumed_run_carry_the_weights(tmp_path: Path)
     assert tiny(run, *small) == DONE
     assert tiny(other, *small, "executor=processes", "executor.workers=2") == DONE
     assert content(run) == content(other)
+    stopped = copied(run, tmp_path / "stopped")
+    cut(stopped, 3 * (stopped / "missions.csv").stat().st_size // 4)
+    assert resume(stopped) == DONE
+    assert content(stopped) == content(run)
     names = [weight.name for weight in list_weights(5, 4, True, False)]
     genes = pd.read_csv(run / "champion/genes.csv")
     assert genes.gene.tolist() == names
@@ -294,3 +298,22 @@ def test_prices_do_not_evolve() -> None:
     with pytest.raises(InputError, match=r"Gene\.key: must not be a price") as caught:
         Gene("design.sensors.sonar.price", 0.0, 1.0)
     assert "\n" not in str(caught.value)
+
+
+# Of several robots
+
+
+def test_a_robot_with_a_design_of_its_own_has_weights_of_its_own() -> None:
+    shared = experiment_of("agents=oncoming", "world=boxes")
+    design = shared.space.decode(np.full(shared.space.size, 0.9))
+    team = shared.scenario.equip(design)
+    first, other = (each.controller for each in team.values())
+    assert isinstance(first, Neural)
+    assert isinstance(other, Neural)
+    assert first.weights == other.weights != Neural().weights
+    (name,) = shared.agents
+    agents = {name: replace(shared.agents[name], design=shared.design, scored=True)}
+    own = replace(shared, agents=agents)
+    assert own.space.size == 2 * shared.space.size
+    row = own.space.to_row(np.linspace(0.0, 1.0, own.space.size))
+    assert row[f"{name}.hidden0_from_bias"] > row["hidden0_from_bias"]  # type: ignore[operator]
