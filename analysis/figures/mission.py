@@ -22,6 +22,7 @@ from ..drawing.mission_map import draw_mission, make_handles
 from ..drawing.readings import draw_readings, measure_height
 from ..drawing.style import PAGE_IN, STYLE, figure_width
 from ..product import Product
+from ..tables.certified import describe_rates
 from ..tables.records import Record
 from ..tables.robots import name_robots
 from ..tables.study import Study
@@ -61,7 +62,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     robots = {"": context, **context.agents}
     shown = worlds if getattr(options, "readings", False) else ()
     traces = {name: read_traces(record, name) for name in shown}
-    figure = draw_missions(table, worlds, context.modes, width, robots, traces)
+    figure = draw_missions(
+        table, worlds, context.modes, width, robots, traces, describe_rates(record)
+    )
     return Product(table, figure, messages)
 
 
@@ -72,6 +75,7 @@ def draw_missions(
     width: float = PAGE_IN,
     robots: Mapping[str, FigureContext] | None = None,
     traces: Mapping[str, Sequence[Trace]] | None = None,
+    rates: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw a panel for each world.
 
@@ -79,8 +83,9 @@ def draw_missions(
     ``mode``, in the order of the controller's layers. ``width`` is in inches. If the missions have
     an estimated pose, a panel below each one has its errors. ``robots`` has the contexts of several
     robots by name, which is that in the column ``agent``; the first one's is empty. ``traces`` are
-    readings of each world, which are drawn below.
+    readings of each world, which are drawn below. ``rates`` say how often each was completed.
     """
+    rates = rates or {}
     robots, everyone = robots or {}, tracks
     tracks = everyone[name_robots(everyone) == ""]
     paths = {name: select_track(tracks, name) for name in worlds}
@@ -102,13 +107,13 @@ def draw_missions(
             draw_mission(axes, world, paths[name], modes)
             others = {agent: select_track(everyone, name, agent) for agent in robots if agent}
             draw_companions(axes, paths[name], others, robots)
-            _label_panel(axes, name, paths[name], others)
+            _label_panel(axes, name, paths[name], others, rates.get(name))
         for row in grid:
             row[0].set_ylabel("y [m]")
         x_span, y_span = (
             abs(end - begin) for begin, end in (panels[0].get_xlim(), panels[0].get_ylim())
         )
-        words = _WORDS_IN + _LINE_IN * len([*robots][1:])
+        words = _WORDS_IN + _LINE_IN * (len([*robots][1:]) + bool(rates))
         panel = (width - 0.5) / columns * y_span / x_span + words
         height = rows * panel + (0.0 if free else 0.4 + _LINE_IN * len([*robots][1:]))
         if stack is not None:
@@ -154,15 +159,24 @@ def _report(record: Record, runs: int) -> str:
     status = record.run.status
     validated = status.get("best_validated_fitness")
     rest = "" if validated is None else f", {validated:.3f} validated"
+    if status.get("fitness_low") is not None:
+        rest += f" [{status['fitness_low']:.3f}, {status['fitness_high']:.3f}]"
     return f"{record.name}: one of {runs} runs, fitness {status['best_fitness']:.3f} recorded{rest}"
 
 
 def _label_panel(
-    axes: Axes, name: str, path: pd.DataFrame, others: Mapping[str, pd.DataFrame]
+    axes: Axes,
+    name: str,
+    path: pd.DataFrame,
+    others: Mapping[str, pd.DataFrame],
+    rate: str | None,
 ) -> None:
-    """Write the world's name and how the mission of each robot ended above a panel."""
+    """Write the world's name and how the mission of each robot ended above a panel.
+
+    ``rate`` says how often the world was completed.
+    """
     endings = [_ending(path), *(f"{n}: {_ending(other)}" for n, other in others.items())]
-    axes.set_title("\n".join((name, *endings)))
+    axes.set_title("\n".join(filter(None, (name, *endings, rate))))
     axes.set_xlabel("x [m]")
     axes.tick_params(labelbottom=True)
 

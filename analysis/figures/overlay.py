@@ -43,6 +43,7 @@ Shades = tuple[ListedColormap, BoundaryNorm]
 PER_ROW_IN = 1.7  # minimum width of a panel
 BAR_IN = 0.75  # room for the colour bar
 HEADS_IN = (0.38, 0.6)  # room above the first view and above the others
+LINE_IN = 0.13  # of a title
 BAR_LABEL = "whose cones cover a place"
 
 
@@ -117,7 +118,8 @@ def draw_overlay(
     markers = robot.assign_markers(placed)
     with mpl.rc_context(STYLE):
         handles = [*robot.make_type_handles(markers), *make_signal_handles(others)]
-        page, side_by_side = _lay_out(len(contexts), views, width, bool(handles))
+        lines = 0 if several else len(_describe_fitness(sensors).splitlines())
+        page, side_by_side = _lay_out(len(contexts), views, width, bool(handles), lines)
         figure = page.make_figure()
         for (i, treatment), (view, cut) in product(enumerate(contexts), enumerate(cuts_m)):
             row, column = divmod(i, page.columns)
@@ -133,7 +135,8 @@ def draw_overlay(
                 if len(others):
                     mounted = others[others.treatment == treatment]
                     draw_signals(axes, mounted, contexts[treatment], alpha)
-            title = _title(treatment, int(numbers[treatment]), cut, len(views), view)
+            fitness = "" if several else _describe_fitness(sensors, treatment)
+            title = _title(treatment, int(numbers[treatment]), cut, len(views), view, fitness)
             axes.set_title(title, loc="left", fontsize=7)
             robot.frame_axes(axes, views[view])
         _add_legends(figure, page, shades, cover.columns[-1], handles)
@@ -147,21 +150,23 @@ def _shades(maximum: int) -> Shades:
 
 
 def _lay_out(
-    treatments: int, views: Sequence[Window], width: float, with_legend: bool
+    treatments: int, views: Sequence[Window], width: float, with_legend: bool, lines: int
 ) -> tuple[Sheet, bool]:
     """Place treatments side by side with their views below each other.
 
     On a wide page the views of a single treatment are side by side; the second value tells this.
+    ``lines`` counts those above the first view that are not always there.
     """
+    first = HEADS_IN[0] + lines * LINE_IN
     bottom = 0.6 if with_legend else 0.4
     ratios = [robot.aspect_ratio(view) for view in views]
     if treatments == 1 and width > 2 * PER_ROW_IN + COLUMN_IN / 2:
-        heights, heads, columns, gap = [max(ratios)], list(HEADS_IN[:1]), len(views), 0.55
+        heights, heads, columns, gap = [max(ratios)], [first], len(views), 0.55
         return Sheet(width, columns, heights, heads, right=BAR_IN, bottom=bottom, gap=gap), True
     columns = max(1, min(treatments, int((width - BAR_IN) / PER_ROW_IN)))
     blocks = math.ceil(treatments / columns)
     columns = math.ceil(treatments / blocks)  # rows of equal length
-    heads = [HEADS_IN[min(view, 1)] for view in range(len(views))]
+    heads = [first, *(HEADS_IN[1] for _ in views[1:])]
     heads += [heads[0] + 0.35, *heads[1:]] * (blocks - 1)
     heights = ratios * blocks
     return Sheet(width, columns, heights, heads, right=BAR_IN, bottom=bottom, gap=0.3), False
@@ -188,12 +193,22 @@ def _draw_counts(
     )
 
 
-def _title(treatment: str, number: int, cut_m: float, views: int, view: int) -> str:
+def _describe_fitness(sensors: pd.DataFrame, treatment: str | None = None) -> str:
+    """Describe a champion's fitness on fresh draws with its interval; empty if it is not known."""
+    rows = sensors if treatment is None else sensors[sensors.treatment == treatment]
+    known = rows.dropna(subset="fitness_low") if "fitness_low" in rows else rows[:0]
+    if known.empty:
+        return ""
+    value, low, high = known.iloc[0][["validated_fitness", "fitness_low", "fitness_high"]]
+    return f"validated {value:.2f} [{low:.2f}, {high:.2f}]"
+
+
+def _title(treatment: str, number: int, cut_m: float, views: int, view: int, fitness: str) -> str:
     count = f"{number} champion" + "s" * (number > 1)
     how = "at full length," if view == views - 1 else "cut at"
     cones = f"cones {how} {cut_m:g} m" if cut_m else "no sensors"
     head = count if treatment == SINGLE else f"{treatment} ({count})"
-    return f"{head}\n{cones}" if view == 0 else cones
+    return "\n".join(filter(None, (head, fitness, cones))) if view == 0 else cones
 
 
 def _add_legends(

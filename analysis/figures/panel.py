@@ -28,7 +28,8 @@ CUT = 0.6  # of the robot's length; longer cones leave too little room for the r
 PANEL_IN, MIN_PANEL_IN = 1.25, 0.8  # width of a panel, and its minimum if the page is full
 PAGE_HEIGHT_IN = 9.2
 SIDE_IN, FOOT_IN, HEADING_IN, TITLE_IN, LINE_IN = 0.5, 0.5, 0.2, 0.2, 0.17
-TITLES = "seed: recorded fitness (validated in the run)"
+CERTIFIED_IN = 0.11  # of a title with an interval
+TITLES = "seed: recorded fitness (validated in the run) [interval of this]"
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
@@ -82,7 +83,10 @@ def draw_panels(
         columns = 3 if width < PAGE_IN else 6
         note = _note(placed, cut, width)
         foot = FOOT_IN + LINE_IN * (math.ceil(len(handles) / columns) + 1 + note.count("\n"))
-        figure, panels = _make_panels(sensors, treatments, robot.aspect_ratio(view), width, foot)
+        certified = "fitness_low" in sensors and sensors.fitness_low.notna().any()
+        above = TITLE_IN + CERTIFIED_IN * certified
+        ratio = robot.aspect_ratio(view)
+        figure, panels = _make_panels(sensors, treatments, ratio, width, foot, above)
         for run, axes in panels.items():
             own = placed[placed.run == run]
             colours = [CATEGORIES[int(rank) % len(CATEGORIES)] for rank in own["rank"]]
@@ -113,7 +117,9 @@ def _make_colour_handles(placed: pd.DataFrame) -> list[Patch]:
 def _title(row: pd.Series) -> str:
     scores = [row.fitness, row.validated_fitness]
     recorded, validated = ("-" if math.isnan(score) else f"{score:.1f}" for score in scores)
-    return f"{row.seed}: {recorded} ({validated})"
+    low, high = row.get("fitness_low", math.nan), row.get("fitness_high", math.nan)
+    interval = "" if math.isnan(low) else f"\n[{low:.1f}, {high:.1f}]"
+    return f"{row.seed}: {recorded} ({validated}){interval}"
 
 
 def _note(placed: pd.DataFrame, cut: float, width: float) -> str:
@@ -124,11 +130,16 @@ def _note(placed: pd.DataFrame, cut: float, width: float) -> str:
 
 
 def _make_panels(
-    sensors: pd.DataFrame, treatments: Sequence[str], ratio: float, width: float, foot: float
+    sensors: pd.DataFrame,
+    treatments: Sequence[str],
+    ratio: float,
+    width: float,
+    foot: float,
+    above: float,
 ) -> tuple[Figure, dict[str, Axes]]:
     """Make the axes of each run; every treatment begins in a new row."""
     runs = [list(dict.fromkeys(sensors[sensors.treatment == t].run)) for t in treatments]
-    page = lay_out([len(names) for names in runs], ratio, width, foot)
+    page = lay_out([len(names) for names in runs], ratio, width, foot, above)
     figure = page.make_figure()
     panels: dict[str, Axes] = {}
     places: dict[tuple[int, int], Axes] = {}
@@ -138,7 +149,7 @@ def _make_panels(
             place = first + i // page.columns, i % page.columns
             panels[run] = places[place] = page.add_panel(figure, *place)
         if len(treatments) > 1:
-            _add_head(places[first, 0], treatment)
+            _add_head(places[first, 0], treatment, above)
         first += math.ceil(len(names) / page.columns)
     for (row, column), axes in places.items():
         below = (row + 1, column) in places
@@ -148,9 +159,9 @@ def _make_panels(
     return figure, panels
 
 
-def _add_head(axes: Axes, treatment: str) -> None:
+def _add_head(axes: Axes, treatment: str, above: float) -> None:
     """Add the name of a treatment above the title of its first panel."""
-    offset = (0, 72 * TITLE_IN)
+    offset = (0, 72 * above)
     axes.annotate(
         treatment,
         (0, 1),
@@ -161,11 +172,13 @@ def _add_head(axes: Axes, treatment: str) -> None:
     )
 
 
-def lay_out(numbers: Sequence[int], ratio: float, width: float, foot: float) -> Sheet:
+def lay_out(
+    numbers: Sequence[int], ratio: float, width: float, foot: float, above: float = TITLE_IN
+) -> Sheet:
     """Place panels of a good size, or smaller ones if all of them then fit on one page.
 
     ``numbers`` are the panels of each treatment, ``ratio`` is a panel's height over its width, and
-    ``foot`` is the room for the legend [in].
+    ``foot`` is the room for the legend [in], and ``above`` that for the title of a panel.
     """
     heading = HEADING_IN * (len(numbers) > 1)
     pages = []
@@ -173,7 +186,7 @@ def lay_out(numbers: Sequence[int], ratio: float, width: float, foot: float) -> 
         columns = max(1, int((width - SIDE_IN) / panel_in))
         columns = math.ceil(max(numbers) / math.ceil(max(numbers) / columns))  # even rows
         rows = [math.ceil(number / columns) for number in numbers]
-        heads = [TITLE_IN + heading * (row == 0) for count in rows for row in range(count)]
+        heads = [above + heading * (row == 0) for count in rows for row in range(count)]
         pages.append(Sheet(width, columns, [ratio] * len(heads), heads, bottom=foot))
     fitting = (page for page in pages if page.height <= PAGE_HEIGHT_IN)
     return next(fitting, _shrink(pages[-1]))

@@ -100,8 +100,10 @@ def _number_pairs(frame: pd.DataFrame, context: FigureContext) -> "pd.Series[int
 
 
 def read_champion_sensors(record: "Record", agent: str = "") -> pd.DataFrame:
-    """Read the sensors of a run's champion, with ``fitness`` and ``validated_fitness``.
+    """Read the sensors of a run's champion, with its fitness in columns of their own.
 
+    ``fitness`` is recorded, ``validated_fitness`` that on fresh draws of the run, with its interval
+    from ``fitness_low`` to ``fitness_high``.
     They are those of the first robot, or of the named one.
     """
     mounts = select_robot(record.run.champion, find_designed(record, agent))
@@ -149,8 +151,14 @@ def _adapt_signal(signal: Signal, prefix: str, values: Mapping[str, float]) -> S
 
 
 def _fitness(record: "Record") -> dict[str, float]:
-    columns = ("fitness", "validated_fitness")
-    return {name: to_number(record.run.status.get(f"best_{name}")) for name in columns}
+    status = record.run.status
+    names = {
+        "fitness": "best_fitness",
+        "validated_fitness": "best_validated_fitness",
+        "fitness_low": "fitness_low",
+        "fitness_high": "fitness_high",
+    }
+    return {name: to_number(status.get(key)) for name, key in names.items()}
 
 
 def read_champion(record: "Record", agent: str = "") -> pd.DataFrame:

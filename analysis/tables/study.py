@@ -83,10 +83,7 @@ class Study:
 
     @cached_property
     def champions(self) -> pd.DataFrame:
-        """A row for each sensor of each champion, with ``fitness`` and ``validated_fitness``.
-
-        ``designs.COLUMNS`` are the other columns.
-        """
+        """A row for each sensor of each champion; see ``read_champion_sensors``."""
         return self.gather(read_champion_sensors)
 
     @cached_property

@@ -70,11 +70,21 @@ def _describe_certificate(folder: Path) -> list[str]:
         for name, rate in certificate["worlds"].items()
     )
     lines.append(f"completed, {percent:7}{worlds}")
-    chance = certificate["chance_of_better"]
-    if chance is not None:
-        among = f"among {len(certificate['rivals'])} that met the same draws"
-        lines.append(f"a better design   chance {chance:.2f}, {among}")
+    lines.append(f"a better design   {_describe_chance(certificate)}")
     return lines
+
+
+def _describe_chance(certificate: Mapping[str, Any]) -> str:
+    """The chance that another design is better, and which designs it covers."""
+    chance = certificate["chance_of_better"]
+    if chance is None:
+        if certificate["rivals"]:
+            return "not known: one trial on fresh draws is too few; see optimizer.validation_trials"
+        return "not known: no other design met the same draws; see validation.rivals"
+    led = sum(rival["led"] for rival in certificate["rivals"])
+    others = len(certificate["rivals"]) - led
+    kinds = [f"{led} that led a generation"] * (led > 0) + [f"{others} next best"] * (others > 0)
+    return f"chance {chance:.2f}, among {' and '.join(kinds)}, on the same draws"
 
 
 def _describe_loss(status: Mapping[str, Any]) -> str:

@@ -25,6 +25,7 @@ class Rival:
     trials: int  # that both have met
     fitness: float  # over these
     chance: float  # that it is better than the champion; NaN below two trials
+    led: bool  # it was the best of a generation; else it is one of the next best of the end
 
 
 @dataclass(frozen=True)

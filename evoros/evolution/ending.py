@@ -68,6 +68,7 @@ def certify(scores: Scores, last: Generation, choice: Choice) -> Certificate:
     """
     validation = scores.experiment.validation
     own = choice.individual
+    leaders = set(scores.validated)
     for individual in [own, *choice.others[: validation.rivals]]:
         scores.validate(last.number, individual)
     stage = validation.count_first(len(scores.validated[own.id]))
@@ -82,7 +83,13 @@ def certify(scores: Scores, last: Generation, choice: Choice) -> Certificate:
         bounds = validation.bound_rate(completed, len(in_world))
         worlds[world] = Rate(completed, len(in_world), *bounds)
     rivals = [
-        Rival(number, len(met), scores.combine(met), compute_chance(found, met, scores.combine))
+        Rival(
+            number,
+            len(met),
+            scores.combine(met),
+            compute_chance(found, met, scores.combine),
+            number in leaders,
+        )
         for number, met in scores.validated.items()
         if number != own.id and met
     ]

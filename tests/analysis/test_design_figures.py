@@ -286,6 +286,19 @@ def test_the_cones_of_a_panel_are_those_of_the_table_and_its_title_the_fitness()
     assert axes.get_title() == "0: 18.0 (17.0)"
 
 
+def test_the_interval_of_a_champion_is_in_its_titles() -> None:
+    certified = {"fitness_low": 16.25, "fitness_high": 17.75}
+    assert (
+        panels(sensor(0, 0, 0, "a", **certified)).axes[0].get_title()
+        == "0: 18.0 (17.0)\n[16.2, 17.8]"
+    )
+    _, figure = drawn(sensor(0, 0, 0, "a", **certified))
+    head, fitness, _ = figure.axes[0].get_title(loc="left").split("\n")
+    assert (head, fitness) == ("1 champion", "validated 16.96 [16.25, 17.75]")
+    several = drawn(sensor(0, 0, 0, "a", **certified), sensor(0, 0, 0, "b", **certified))[1]
+    assert "validated" not in several.axes[0].get_title(loc="left")
+
+
 def test_an_unvalidated_champion_without_sensors_has_its_panel() -> None:
     figure = panels(sensor(0, 0, 0, "a"), bare("b", seed=4, validated_fitness=NAN))
     assert [colours(axes) for axes in figure.axes] == [[CATEGORIES[0]], []]

@@ -9,6 +9,7 @@ from helpers import USER_PARTS, content, copied, cut, resume, tiny
 
 from evoros import load_run, replay
 from evoros.base.console import DONE, INPUT
+from evoros.cli.summary import summarize_run
 
 FINAL = ("final_choice=halving", "final_choice.finalists=5", "final_choice.method.budget=4")
 PRECISE = ("validation.precision=0.4", "validation.first=3", "validation.max_trials=12")
@@ -80,6 +81,30 @@ def test_trials_are_added_until_the_precision_or_the_limit(run: Path) -> None:
     assert half_width <= 0.4 + 1e-5 or found["validated_trials"] == 12
     assert all(rate["trials"] == found["validated_trials"] for rate in found["worlds"].values())
     assert len(found["rivals"]) >= 2
+    led = {rival["design"] for rival in found["rivals"] if rival["led"]}
+    ranked = load_run(run).generations.sort_values("fitness", ascending=False, kind="stable")
+    assert led <= set(ranked.drop_duplicates("generation")["id"])
+    assert len(found["rivals"]) - len(led) <= 2  # validation.rivals
+
+
+@pytest.mark.parametrize(
+    ("led", "chance", "said"),
+    [
+        ([True, True, False], 0.25, "chance 0.25, among 2 that led a generation and 1 next best"),
+        ([False], 0.5, "chance 0.50, among 1 next best"),
+        ([True], None, "one trial on fresh draws is too few"),
+        ([], None, "no other design met the same draws"),
+    ],
+)
+def test_the_summary_says_which_designs_the_chance_covers(
+    led: list[bool], chance: float | None, said: str, run: Path, tmp_path: Path
+) -> None:
+    folder = copied(run, tmp_path / "run")
+    rivals = [{**certificate(run)["rivals"][0], "led": each} for each in led]
+    changed = {**certificate(run), "rivals": rivals, "chance_of_better": chance}
+    (folder / "champion" / "certificate.json").write_text(json.dumps(changed))
+    (line,) = (each for each in summarize_run(folder).splitlines() if "a better design" in each)
+    assert said in line
 
 
 def test_the_same_bytes_after_a_cut_and_in_processes(run: Path, tmp_path: Path) -> None:
