@@ -25,6 +25,7 @@ DOCUMENTS = (
     "extending",
     "python",
     "search",
+    "neural",
 )
 
 
