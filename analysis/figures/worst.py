@@ -138,7 +138,7 @@ def describe(
             f"failure.sensors=[{numbers}] failure.time_s={first['failed_at_s']:g} trials=40"
         )
     lines += [
-        f"{name}: a trial of {row['evaluation']} fails with a probability of {row['risk']:.3f} "
+        f"{name}: under {row['evaluation']}, a trial fails with a probability of {row['risk']:.3f} "
         f"(95 % interval {row['risk_low']:.3f} to {row['risk_high']:.3f}, {row['missions']} trials)"
         for row in _of(risks[risks["world"] == ""], source, design).to_dict("records")
     ]

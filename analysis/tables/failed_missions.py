@@ -22,6 +22,8 @@ NO_FAULT = ""
 def collect_missions(study: "Study") -> pd.DataFrame:
     """Concatenate the missions of all evaluations, with the columns ``evaluation`` and ``drawn``.
 
+    ``evaluation`` is the end of its path; if it is alone, its failure model.
+
     ``drawn`` says whether the failures are drawn, so that their shares estimate a risk. ``intact``
     says whether no sensor was to fail; other missions without a failure had ended before it.
 
@@ -29,9 +31,10 @@ def collect_missions(study: "Study") -> pd.DataFrame:
         InputError: there is no evaluation with missions, or they are in several simulators.
     """
     _require_one_simulator(study)
+    several = len(study.evaluations) > 1
     frames = [
         missions.assign(
-            evaluation=record.name,
+            evaluation=record.name if several else record.choices.get("failure", record.name),
             drawn=record.context.failure.drawn & ~_is_stated(missions),
             intact=_find_intact(record, missions),
         )

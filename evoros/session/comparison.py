@@ -19,6 +19,7 @@ COMPARED = (
     "genes_in.csv",
     "generations/*",
     "designs.csv",
+    "worst_cases.csv",
     "champion/**/*",
     "trajectories/**/*",
     "figures/*",

@@ -66,6 +66,7 @@ def test_every_case_is_a_mission_that_its_row_describes(whole: Path) -> None:
     assert (whole / "figures" / "worst.pdf").is_file()
 
 
+@pytest.mark.slow
 def test_two_workers_and_a_resumed_search_give_the_same_bytes(
     whole: Path, designs: Path, tmp_path: Path
 ) -> None:
@@ -115,6 +116,7 @@ def test_the_figure_says_what_was_found(whole: Path, capsys: pytest.CaptureFixtu
     assert "stopped by" in said
     risks = pd.read_csv(whole / "drawn" / "worst_risks.csv")
     assert set(risks["missions"]) == {3}  # the drawn trials alone
+    assert set(risks["evaluation"]) == {"random"}
 
 
 def test_a_run_looks_for_no_worst_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
