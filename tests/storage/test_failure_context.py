@@ -1,0 +1,56 @@
+"""How setting.json tells drawn failures from others, whatever their class."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from helpers import USER_PARTS
+
+from evoros.base.rng import Generator
+from evoros.config.compose import compose
+from evoros.evolution.experiment import Experiment
+from evoros.failure.exhaustive import ExhaustiveFailure
+from evoros.failure.given import GivenFailure
+from evoros.failure.none import NoFailure
+from evoros.failure.protocol import Failure, Fault
+from evoros.failure.random import RandomFailure
+from evoros.filter.protocol import Channels
+from evoros.filter.silence import Silence
+from evoros.storage.failure_context import FailureContext, describe_failure
+
+
+@dataclass(frozen=True)
+class EveryOther:
+    """A user's own systematic model: in every other trial, all sensors fail."""
+
+    def count_cases(self, sensors: int) -> int:
+        return 2
+
+    def draw_case(self, channels: Channels, trial: int) -> tuple[Fault, ...]:
+        return (Fault(Silence(), np.full(channels.size, 1.0 if trial % 2 == 0 else np.inf)),)
+
+    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
+        return self.draw_case(channels, 0)
+
+
+@pytest.fixture(scope="module")
+def experiment() -> Experiment:
+    return compose(["experiment=tiny", "trials=5"], USER_PARTS).build()
+
+
+@pytest.mark.parametrize(
+    ("failure", "expected"),
+    [
+        (RandomFailure(), FailureContext()),
+        (NoFailure(), FailureContext(drawn=False, always_intact=True)),
+        (GivenFailure((0,)), FailureContext(drawn=False)),
+        (GivenFailure(), FailureContext(drawn=False, always_intact=True)),
+        (ExhaustiveFailure(), FailureContext(drawn=False, intact=(0,))),
+        (ExhaustiveFailure(least=1), FailureContext(drawn=False)),
+        (EveryOther(), FailureContext(drawn=False, intact=(1,))),
+    ],
+)
+def test_a_model_is_told_by_what_it_does(
+    experiment: Experiment, failure: Failure, expected: FailureContext
+) -> None:
+    assert describe_failure(replace(experiment, failure=failure)) == expected
