@@ -50,6 +50,18 @@ VARIANTS = {  # what each changes, and generations enough for the budget
     "lifelong": (["trials=1", "allocation=lifelong"], 24),
     "racing": (["trials=1", "allocation=racing", "allocation.max_trials=4"], 11),
     "halving": (["trials=1", "allocation=halving", "allocation.budget=2"], 13),
+    "successive rejects": (["allocation=successive_rejects", "allocation.budget=2"], 30),
+    "random designs": (["optimizer=random_search", "optimizer.population_size=20"], 18),
+    "two trials, CMA-ES": (["trials=2", "optimizer=cma_es", "optimizer.population_size=12"], 15),
+    "two trials, small steps": (
+        [
+            "trials=2",
+            "optimizer.mutation_step=0.3",
+            "optimizer.mutation_probability=0.4",
+            "optimizer.population_size=14",
+        ],
+        18,
+    ),
 }
 FINAL = FinalChoice(SequentialHalving(budget=5, max_trials=1000), finalists=20)
 FRESH_TRIALS = 40
@@ -140,14 +152,15 @@ def end_twice(run: evoros.Run, budget: int, pool: Pool) -> list[tuple[dict[str, 
     return ends
 
 
-def study_seed(case: str, folder: Path, seed: int) -> pd.DataFrame:
-    """Return a row for each variant without and with a final choice."""
+def study_seed(case: str, folder: Path, seed: int, variants: Sequence[str]) -> pd.DataFrame:
+    """Return a row for each of these variants without and with a final choice."""
     base, budget = CASES[case]
     rows, champions = [], []
     fresh = [*base, *COMMON, f"trials={FRESH_TRIALS}", f"seed={seed}"]
     with evoros.Evaluator(fresh) as evaluator:
         assert evaluator._pool is not None
-        for variant, (changes, generations) in VARIANTS.items():
+        for variant in variants:
+            changes, generations = VARIANTS[variant]
             path = folder / case / f"{variant.replace(' ', '_').replace(',', '')}_{seed}"
             overrides = [*base, *changes, *COMMON, f"seed={seed}"]
             run = run_long(path, overrides, generations)
@@ -163,10 +176,12 @@ def results(case: str, folder: Path, seeds: int) -> pd.DataFrame:
     """All rows; computes those that are not yet in ``CASE.csv`` and adds them."""
     file = folder / f"{case}.csv"
     for seed in range(seeds):
-        known = pd.read_csv(file) if file.exists() else None
-        if known is None or not (known.seed == seed).any():
-            rows = study_seed(case, folder, seed)
-            pd.concat([rows] if known is None else [known, rows]).to_csv(file, index=False)
+        known = pd.read_csv(file) if file.exists() else pd.DataFrame({"seed": [], "variant": []})
+        done = set(known[known.seed == seed].variant)
+        missing = [variant for variant in VARIANTS if variant not in done]
+        if missing:
+            rows = study_seed(case, folder, seed, missing)
+            pd.concat([known, rows] if len(known) else [rows]).to_csv(file, index=False)
             print(rows.to_string(index=False), flush=True)
     return pd.read_csv(file)
 
