@@ -5,6 +5,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from evoros.base.errors import InputError
+from evoros.base.log import LOGGER
 from evoros.evolution.certificate import Certificate
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.ending import certify, choose_champion
@@ -81,6 +82,9 @@ def _keep_missions(scores: Scores, found: Sequence[Individual]) -> None:
     ranks = [round(i * last / max(number - 1, 1)) for i in range(number)]
     missions = [mission for rank in ranks for mission in _list_first(scores, found[rank])]
     missing = scores.journal.drop_trajectories(missions)
+    if missing:
+        again = "%d missions of %d designs are run again to keep their trajectories; %s"
+        LOGGER.info(again, len(missing), number, "record=champion leaves them out")
     keeping = replace(scores.dispatcher, keep_trajectory=scores.journal.keep_trajectory)
     for purpose in dict.fromkeys(mission.purpose for mission in missing):
         own = [mission for mission in missing if mission.purpose == purpose]
