@@ -201,7 +201,7 @@ def test_no_secret_reaches_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_help_explains_and_version_is_ours(capsys: pytest.CaptureFixture[str]) -> None:
     assert evoros(["--help"]) == DONE
     text = capsys.readouterr().out
-    for word in ("resume=", "-m", "--config-dir", "Exit status", "failure: combined, ", "130"):
+    for word in ("resume=", "-m", "--config-dir", "Exit status", "failure: adversarial, ", "130"):
         assert word in text
     assert "Hydra" not in text
     # Hydra writes all choices of a group in one line.
