@@ -51,6 +51,8 @@ VARIANTS = {  # what each changes, and generations enough for the budget
     "racing": (["trials=1", "allocation=racing", "allocation.max_trials=4"], 11),
     "halving": (["trials=1", "allocation=halving", "allocation.budget=2"], 13),
     "successive rejects": (["allocation=successive_rejects", "allocation.budget=2"], 30),
+}
+SEARCHES = {  # of "spatial" alone
     "random designs": (["optimizer=random_search", "optimizer.population_size=20"], 18),
     "two trials, CMA-ES": (["trials=2", "optimizer=cma_es", "optimizer.population_size=12"], 15),
     "two trials, small steps": (
@@ -111,6 +113,11 @@ class Recalled:
     begin = mission = generation = _ignore
 
 
+def list_variants(case: str) -> dict[str, tuple[list[str], int]]:
+    """Return what is compared: answers to noise, and other searches, too."""
+    return VARIANTS | SEARCHES if case == "spatial" else VARIANTS
+
+
 def run_long(folder: Path, overrides: Sequence[str], generations: int) -> evoros.Run:
     """Return the run in the folder; start or finish it if necessary."""
     if (folder / "missions.csv").exists():
@@ -160,7 +167,7 @@ def study_seed(case: str, folder: Path, seed: int, variants: Sequence[str]) -> p
     with evoros.Evaluator(fresh) as evaluator:
         assert evaluator._pool is not None
         for variant in variants:
-            changes, generations = VARIANTS[variant]
+            changes, generations = list_variants(case)[variant]
             path = folder / case / f"{variant.replace(' ', '_').replace(',', '')}_{seed}"
             overrides = [*base, *changes, *COMMON, f"seed={seed}"]
             run = run_long(path, overrides, generations)
@@ -178,7 +185,7 @@ def results(case: str, folder: Path, seeds: int) -> pd.DataFrame:
     for seed in range(seeds):
         known = pd.read_csv(file) if file.exists() else pd.DataFrame({"seed": [], "variant": []})
         done = set(known[known.seed == seed].variant)
-        missing = [variant for variant in VARIANTS if variant not in done]
+        missing = [variant for variant in list_variants(case) if variant not in done]
         if missing:
             rows = study_seed(case, folder, seed, missing)
             pd.concat([known, rows] if len(known) else [rows]).to_csv(file, index=False)
