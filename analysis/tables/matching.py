@@ -85,7 +85,8 @@ def read_champion_genes(record: "Record") -> dict[str, float]:
 def read_scores(evaluation: "EvaluationRecord") -> pd.DataFrame:
     """Read the content and the scores of each design of a finished evaluation.
 
-    Columns: ``content``, ``source``, ``design``, ``fitness_mean``, ``fitness_sd``, ``trials``.
+    Columns: ``content``, ``source``, ``design``, ``fitness``, ``fitness_sd``, ``trials``. The
+    fitness is what the evaluation's fitness makes of the trials, which for most is their mean.
 
     Raises:
         InputError: the evaluation is not finished, or a file is damaged.
@@ -106,7 +107,9 @@ def read_scores(evaluation: "EvaluationRecord") -> pd.DataFrame:
         raise InputError(
             f"{evaluation.path}: its tables must be complete ({single_line(error)}); restore them"
         ) from error
-    return scores[["content", *names, "fitness_mean", "fitness_sd", "trials"]]
+    if "fitness" not in scores:
+        scores["fitness"] = scores["fitness_mean"]
+    return scores[["content", *names, "fitness", "fitness_sd", "trials"]]
 
 
 def _content(mounts: pd.DataFrame, genes: Mapping[str, float]) -> Content:

@@ -100,7 +100,7 @@ def join_designs(x: pd.DataFrame, y: pd.DataFrame) -> Iterator[Row]:
 
 
 def _prefix(side: str, row: Mapping[Any, Any]) -> Row:
-    names = {"fitness": "fitness_mean", "sd": "fitness_sd", "trials": "trials"}
+    names = {"fitness": "fitness", "sd": "fitness_sd", "trials": "trials"}
     return {f"{side}_{short}": row[name] for short, name in names.items()}
 
 

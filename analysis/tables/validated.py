@@ -63,7 +63,7 @@ def score_under(study: "Study", name: str) -> pd.DataFrame:
             f"one of {', '.join(known) or 'those that you evaluate first'}"
         )
     scores = pd.concat(named).sort_values("trials", kind="stable")
-    means = dict(zip(scores["content"], scores["fitness_mean"], strict=True))
+    means = dict(zip(scores["content"], scores["fitness"], strict=True))
 
     def score(record: "Record") -> pd.DataFrame:
         _require_finished(record)
@@ -124,8 +124,8 @@ def _score_freshly(record: "Record", evaluations: Sequence[Scores]) -> dict[str,
         rows = table[[other == content for other in table["content"]]]
         if rows.empty or not validates(evaluation, record):
             continue
-        mean, sd, trials = rows.iloc[0][["fitness_mean", "fitness_sd", "trials"]]
+        fitness, sd, trials = rows.iloc[0][["fitness", "fitness_sd", "trials"]]
         if not best or trials > best["fresh_trials"]:
-            best = {"fresh": float(mean), "fresh_sd": float(sd), "fresh_trials": int(trials)}
+            best = {"fresh": float(fitness), "fresh_sd": float(sd), "fresh_trials": int(trials)}
             best["evaluation"] = evaluation.name
     return best

@@ -76,6 +76,19 @@ def test_a_champion_is_validated_under_the_conditions_of_its_run_and_no_others(
             assert np.isnan(row["fresh"])
 
 
+def test_a_champion_is_validated_by_what_the_fitness_makes_of_its_trials(copied: Path) -> None:
+    """Such as the mean of the lowest, in a column of its own."""
+    file = copied / "silent" / "designs.csv"
+    scores = pd.read_csv(file)
+    scores.insert(2, "fitness", scores["fitness_mean"] - 1.5)
+    scores.to_csv(file, index=False)
+    reseal(copied / "silent")
+    runs = table(copied)
+    fresh = runs[runs["validated_by"] == "evaluation"]
+    own = scores[scores["source"].str.contains("silent")]
+    assert sorted(fresh["validated"]) == sorted(own["fitness"])
+
+
 def test_moved_renamed_and_reordered_folders_give_the_same(study: Path, copied: Path) -> None:
     (copied / "runs").rename(copied / "moved")
     (copied / "silent").rename(copied / "again")
