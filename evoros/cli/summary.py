@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from evoros.session.figures import FIGURES
-from evoros.storage.layout import STATUS
-from evoros.storage.worst_cases import describe_worst_cases
+from evoros.storage.layout import STATUS, WORST_CASES
 
 
 def summarize_run(folder: Path) -> str:
@@ -40,8 +39,12 @@ def summarize_evaluation(folder: Path) -> str:
         _describe_missions(status),
         f"scores            {folder / 'designs.csv'}",
         f"folder            {folder}",
-        *(f"worst case        {line}" for line in describe_worst_cases(folder)),
     ]
+    if (folder / WORST_CASES).is_file():
+        # The table is read by pandas, which takes long to import.
+        from evoros.storage.worst_cases import describe_worst_cases
+
+        lines += [f"worst case        {line}" for line in describe_worst_cases(folder)]
     return "\n".join(lines)
 
 

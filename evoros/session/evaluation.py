@@ -32,11 +32,10 @@ from evoros.session.work import PoolOpener, open_pool
 from evoros.session.worst_case_run import WorstCaseRun
 from evoros.storage.creation import create_folder, require_unused
 from evoros.storage.figure_context import describe_experiment
-from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, SETTING
+from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, OVERRIDES, SETTING
 from evoros.storage.manifest import manifest
 from evoros.storage.mission_table import begin_table
 from evoros.storage.seals import seal_json
-from evoros.storage.worst_cases import OVERRIDES
 
 COMMAND = "evoros-evaluate"
 FIGURE = "worst"  # of an evaluation that looked for worst cases

@@ -21,8 +21,13 @@ from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import NamedDesign
 from evoros.session.evaluation_record import EvaluationRecord
 from evoros.session.status import Display, Status
+from evoros.storage.layout import WORST_CASES
 from evoros.storage.tables import to_csv
-from evoros.storage.worst_cases import COLUMNS, WORST_CASES
+
+COLUMNS = (
+    *("source", "design", "number", "case", "failed", "stage", "world", "trials", "completed"),
+    *("rate", "low", "high", "confidence", "stops", "smallest", "all_sets"),
+)
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,9 @@ from pathlib import Path
 import pandas as pd
 
 from evoros.failure.case import CONFIRMED, MODEL, NOMINAL, SCREENED, Case
-from evoros.storage.layout import MANIFEST, read_json
+from evoros.storage.layout import MANIFEST, OVERRIDES, WORST_CASES, read_json
 from evoros.storage.reading import read_table
 
-WORST_CASES = "worst_cases.csv"
-COLUMNS = (
-    *("source", "design", "number", "case", "failed", "stage", "world", "trials", "completed"),
-    *("rate", "low", "high", "confidence", "stops", "smallest", "all_sets"),
-)
-OVERRIDES = "overrides"  # in the manifest: what was typed
 REPLACED = ("worst_cases", "filter@worst_cases", "failure", "filter@failure", "trials", "hydra")
 
 
