@@ -37,17 +37,17 @@ BUDGETS = {  # missions of the search: all but those of the validation
     "benchmark_dense": 900,
 }
 BASELINE = "random_search"
-SEARCHES = (
-    BASELINE,
-    "sobol",
-    "ga",
-    "cma_es",
-    "cat_cma",
-    "tpe",
-    "map_elites",
-    "cma_mae",
-    "nsga2",
-)
+SEARCHES = {
+    BASELINE: "random search",
+    "sobol": "Sobol'",
+    "ga": "GA",
+    "cma_es": "CMA-ES",
+    "cat_cma": "CatCMA",
+    "tpe": "TPE",
+    "map_elites": "MAP-Elites",
+    "cma_mae": "CMA-MAE",
+    "nsga2": "NSGA-II",
+}
 GIVEN = ("robot", "design", "world", "course", "failure", "controller", "simulator", "fitness")
 """What the task defines; all else is free."""
 SCORING = ["trials=100", "seed=2026", "executor=serial"]
@@ -185,7 +185,7 @@ def draw(table: pd.DataFrame) -> Figure:
             axes.axvline(rows.validated.iloc[0], color="0.6", lw=0.7, ls=":", zorder=0)
             axes.set_title(task)
             axes.spines[["top", "right"]].set_visible(False)
-        panels[0].set_yticks(range(len(names)), [name.replace("_", " ") for name in names[::-1]])
+        panels[0].set_yticks(range(len(names)), [SEARCHES[name] for name in names[::-1]])
         whole.supxlabel("fitness (Eq. 1), validated on 100 fresh trials", fontsize="medium")
     return whole
 
