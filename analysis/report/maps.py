@@ -167,25 +167,8 @@ def _make_map(
     reach = SHORT * robot_length(context)
     everything = pd.concat(designs)
     x_low, x_high, _, y = fit_window([context], everything, reach)
-    marks = []
-    for place, (_, row), record, sensors in zip(
-        np.round(places, 3).tolist(), table.iterrows(), records, designs, strict=True
-    ):
-        title = _name(row, record, len(study.records) > 1)
-        share = (row["fitness"] - low) / (high - low) if high > low else 1.0
-        marks.append(
-            Mark(
-                x=place[0],
-                y=place[1],
-                width=width,
-                height=width,
-                colour=_colour(share),
-                name=title,
-                label=", ".join([title, *(f"{a.label} {row[a.column]:.2f}" for a in axes)]),
-                playable=has_missions(record, int(row["id"])),
-                picture=_draw(sensors, reach) if drawn else Markup(),
-            )
-        )
+    pictures = [_draw(sensors, reach) if drawn else Markup() for sensors in designs]
+    marks = list(_list_marks(table, records, axes, places, width, pictures, len(study.records) > 1))
     ticks = [list(_list_ticks(interval)) for interval in bounds]
     return DesignMap(
         name=name,
@@ -203,6 +186,30 @@ def _make_map(
             for part in sorted(context.parts, key=lambda part: part.top_m)
         ),
     )
+
+
+def _list_marks(
+    table: pd.DataFrame,
+    records: Sequence[Record],
+    axes: tuple[Axis, Axis],
+    places: Array,
+    width: float,
+    pictures: Sequence[Markup],
+    several: bool,
+) -> Iterator[Mark]:
+    """Yield a mark for each row of the table, coloured by its share of the span of fitness.
+
+    With ``several`` runs in the study, the name of a mark has its run.
+    """
+    low, high = float(table.fitness.min()), float(table.fitness.max())
+    for (x, y), (_, row), record, picture in zip(
+        np.round(places, 3).tolist(), table.iterrows(), records, pictures, strict=True
+    ):
+        title = _name(row, record, several)
+        share = (row["fitness"] - low) / (high - low) if high > low else 1.0
+        label = ", ".join([title, *(f"{a.label} {row[a.column]:.2f}" for a in axes)])
+        playable = has_missions(record, int(row["id"]))
+        yield Mark(x, y, width, width, _colour(share), title, label, playable, picture)
 
 
 def _name_axes(axes: tuple[Axis, Axis], with_direction: bool) -> tuple[str, str]:
