@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from evoros.config.compose import compose
     from evoros.session.api import Evaluator, evaluate, resume, run
     from evoros.session.replay import replay
+    from evoros.session.status import NoDisplay
     from evoros.storage.reading import Run, load_run
 
 __version__ = "0.1.0"
@@ -25,6 +26,7 @@ __all__ = [
     "Evaluator",
     "EvorosError",
     "InputError",
+    "NoDisplay",
     "Run",
     "RunStopped",
     "compose",
@@ -42,6 +44,7 @@ _HOMES = {
     "Run": "storage.reading",
     "load_run": "storage.reading",
     "compose": "config.compose",
+    "NoDisplay": "session.status",
     "replay": "session.replay",
     "Evaluator": "session.api",
     "evaluate": "session.api",

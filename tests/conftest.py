@@ -13,6 +13,7 @@ from pybullet_cases import short_experiment
 
 import evoros
 from evoros.base.resources import bundled_folder
+from evoros.base.screen import Pipe
 from evoros.evolution.experiment import Experiment
 from evoros.formats.urdf import expansion
 from evoros.simulator.pybullet import close_engines
@@ -42,6 +43,14 @@ def expanded_once() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(expansion, "_run_child", expand_once)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_line_of_progress() -> Iterator[None]:
+    """Keep what tests read from standard error independent of how long their runs take."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Pipe, "first_s", 1e6)
         yield
 
 

@@ -20,6 +20,7 @@ from numba.core.caching import FunctionCache
 from numba.core.errors import NumbaError, NumbaExperimentalFeatureWarning
 from numba.extending import intrinsic, overload
 
+from evoros.base.activity import announce
 from evoros.base.compilable import take_waiting
 from evoros.base.compiled_draws import RNG
 from evoros.base.disk import sync
@@ -171,7 +172,7 @@ def compiling() -> Iterator[bool]:
     Also silences the warning that functions as arguments are an experimental feature of numba.
     """
     folder = _cache_folder()
-    with _COMPILING, warnings.catch_warnings():
+    with announce("compiling"), _COMPILING, warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
         before = numba.config.CACHE_DIR
         numba.config.CACHE_DIR = str(folder or before)

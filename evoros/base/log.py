@@ -18,6 +18,7 @@ _JOB: ContextVar[str] = ContextVar("job", default="")
 The folder's name would not do: two folders may have the same name in different places.
 """
 _LOCK = Lock()
+_PROGRESS = "is_progress"  # an attribute of records
 
 
 @contextmanager
@@ -81,10 +82,20 @@ class _JobFormatter(logging.Formatter):
         return f"{PurePath(_JOB.get()).name}: {message}" if _JOB.get() else message
 
 
+def log_progress(message: str, *values: object) -> None:
+    """Log how far a run has come; a pipe gets the line of progress instead."""
+    LOGGER.info(message, *values, extra={_PROGRESS: True})
+
+
 @contextmanager
 def log_to_terminal() -> Iterator[None]:
-    """Send messages to standard error; standard output is for results alone."""
-    with attach(format_for_terminal(logging.StreamHandler(sys.stderr))):
+    """Send messages to standard error; standard output is for results alone.
+
+    A terminal that shows a line of progress takes this over while it does.
+    """
+    handler = format_for_terminal(logging.StreamHandler(sys.stderr))
+    handler.addFilter(lambda record: sys.stderr.isatty() or not hasattr(record, _PROGRESS))
+    with attach(handler):
         LOGGER.propagate = False
         try:
             yield

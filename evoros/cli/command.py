@@ -3,7 +3,6 @@
 Exit statuses: 0 done; 1 stopped, resumable; 2 input that cannot be used; 130 interrupted.
 """
 
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -110,11 +109,11 @@ def _run_alone(
     signals: Signals,
 ) -> int:
     """Build and run the only job, report its result and return the exit status."""
-    from evoros.cli.progress import Progress
+    from evoros.session.progress import Progress
 
     result = JobResult(DONE)
     try:
-        with Progress(sys.stderr.isatty()) as display:
+        with Progress() as display:
             build().run(display)
     except (KeyboardInterrupt, Exception) as error:
         result = explain_end(config_dir, signals, folder, error)

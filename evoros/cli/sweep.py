@@ -12,15 +12,16 @@ from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING
 
+from evoros.base.activity import announce
 from evoros.base.console import DONE
 from evoros.base.errors import EvorosError
 from evoros.base.log import LOGGER, log_for_job
 from evoros.cli.reporting import JobResult
 
 if TYPE_CHECKING:
-    from evoros.cli.progress import SweepProgress
     from evoros.config.jobs import Job
     from evoros.executor.protocol import Executor, Pool
+    from evoros.session.progress import SweepProgress
     from evoros.session.work import Work
 
 MAX_THREADS = 1000
@@ -67,7 +68,8 @@ class SharedPool:
             if self._stopping:
                 raise KeyboardInterrupt
             if self._pool is None:
-                self._pool = self._stack.enter_context(executor.open())
+                with announce("starting workers"):
+                    self._pool = self._stack.enter_context(executor.open())
             return self._pool
 
     def close(self) -> None:
@@ -131,8 +133,7 @@ class Sweep:
     def skip(self, folder: Path, result: JobResult) -> None:
         """Count a job that does not run: it is complete, or it could not begin."""
         self.results.append((folder, result))
-        with self._display.job():  # ends at once
-            pass
+        self._display.skip()
 
     def finish(self) -> None:
         """Wait for all jobs.

@@ -1,7 +1,6 @@
 """Sweeps of a command: by evoros itself, or by the launchers and sweepers of Hydra."""
 
 import shlex
-import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -29,12 +28,12 @@ if TYPE_CHECKING:
 
 def run_sweep(command: "Command", jobs: "Jobs", config_dir: str | None, signals: Signals) -> int:
     """Run all jobs of a sweep in one pool, and return the worst exit status."""
-    from evoros.cli.progress import SweepProgress
+    from evoros.session.progress import SweepProgress
 
     build = partial(build_job, command, config_dir)
     explain = partial(explain_end, config_dir, signals)
     report = partial(report_result, command, True)
-    with log_everything(), SweepProgress(sys.stderr.isatty(), len(jobs)) as display:
+    with log_everything(), SweepProgress(len(jobs)) as display:
         sweep = Sweep(build, explain, report, display)
         begun = begin_all(command, jobs, sweep, signals)
     statuses = [] if signals.last is None else [signals.explain()[1]]
@@ -50,15 +49,17 @@ def run_by_plugins(
     from evoros.cli.launched import JobRunner
     from evoros.config.jobs import SWEEPER
     from evoros.config.launching import launch, search
+    from evoros.session.progress import RecordedProgress
     from evoros.storage.discovery import folders_below
 
     assert jobs.sweep is not None
+    count = None if SWEEPER in jobs.plugins else len(jobs)
     run = JobRunner(
         partial(build_job, command, config_dir), partial(explain_end, config_dir, Signals())
     )
     errors: dict[Path, EvorosError | None]
     try:
-        with log_everything():
+        with log_everything(), RecordedProgress(jobs.sweep, count):
             for plugin, name in jobs.plugins.items():
                 LOGGER.info("%s: hydra/%s=%s starts the jobs", jobs.sweep, plugin, name)
             if SWEEPER in jobs.plugins:

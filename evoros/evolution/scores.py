@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from evoros.base.activity import announce
 from evoros.base.combining import Combine
 from evoros.design.design import Design
 from evoros.evolution.contest import Contest
@@ -15,7 +16,7 @@ from evoros.evolution.opposition import Opposition
 from evoros.fitness.scoring import score_trials
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
-from evoros.mission.plan import CONFIRMATION, SELECTION, VALIDATION
+from evoros.mission.plan import ACTIVITIES, CONFIRMATION, SELECTION, VALIDATION
 from evoros.optimizer.protocol import Candidate, Individual, Score
 
 DROPPED = "dropped"
@@ -249,6 +250,7 @@ class Scores:
             return {}
         self.observer.begin(generation, len(needed), sum(map(journal.has, needed)))
         scenario = self.experiment.scenario_for(purpose)
-        self.dispatcher.run_missing(scenario, needed, journal, self.observer.mission)
+        with announce(ACTIVITIES[purpose]):
+            self.dispatcher.run_missing(scenario, needed, journal, self.observer.mission)
         found = ((mission.key, journal.find(mission)) for mission in needed)
         return {key: outcome for key, outcome in found if outcome is not None}

@@ -10,6 +10,13 @@ from evoros.mission.mission import Mission
 SELECTION, CONFIRMATION = "selection", "confirmation"
 VALIDATION, EVALUATION = "validation", "evaluation"
 FINAL = "final"
+ACTIVITIES = {
+    **dict.fromkeys((SELECTION, EVALUATION), ""),
+    CONFIRMATION: "confirming",
+    VALIDATION: "validating",
+    FINAL: "choosing the champion",
+}
+"""What the program is busy with while missions of a purpose run, in words; empty: the usual."""
 POLICIES = ("generation", "individual", "run")
 STOP, WORST = "stop", "worst"
 MOST_REPEATS = 1000

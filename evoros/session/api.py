@@ -18,7 +18,7 @@ Example: another optimizer drives the evaluation (any ask-tell library; here ``c
 """
 
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
@@ -38,8 +38,9 @@ from evoros.executor.protocol import Pool
 from evoros.fitness.scoring import compute_fitness, summarize_scores
 from evoros.mission.mission import Mission, MissionKey
 from evoros.mission.outcome import Outcome
+from evoros.session.progress import Progress
 from evoros.session.run import check_experiment, create_run, open_run
-from evoros.session.status import Display, NoDisplay
+from evoros.session.status import Display
 from evoros.storage.reading import Run, load_run
 from evoros.storage.tables import MISSIONS_HEADER, mission_row, name_agent_columns
 
@@ -50,11 +51,15 @@ ConfigurationLike: TypeAlias = Configuration | Sequence[str]
 def run(config: ConfigurationLike, folder: str | Path, display: Display | None = None) -> Run:
     """Evolve as the command ``evoros`` does, into a new or empty folder.
 
+    Without a display of your own, a line of progress is shown: on standard error, or below the
+    cell of a notebook. ``NoDisplay()`` shows nothing.
+
     Raises:
         InputError: something cannot be used; nothing was changed.
         RunStopped: a mission was lost; ``resume(folder)`` resumes the run.
     """
-    create_run(_compose(config), Path(folder)).run(display or NoDisplay())
+    with _show(display) as shown:
+        create_run(_compose(config), Path(folder)).run(shown)
     return load_run(folder)
 
 
@@ -66,30 +71,36 @@ def resume(
 ) -> Run:
     """Resume a run, as ``evoros resume=FOLDER`` does.
 
-    ``config_dir`` is the folder of your own parts, as with ``compose`` when the run was started.
+    ``config_dir`` is the folder of your own parts, as with ``compose`` when the run was started;
+    ``display`` is as that of ``run``.
 
     Raises:
         InputError: the folder has no run, or resuming does not accept an override.
         RunStopped: a mission was lost.
     """
-    open_run(Path(folder), overrides, config_dir).run(display or NoDisplay())
+    with _show(display) as shown:
+        open_run(Path(folder), overrides, config_dir).run(shown)
     return load_run(folder)
 
 
 def evaluate(
-    designs: Sequence[Design], config: ConfigurationLike, generation: int = 0
+    designs: Sequence[Design],
+    config: ConfigurationLike,
+    generation: int = 0,
+    display: Display | None = None,
 ) -> pd.DataFrame:
     """Score designs on draws that no run selects on, and return a table with a row for each.
 
     Columns: design (its position), fitness_mean and fitness_sd over the trials (NaN for one),
     trials, and for each world WORLD_completed (share of the trials) and WORLD_progress (mean).
-    For many calls keep an ``Evaluator`` open instead, which keeps its workers.
+    For many calls keep an ``Evaluator`` open instead, which keeps its workers. ``display`` is as
+    that of ``run``.
 
     Raises:
         InputError: the configuration or a design cannot be used.
         RunStopped: a mission was lost.
     """
-    with Evaluator(config) as evaluator:
+    with Evaluator(config, display) as evaluator:
         return evaluator.evaluate(designs, generation)
 
 
@@ -97,15 +108,17 @@ class Evaluator:
     """A context manager that scores designs in workers which it keeps until it is closed.
 
     The trials, worlds, failures and so on are those of the configuration, whose optimizer is not
-    used.
+    used. ``display`` is as that of ``run``; each call shows its missions.
 
     Raises:
         InputError: the configuration cannot be used.
     """
 
-    def __init__(self, config: ConfigurationLike) -> None:
-        self.experiment: Experiment = _compose(config).build()
-        check_experiment(self.experiment)
+    def __init__(self, config: ConfigurationLike, display: Display | None = None) -> None:
+        self._display = display
+        with _show(display):
+            self.experiment: Experiment = _compose(config).build()
+            check_experiment(self.experiment)
         self._stack = ExitStack()
         self._pool: Pool | None = None
 
@@ -168,10 +181,21 @@ class Evaluator:
         missions = [
             experiment.plan.evaluation(generation, i, design) for i, design in enumerate(designs)
         ]
-        batches = Dispatcher(self._pool, experiment.lost_missions).run(
-            experiment.scenario, list(chain.from_iterable(missions))
-        )
-        return missions, {mission.key: outcome for batch in batches for mission, outcome in batch}
+        needed = list(chain.from_iterable(missions))
+        batches = Dispatcher(self._pool, experiment.lost_missions).run(experiment.scenario, needed)
+        outcomes = {}
+        with _show(self._display) as display:
+            display.start(1)
+            display.begin(0, len(needed), 0)
+            for mission, outcome in chain.from_iterable(batches):
+                outcomes[mission.key] = outcome
+                display.mission(mission, outcome)
+        return missions, outcomes
+
+
+def _show(display: Display | None) -> AbstractContextManager[Display]:
+    """Return the display, or the line of progress if there is none."""
+    return Progress() if display is None else nullcontext(display)
 
 
 def _compose(config: ConfigurationLike) -> Configuration:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS
+from evoros.base.activity import announce
 from evoros.base.arrays import Array
 from evoros.base.checks import Rule
 from evoros.base.errors import InputError, single_line
@@ -60,7 +61,7 @@ def draw_figures(run: Path, names: Sequence[str], pool: Pool) -> None:
     missing = [name for name in names if not has_figure(run, name)]
     if missing:
         here = nullcontext(pool) if pool.shares_files else _start_processes(len(missing))
-        with here as drawing:
+        with announce("drawing figures"), here as drawing:
             _draw_missing(run, missing, drawing)
     present = [name for name in names if has_figure(run, name)]
     if present:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER, collect_messages
+from evoros.base.log import LOGGER, collect_messages, log_progress
 from evoros.config.configuration import Configuration
 from evoros.evolution.certificate import Certificate
 from evoros.evolution.drive_check import report_drive
@@ -110,7 +110,7 @@ class _RunObserver:
         """Write, log and show a generation."""
         self.last = generation
         self.status.write(RUNNING)
-        LOGGER.info(
+        log_progress(
             "generation %d/%d: %s", generation.number, self.generations - 1, generation.summary
         )
         self.display.generation(generation)

@@ -1,9 +1,10 @@
 """What the commands can run: a new or a resumed run or evaluation."""
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import Protocol, TypeAlias
 
+from evoros.base.activity import announce
 from evoros.executor.protocol import Executor, Pool
 from evoros.session.status import Display
 
@@ -11,9 +12,13 @@ PoolOpener: TypeAlias = Callable[[Executor], AbstractContextManager[Pool]]
 """Opens the pool in which the missions of an executor run; a sweep shares one among its jobs."""
 
 
-def open_pool(executor: Executor) -> AbstractContextManager[Pool]:
+@contextmanager
+def open_pool(executor: Executor) -> Iterator[Pool]:
     """Open a pool for one work alone."""
-    return executor.open()
+    with ExitStack() as stack:
+        with announce("starting workers"):  # of a cluster, that may take minutes
+            pool = stack.enter_context(executor.open())
+        yield pool
 
 
 class Work(Protocol):

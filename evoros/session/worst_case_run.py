@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
+from evoros.base.activity import announce
 from evoros.base.rng import generator
 from evoros.evolution.case_search import CaseSearch
 from evoros.evolution.case_trials import CaseTrials
@@ -56,7 +57,8 @@ class WorstCaseRun:
         rows: list[Sequence[object]] = [COLUMNS]
         for number, design in enumerate(self.designs):
             search = self._start(scenario, number, design)
-            stopping = search.run()
+            with announce("looking for worst cases"):
+                stopping = search.run()
             rows += self._describe_model(number, design)
             for trials in (search.nominal, *search.tried.values()):
                 rows += self._describe(design, search, trials, trials in stopping)

@@ -1,0 +1,36 @@
+"""What the program is busy with besides missions, for whoever shows it: compiling, drawing."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+_LISTENER: ContextVar[Callable[[str], object] | None] = ContextVar("listener", default=None)
+_ACTIVITY: ContextVar[str] = ContextVar("activity", default="")
+
+
+@contextmanager
+def listen(listener: Callable[[str], object]) -> Iterator[None]:
+    """Tell the listener of the activities that this thread announces."""
+    token = _LISTENER.set(listener)
+    try:
+        yield
+    finally:
+        _LISTENER.reset(token)
+
+
+@contextmanager
+def announce(activity: str) -> Iterator[None]:
+    """Say what this thread is busy with; afterwards, what it was busy with before."""
+    token = _ACTIVITY.set(activity)
+    _tell()
+    try:
+        yield
+    finally:
+        _ACTIVITY.reset(token)
+        _tell()
+
+
+def _tell() -> None:
+    listener = _LISTENER.get()
+    if listener is not None:
+        listener(_ACTIVITY.get())

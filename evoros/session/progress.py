@@ -1,0 +1,217 @@
+"""The line of progress: of a run, an evaluation, or all jobs of a sweep."""
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from evoros.base.activity import listen
+from evoros.base.screen import Pipe, Screen, fit, open_screen
+from evoros.evolution.journal import Generation
+from evoros.mission.mission import Mission
+from evoros.mission.outcome import Outcome
+from evoros.session.overview import survey
+from evoros.session.status import FINISHED, RUNNING
+from evoros.storage.discovery import folders_below
+
+
+class Progress:
+    """The display of one run or evaluation, a context manager.
+
+    It is ``shown`` where this program runs: on the terminal, below the cell of a notebook, or in
+    a pipe, as a line every ten seconds. Work that ends at once shows nothing.
+    """
+
+    def __init__(self, shown: bool = True) -> None:
+        self.since: float | None = None  # when missions began; what comes first is no measure
+        self.missions, self.simulated, self.ended = 0, 0.0, False  # of this session
+        self.activity = ""
+        self.best: float | None = None
+        self._mean: float | None = None
+        self._generations = self._generation = 0
+        self._wanted = self._known = self._done = 0
+        self._totals: list[int] = []  # missions run by the end of each generation that ran any
+        self._screen = open_screen(self.line) if shown else None
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        self._stack.enter_context(listen(self._note_activity))
+        if self._screen:
+            self._screen.start()
+            self._stack.callback(self._screen.stop)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.ended = True
+        self._stack.close()
+
+    def _note_activity(self, activity: str) -> None:
+        self.activity = activity
+
+    def start(self, generations: int) -> None:
+        """The run starts now, with so many generations."""
+        self._generations = generations
+
+    def begin(self, generation: int, missions: int, known: int) -> None:
+        """A generation needs missions, of which ``known`` are on disk already."""
+        if self.since is None:
+            self.since = time.monotonic()
+        self._generation, self._wanted, self._known, self._done = generation, missions, known, 0
+
+    def mission(self, mission: Mission, outcome: Outcome) -> None:
+        """A mission was run."""
+        self._done += 1
+        self.missions += 1
+        self.simulated += outcome.time_s
+
+    def generation(self, generation: Generation) -> None:
+        """A generation is over."""
+        self.best, self._mean = generation.best.fitness, generation.mean
+        if self.missions > sum(self._totals[-1:]):
+            self._totals.append(self.missions)
+
+    def line(self, width: int) -> str:
+        """The progress in one line of at most ``width`` characters."""
+        elapsed = _elapsed(self.since)
+        last = self._generations - 1
+        parts = [
+            (0, self.activity),
+            (1, f"generation {self._generation}/{last}" if last > 0 else ""),
+            (3, "" if self.best is None else f"best {self.best:.3f}"),
+            (5, "" if self._mean is None else f"mean {self._mean:.3f}"),
+            (2, f"missions {self._known + self._done}/{self._wanted}" if self._wanted else ""),
+            (6, _speed(self.simulated, elapsed) if self.missions else ""),
+            (4, f"{_clock(self._left() * elapsed / self.missions)} left" if self.missions else ""),
+        ]
+        return fit(parts, width) or "preparing"
+
+    @property
+    def share(self) -> float:
+        """The share of this session's missions that has been run, as far as can be foreseen."""
+        if self.ended:
+            return 1.0
+        return self.missions / (self.missions + self._left()) if self.missions else 0.0
+
+    def _left(self) -> float:
+        """Missions left if later generations need as many as those of this session did."""
+        current = self._wanted - self._known - self._done
+        later = self._totals[-1] / len(self._totals) if self._totals else self._wanted
+        return current + later * (self._generations - 1 - self._generation)
+
+
+class SweepProgress:
+    """The display of a sweep of ``jobs`` jobs: one line for all."""
+
+    def __init__(self, jobs: int, shown: bool = True) -> None:
+        self._jobs, self._begun, self._skipped = jobs, list[Progress](), 0
+        self._activity = ""  # of the thread that begins the jobs
+        self._screen = open_screen(self.line) if shown else None
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        self._stack.enter_context(listen(self._note_activity))
+        if self._screen:
+            self._screen.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._screen:
+            self._screen.stop()
+        self._stack.close()
+
+    def _note_activity(self, activity: str) -> None:
+        self._activity = activity
+
+    def job(self) -> Progress:
+        """The display of the next job."""
+        self._begun.append(Progress(shown=False))
+        return self._begun[-1]
+
+    def skip(self) -> None:
+        """A job does not run: it is complete, or it cannot begin."""
+        self._skipped += 1
+
+    @contextmanager
+    def pause(self) -> Iterator[None]:
+        """Remove the line while results are printed."""
+        if self._screen:
+            self._screen.stop()
+        try:
+            yield
+        finally:
+            if self._screen:
+                self._screen.start()
+
+    def line(self, width: int) -> str:
+        """The progress of the sweep in one line of at most ``width`` characters."""
+        begun = list(self._begun)
+        elapsed = _elapsed(min((job.since for job in begun if job.since is not None), default=None))
+        running = [job for job in begun if not job.ended]
+        share = sum(job.share for job in begun)
+        left = ((self._jobs - self._skipped) / share - 1) * elapsed if share else 0.0
+        best = max((job.best for job in begun if job.best is not None), default=None)
+        activities = dict.fromkeys([self._activity, *(job.activity for job in running)])
+        parts = [
+            (0, f"{len(begun) - len(running) + self._skipped} of {self._jobs} done"),
+            (4, f"{len(running)} running" if running else ""),
+            (2, ", ".join(filter(None, activities))),
+            (3, "" if best is None else f"best {best:.3f}"),
+            (5, f"missions {sum(job.missions for job in begun)}" if share else ""),
+            (6, _speed(sum(job.simulated for job in begun), elapsed) if share else ""),
+            (1, f"{_clock(left)} left" if share else ""),
+        ]
+        return fit(parts, width)
+
+
+class RecordedProgress:
+    """The display of jobs in other processes, which may be on other machines: what they record.
+
+    These write to this terminal as they like, so that lines are added below each other here.
+    """
+
+    def __init__(self, sweep: Path, jobs: int | None) -> None:
+        self._since, self._sweep, self._jobs = time.monotonic(), sweep, jobs
+        self._screen = Screen(self.line, Pipe())
+
+    def __enter__(self) -> Self:
+        self._screen.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._screen.stop()
+
+    def line(self, width: int) -> str:
+        """The progress of all jobs in one line of at most ``width`` characters."""
+        begun = [survey(folder) for folder in folders_below(self._sweep)]
+        states = [each.state for each in begun]
+        best = max((each.best for each in begun if each.best is not None), default=None)
+        of_all = "" if self._jobs is None else f" of {self._jobs}"
+        parts = [
+            (0, f"{states.count(FINISHED)}{of_all} done"),
+            (2, f"{states.count(RUNNING)} running"),
+            (1, "" if best is None else f"best {best:.3f}"),
+            (3, f"missions {sum(each.missions for each in begun)}"),
+            (4, f"after {_clock(time.monotonic() - self._since)}"),
+        ]
+        return fit(parts, width)
+
+
+def _elapsed(since: float | None) -> float:
+    return 0.0 if since is None else time.monotonic() - since
+
+
+def _speed(simulated: float, elapsed: float) -> str:
+    return f"{simulated / elapsed if elapsed > 0 else 0.0:.0f} simulated s/s"
+
+
+def _clock(seconds: float) -> str:
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{seconds:02d}"
