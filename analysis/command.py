@@ -12,7 +12,7 @@ from evoros.base.log import LOGGER, log_to_terminal
 from evoros.base.resources import expand_home
 from evoros.storage.discovery import MARKS
 
-from .drawing.style import save
+from .drawing.style import choose_style, save
 from .own_folder import write_folder
 from .product import Product, to_csv
 from .robot_choice import make_product
@@ -54,13 +54,14 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
             require_no_links(folders[0])  # the figures may not be written through one
         options.output = folders[0] / getattr(subcommand, "OUTPUT", "figures")
     study = study or load_study(folders)
-    product = make_product(subcommand, study, options)
-    try:
-        paths = _write_product(product, options)
-    except OSError as error:
-        raise InputError(
-            f"--output {options.output}: cannot be written ({error.strerror}); choose another"
-        ) from error
+    with choose_style(getattr(options, "style", None)):
+        product = make_product(subcommand, study, options)
+        try:
+            paths = _write_product(product, options)
+        except OSError as error:
+            raise InputError(
+                f"--output {options.output}: cannot be written ({error.strerror}); choose another"
+            ) from error
     for message in product.messages:
         print_result(message)
     return paths
@@ -72,7 +73,7 @@ def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:
         folder: Path = options.output / product.folder
         write_folder(folder, f"{NAME} {options.subcommand}", product.files)
         return [folder]
-    files = _render(options.subcommand, product, getattr(options, "format", ""))
+    files = _render(product, options)
     options.output.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
         (options.output / name).parent.mkdir(exist_ok=True)
@@ -90,12 +91,13 @@ def _write(path: Path, content: bytes) -> None:
         draft.unlink(missing_ok=True)
 
 
-def _render(name: str, product: Product, kind: str) -> dict[str, bytes]:
+def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:
     """Render all files before one is written, so that an error leaves no files."""
     files: dict[str, bytes] = {}
+    name, kind = options.subcommand, getattr(options, "format", "")
     if product.figure is not None:
         picture = io.BytesIO()
-        save(product.figure, picture, kind)
+        save(product.figure, picture, kind, letters=getattr(options, "panel_letters", ""))
         files[f"{name}.{kind}"] = picture.getvalue()
     if product.table is not None:
         files[f"{name}.csv"] = to_csv(product.table)

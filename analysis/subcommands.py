@@ -106,12 +106,25 @@ def _add_common_arguments(parser: argparse.ArgumentParser, output: str) -> None:
 def _add_formats(
     parser: argparse.ArgumentParser, kinds: Sequence[str], figure_kinds: Sequence[str]
 ) -> None:
-    """Add the choice of the format, unless the subcommand has none, and of a figure's width."""
+    """Add the choice of the format, unless the subcommand has none, and of a figure's look."""
+    from .drawing.finish import LETTERS
+
     if kinds:
         parser.add_argument("--format", choices=kinds, default=kinds[0], help=f"{kinds[0]}")
     if kinds and set(kinds) <= set(figure_kinds):
         parser.add_argument(
             "--columns", type=int, choices=(1, 2), help="the figure's width in columns of a page"
+        )
+        parser.add_argument(
+            "--style",
+            metavar="FILE",
+            help="a matplotlib style, such as a journal's: fonts, sizes, width of a column",
+        )
+        parser.add_argument(
+            "--panel-letters",
+            choices=LETTERS,
+            default="",
+            help="name the panels, and the first one so",
         )
 
 

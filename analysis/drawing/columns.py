@@ -8,7 +8,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from .style import COLUMN_IN
 
-SMALL_PT = 6.5
+SMALL = "small"
 LINE_IN, TABLE_IN, EDGE_IN = 0.13, 3.38, 0.06
 """Height of a line, width of a table, and its minimum distance from the edge."""
 Heads = Mapping[str, tuple[float, str]]
@@ -65,7 +65,7 @@ def write_table(
 
     def put(x: float, line: int, text: str, side: str = "left", weight: str = "normal") -> None:
         place = (left + TABLE_IN * x) / width, 1 - (line + 0.5) * LINE_IN / height
-        figure.text(*place, text, ha=side, va="center", fontsize=SMALL_PT, weight=weight)
+        figure.text(*place, text, ha=side, va="center", fontsize=SMALL, weight=weight)
 
     for head, (x, side) in heads.items():
         put(x, 0, head, side, "bold")

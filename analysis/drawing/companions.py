@@ -22,7 +22,7 @@ DASHES = ((0, (4, 1)), (0, (4, 1, 1, 1)), (0, (1.5, 1)))
 _WIDTH_PT = 1.3
 _HIT: dict[str, Any] = {"mfc": "black", "mec": "white", "mew": 0.6}
 _MEETING: dict[str, Any] = {"marker": "s", "mfc": "white", "mec": "black", "ms": 5}
-_NEAR_LABEL: dict[str, Any] = {"textcoords": "offset points", "fontsize": 7, "zorder": 6}
+_NEAR_LABEL: dict[str, Any] = {"textcoords": "offset points", "fontsize": "small", "zorder": 6}
 
 
 def draw_companions(

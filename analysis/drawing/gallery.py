@@ -46,5 +46,5 @@ def draw_designs(
         robot.draw_cones(axes, sensors, colours, reach)
         robot.draw_sensors(axes, sensors, colours, markers, size_pt=2.2)
         robot.frame_axes(axes, view)
-        axes.set_title(title, pad=2, fontsize=7)
+        axes.set_title(title, pad=2, fontsize="small")
         axes.axis("off")

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,7 +14,7 @@ from evoros.geometry.footprint import convex_hull
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.model import Robot
 
-from .style import BLUE, CATEGORIES, PAGE_IN, STYLE
+from .style import BLUE, CATEGORIES, PAGE_IN, use_style
 
 X, Y, Z = range(3)
 _BODY, _WHEEL, _CASTER, _EDGE = "0.88", "0.45", "0.65", "0.35"
@@ -27,7 +26,7 @@ def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
 
     ``places`` (n, 5) are poses of sensors, as ``Robot.sensor_poses`` gives them, by their region.
     """
-    with mpl.rc_context(STYLE):
+    with use_style():
         figure = Figure(figsize=(PAGE_IN, 0.5 * PAGE_IN), layout="constrained")
         length, width = np.ptp(robot.outline, axis=0)
         above, side = figure.subplots(1, 2, width_ratios=(width, length))

@@ -1,6 +1,6 @@
 """One mission on the map: its path by mode, collisions, failures, and its legend."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -12,8 +12,9 @@ from evoros.world.model import World
 
 from ..tables.tracks import NONE, TOUCHED
 from .drift import ESTIMATED, draw_estimate, has_estimate
+from .faults import draw_faults, make_fault_handles
 from .paths import draw_arrow, split_by_mode, write_numbers
-from .style import BLUE, GREEN, PURPLE, VERMILLION, YELLOW
+from .style import BLUE, GREEN, PURPLE, VERMILLION
 from .worlds import draw_course, draw_obstacles
 
 OBSTACLE = "0.8"
@@ -25,14 +26,21 @@ HOME = {**_POINT, "marker": "*", "color": "black", "ms": 6, "label": "home (arro
 WAYPOINT = {**_POINT, "marker": "o", "mfc": "none", "mec": "0.5", "ms": 7, "label": "waypoint"}
 COLLISION = {**_POINT, "marker": "X", "ms": 7, "mfc": "black", "mec": "white", "mew": 0.6}
 COLLISION["label"] = "collision"
-FAILURE = {**_POINT, "marker": "v", "ms": 5, "mfc": YELLOW, "mec": "black", "mew": 0.7}
-FAILURE["label"] = "sensor failed (number)"
 TOUCH = {**_POINT, "marker": "s", "ms": 9, "mfc": "none", "mec": PURPLE, "mew": 1.2}
 TOUCH["label"] = "bumper closed (number)"
 
 
-def draw_mission(axes: Axes, world: World, path: pd.DataFrame, modes: Sequence[str]) -> None:
-    """Draw a mission in its world; ``modes`` are in the order of the controller's layers."""
+def draw_mission(
+    axes: Axes,
+    world: World,
+    path: pd.DataFrame,
+    modes: Sequence[str],
+    effects: Mapping[str, str] | None = None,
+) -> None:
+    """Draw a mission in its world; ``modes`` are in the order of the controller's layers.
+
+    ``effects`` tell what faults do to readings, as ``FailureContext.effects``.
+    """
     draw_obstacles(axes, world).set(array=None, facecolor=OBSTACLE, zorder=1)
     draw_course(axes, world.course)
     axes.set_aspect("equal")
@@ -49,9 +57,7 @@ def draw_mission(axes: Axes, world: World, path: pd.DataFrame, modes: Sequence[s
     draw_arrow(axes, path)
     touched = path["contact"].diff().fillna(path["contact"]) > 0
     axes.plot(path["x_m"][touched], path["y_m"][touched], **COLLISION)
-    failed = path[path["failed_sensors"] != ""]
-    axes.plot(failed["x_m"], failed["y_m"], **FAILURE)
-    write_numbers(axes, failed, "failed_sensors", (3, 3))
+    draw_faults(axes, path, effects or {})
     if TOUCHED in path:
         closed = path[path[TOUCHED].fillna("") != ""]  # empty: another robot has bumpers
         axes.plot(closed["x_m"], closed["y_m"], **TOUCH)
@@ -64,7 +70,12 @@ def _styles(modes: Sequence[str]) -> dict[str, tuple[str, float]]:
     return dict(reversed([*styles.items(), (NONE, UNDECIDED)]))
 
 
-def make_handles(tracks: pd.DataFrame, modes: Sequence[str], touched: bool) -> list[Line2D]:
+def make_handles(
+    tracks: pd.DataFrame,
+    modes: Sequence[str],
+    touched: bool,
+    effects: Mapping[str, str] | None = None,
+) -> list[Line2D]:
     """Make the legend entries of what is drawn of the first robot, and of collisions."""
     driven = set(tracks["mode"])
     handles = [
@@ -77,8 +88,7 @@ def make_handles(tracks: pd.DataFrame, modes: Sequence[str], touched: bool) -> l
     handles += [Line2D([], [], **HOME), Line2D([], [], **WAYPOINT)]
     if touched:
         handles.append(Line2D([], [], **COLLISION))
-    if (tracks["failed_sensors"] != "").any():
-        handles.append(Line2D([], [], **FAILURE))
+    handles += make_fault_handles(tracks, effects or {})
     if TOUCHED in tracks and (tracks[TOUCHED].fillna("") != "").any():
         handles.append(Line2D([], [], **TOUCH))
     return handles

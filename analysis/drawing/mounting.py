@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Wedge
@@ -35,7 +34,7 @@ from .paper import (
     draw_scale_bar,
     make_page,
 )
-from .style import BLUE, PAGE_IN, STYLE, VERMILLION
+from .style import BLUE, PAGE_IN, VERMILLION, use_style
 
 _BODY, _WHEEL = "0.9", "0.72"
 _LEFT, _RIGHT = 16.0, 42.0  # margins beside the views [mm]
@@ -58,7 +57,7 @@ def draw_mounting(plan: MountingPlan) -> Figure:
     left = (width - _LEFT - _RIGHT - sizes[X]) / 2 + _LEFT - low[X] / scale
     side = View(X, Z, scale, (left, footer + _BELOW - low[Z] / scale))
     above = View(X, Y, scale, (left, footer + _BELOW + sizes[Z] + _BETWEEN - low[Y] / scale))
-    with mpl.rc_context(STYLE):
+    with use_style():
         figure, axes = make_page(width, height)
         axes.text(4.0, height - 5.0, plan.title, fontsize=TITLE_PT, weight="bold", va="center")
         axes.text(4.0, height - 9.5, plan.source, fontsize=TEXT_PT, color=GREY, va="center")

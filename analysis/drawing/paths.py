@@ -39,7 +39,7 @@ def write_numbers(
     axes: Axes, rows: pd.DataFrame, column: str, offset_pt: tuple[float, float]
 ) -> None:
     """Write the numbers of sensors in a column beside the places of the rows."""
-    style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 7, "zorder": 6}
+    style: dict[str, Any] = {"textcoords": "offset points", "fontsize": "small", "zorder": 6}
     for place, text in _group_labels(rows, column):
         axes.annotate(text, place, xytext=offset_pt, **style)
 

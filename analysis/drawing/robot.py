@@ -36,7 +36,7 @@ def frame_axes(axes: Axes, view: Window) -> None:
     """Give axes the window with equal scales: x forward points up, y left to the left."""
     x_low, x_high, y_low, y_high = view
     axes.set(xlim=(y_high, y_low), ylim=(x_low, x_high), aspect="equal")
-    axes.tick_params(length=2, pad=2, labelsize=7)
+    axes.tick_params(length=2, pad=2, labelsize="small")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4))
         axis.set_major_formatter("{x:g}")

@@ -1,6 +1,8 @@
 """What all figures share: widths, fonts, colours, and reproducible files."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import IO, Any
 
@@ -8,12 +10,19 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from evoros.base.errors import InputError, single_line
+from evoros.base.resources import expand_home
+
+from .finish import finish_figure
+
 COLUMN_IN = 3.5  # width of one column of a two-column page
 PAGE_IN = 7.0  # width of both columns
+FONT_PT = 8.0
 STYLE: dict[Any, Any] = {
-    "font.size": 8,
-    "axes.titlesize": 8,
-    "legend.fontsize": 7,
+    "font.size": FONT_PT,  # all other sizes are relative to it
+    "axes.titlesize": "medium",
+    "legend.fontsize": "small",
+    "legend.title_fontsize": "small",
     "text.parse_math": False,  # names of folders may contain a $
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -21,6 +30,9 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "evoros",  # otherwise the ids in an SVG are random
 }
 KINDS = ("pdf", "svg", "png")
+_OURS = ("savefig.", "backend", "figure.autolayout", "figure.constrained_layout", "text.")
+"""Parameters that a style file does not change: formats, layout, and how text is read."""
+_chosen: ContextVar[Mapping[Any, Any] | None] = ContextVar("chosen", default=None)
 _DATES = {"svg": "Date", "pdf": "CreationDate"}
 
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
@@ -38,9 +50,66 @@ CATEGORIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
 """The order in which colours are assigned; the first also differ in grey."""
 
 
+@contextmanager
+def choose_style(name: str | None) -> Iterator[None]:
+    """Draw and save with a matplotlib style meanwhile: a file, or one that matplotlib has.
+
+    ``font.size`` is the size that all others follow, and the width of ``figure.figsize`` is that of
+    one column.
+
+    Raises:
+        InputError: there is no such style, or the file cannot be read.
+    """
+    own = {} if name is None else _read_style(name)
+    token = _chosen.set({key: own[key] for key in own if not str(key).startswith(_OURS)})
+    try:
+        yield
+    finally:
+        _chosen.reset(token)
+
+
+def _read_style(name: str) -> Mapping[Any, Any]:
+    from matplotlib import style
+
+    path = expand_home(Path(name))
+    if name in style.library and not path.exists():
+        return dict(style.library[name])
+    try:
+        path.read_text()  # matplotlib would also look on the internet
+        return dict(mpl.rc_params_from_file(path, fail_on_error=True, use_default_template=False))
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(
+            f"--style: must be a matplotlib style file, or the name of one of its styles, not "
+            f"{name} ({single_line(error)}); correct it"
+        ) from error
+
+
+@contextmanager
+def use_style(more: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """Give all that is made meanwhile the style of figures, and then the chosen one."""
+    parameters: dict[Any, Any] = {**STYLE, **(_chosen.get() or {}), **(more or {})}
+    with mpl.rc_context(parameters):
+        yield
+
+
+def scale_type(length: float) -> float:
+    """Scale a length [in or pt] that holds text of ``FONT_PT`` to the size of the style."""
+    return length * float(_find("font.size", FONT_PT)) / FONT_PT
+
+
+def _find(key: str, default: Any) -> Any:
+    return (_chosen.get() or {}).get(key, default)
+
+
 def figure_width(columns: int | None, default: int = 1) -> float:
     """Return the width [in] of a figure over one or two columns of a page."""
-    return COLUMN_IN if (columns or default) == 1 else PAGE_IN
+    width = float(_find("figure.figsize", (COLUMN_IN, 0.0))[0])
+    return width if (columns or default) == 1 else width * PAGE_IN / COLUMN_IN
+
+
+def is_wide(width: float) -> bool:
+    """Whether a figure of a width [in] is rather as wide as a page than as a column."""
+    return width > (COLUMN_IN + PAGE_IN) / 2
 
 
 def assign_colours(treatments: Sequence[str]) -> dict[str, str]:
@@ -55,14 +124,20 @@ def letter(number: int) -> str:
 
 
 def save(
-    figure: Figure, file: Path | str | IO[bytes], kind: str = "svg", as_text: bool = False
+    figure: Figure,
+    file: Path | str | IO[bytes],
+    kind: str = "svg",
+    as_text: bool = False,
+    letters: str = "",
 ) -> None:
     """Write a figure as ``svg``, ``pdf`` or ``png``; equal figures give equal bytes.
 
-    The letters of an SVG are outlines or, with ``as_text``, text in the viewer's fonts.
+    The letters of an SVG are outlines or, with ``as_text``, text in the viewer's fonts. Panels are
+    numbered by ``letters``, as ``finish_figure`` describes.
     """
     metadata = {_DATES[kind]: None} if kind in _DATES else {}
-    with mpl.rc_context({**STYLE, "svg.fonttype": "none" if as_text else "path"}):
+    with use_style({"svg.fonttype": "none" if as_text else "path"}):
+        finish_figure(figure, letters)
         _fix_layout(figure)
         figure.savefig(file, format=kind, metadata=metadata, dpi=300)
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
@@ -17,7 +16,7 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 from ..measures.cones import dilate
-from .style import COLUMN_IN, STYLE, VERMILLION
+from .style import COLUMN_IN, VERMILLION, use_style
 
 HEIGHTS_M = Normalize(0.0, 1.0)
 OVERHEAD_M = 1.0
@@ -33,7 +32,7 @@ def draw_worlds(
 
     ``tracks`` (n, 2) [m], by the name of their world, are drawn as lines. ``width`` is in inches.
     """
-    with mpl.rc_context(STYLE):
+    with use_style():
         figure = Figure(figsize=(width, 1.1 * width / len(worlds)), layout="constrained")
         panels = figure.subplots(1, len(worlds), squeeze=False, sharex=True, sharey=True)[0]
         for axes, (name, world) in zip(panels, worlds.items(), strict=True):
@@ -41,7 +40,7 @@ def draw_worlds(
             for track in (tracks or {}).get(name, ()):
                 axes.plot(*track.T, color=VERMILLION, lw=0.7, alpha=0.8)
             draw_course(axes, world.course)
-            axes.set_title(name, fontsize=8)
+            axes.set_title(name)
             axes.set_xlabel("x [m]")
             axes.set_aspect("equal")
         panels[0].set_ylabel("y [m]")

@@ -3,7 +3,6 @@
 import argparse
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -14,11 +13,12 @@ from evoros.base.arrays import Array
 from ..drawing.cells import LEAST_IN, draw_in_cells
 from ..drawing.gallery import choose_apart, draw_designs
 from ..drawing.sheet import Sheet
-from ..drawing.style import PAGE_IN, STYLE, assign_colours
+from ..drawing.style import PAGE_IN, assign_colours, use_style
 from ..product import Product
 from ..tables.candidates import place_candidates
 from ..tables.elites import Archive, Grid, read_archive
 from ..tables.measured import add_choice
+from ..tables.quantities import label_fitness
 from ..tables.study import Study
 
 FIRST_ROBOT = True
@@ -49,7 +49,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def draw_archive(study: Study, archive: Archive) -> Figure:
     """Draw the map, some of its designs beside it, and coverage and QD score below."""
     elites = archive.elites
-    with mpl.rc_context(STYLE):
+    with use_style():
         sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN], bottom=0.0)
         figure = sheet.make_figure()
         chosen = choose_apart(elites[["cell_x", "cell_y"]].to_numpy(float), DESIGNS)
@@ -95,7 +95,7 @@ def _draw_map(
     corner = np.array([-0.32, 0.32]) if into else np.zeros(2)
     for number, row in enumerate(chosen, start=1):
         mark_number(axes, centres[row] + corner * side, number, size=4 if into else 6)
-    figure.colorbar(image, cax=bar).set_label("fitness")
+    figure.colorbar(image, cax=bar).set_label(label_fitness(study.records))
 
 
 def _find_centres(elites: pd.DataFrame, grid: Grid) -> Array:
@@ -145,4 +145,4 @@ def _draw_growth(axes: Axes, growth: pd.DataFrame, column: str, label: str) -> N
     axes.set_ylim(bottom=0)
     axes.set_xlim(left=0)
     if len(runs) > 1 and column == "coverage":
-        axes.legend(frameon=False, loc="lower right", fontsize=6)
+        axes.legend(frameon=False, loc="lower right", fontsize="small")

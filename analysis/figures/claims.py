@@ -9,13 +9,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..drawing.style import BLUE, PAGE_IN, STYLE, VERMILLION, figure_width
+from ..drawing.style import BLUE, PAGE_IN, VERMILLION, figure_width, use_style
 from ..measures import claims_designs, claims_runs
 from ..measures.coverage import DESIGN, HEADINGS_DEG
 from ..measures.design_features import describe_designs
@@ -149,7 +148,7 @@ def draw_claims(table: pd.DataFrame, width: float = PAGE_IN) -> Figure:
     lines = sum(len(head) + max(map(len, cells)) for head, cells, _ in rows)
     heads = sum(bool(head) for head, _, _ in rows)
     height = (lines + 1) * LINE_IN + (len(rows) + heads + 2) * GAP_IN + 0.06
-    with mpl.rc_context({**STYLE, "font.size": SIZE}):
+    with use_style({"font.size": SIZE}):
         figure = Figure(figsize=(width, height))
         axes = figure.add_axes((0, 0, 1, 1))
         axes.set_axis_off()

@@ -5,7 +5,6 @@ import textwrap
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -14,8 +13,8 @@ from matplotlib.ticker import MaxNLocator
 
 from evoros.base.arrays import Array
 
-from ..drawing.columns import SMALL_PT, Layout, table_height, write_table
-from ..drawing.style import COLUMN_IN, STYLE, assign_colours, figure_width, letter
+from ..drawing.columns import SMALL, Layout, table_height, write_table
+from ..drawing.style import COLUMN_IN, assign_colours, figure_width, letter, use_style
 from ..measures.comparison import MEASURES, compare_treatments
 from ..measures.statistics import LEVEL, median_interval, minimum_replicates
 from ..product import Product, to_csv
@@ -141,11 +140,11 @@ def draw_comparison(runs: pd.DataFrame, table: pd.DataFrame, width: float = COLU
     row_in = max(ROW_IN, *(0.11 * (label.count("\n") + 1.5) for label in labels))
     heights = (table_height(len(rows), few) for rows in written.values())
     layout = Layout(len(measures), width, row_in * len(names) + 0.45, max(heights, default=0.0))
-    with mpl.rc_context(STYLE):
+    with use_style():
         figure, parts = layout.make_figure()
         for (top, bottom), measure in zip(parts, measures, strict=True):
             axes = top.subplots()
-            axes.set_yticks(range(len(labels)), labels, fontsize=SMALL_PT)
+            axes.set_yticks(range(len(labels)), labels, fontsize=SMALL)
             _draw_panel(axes, runs, measure, names)
             if measure in written:
                 rows = _table_rows(written[measure], _shorten(names))
@@ -206,7 +205,7 @@ def _write_median(axes: Axes, y: float, values: Array) -> None:
     bounds = f" [{median.low:.2f}, {median.high:.2f}]" if median.low <= median.high else ""
     text = f"{median.value:.2f}{bounds}, n = {values.size}"
     transform = axes.get_yaxis_transform()
-    axes.text(1.02, y, text, transform=transform, va="center", fontsize=SMALL_PT)
+    axes.text(1.02, y, text, transform=transform, va="center", fontsize=SMALL)
 
 
 def _table_rows(tests: pd.DataFrame, letters: Mapping[str, str]) -> list[tuple[str, ...]]:

@@ -5,7 +5,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -18,7 +17,7 @@ from evoros.storage.figure_context import FigureContext, Ring
 
 from ..drawing.robot import AXES, aspect_ratio, draw_robot, frame_axes
 from ..drawing.sheet import Sheet
-from ..drawing.style import COLUMN_IN, STYLE, VERMILLION, figure_width
+from ..drawing.style import COLUMN_IN, VERMILLION, figure_width, use_style
 from ..measures.cones import Window
 from ..product import Product
 from ..tables.designs import read_champion_sensors
@@ -107,7 +106,7 @@ def draw_failure(
     view = _fit_window(table, rings[-1].radius_m, Sheet(width, columns, [], []).panel)
     bottom = 0.8 if width > COLUMN_IN else 1.1
     page = Sheet(width, columns, [aspect_ratio(view)] * rows, [0.4] * rows, bottom=bottom)
-    with mpl.rc_context(STYLE):
+    with use_style():
         figure = page.make_figure()
         for i, centre in enumerate(hits):
             axes = page.add_panel(figure, *divmod(i, columns))
@@ -116,7 +115,7 @@ def draw_failure(
             _draw_rings(axes, hit, rings)
             _draw_sensors(axes, hit, 2 * view[3] / page.panel)
             twins = table[table.pair == hit.pair.iloc[0]].centre.unique()
-            axes.set_title(_title(hit, twins), fontsize=7, loc="left", pad=3)
+            axes.set_title(_title(hit, twins), fontsize="small", loc="left", pad=3)
             frame_axes(axes, view)
             last = i + columns >= len(hits)
             axes.set(ylabel="" if i % columns else AXES[1], xlabel=AXES[0] if last else "")
@@ -174,7 +173,7 @@ def _draw_sensors(axes: Axes, hit: pd.DataFrame, scale: float) -> None:
                 side * aside,
                 level,
                 f" {sensor:.0f}: {chance:.2f} ",
-                fontsize=6.5,
+                fontsize="small",
                 ha="right" if side > 0 else "left",
                 va="center",
                 weight="bold" if chance > 0 else "normal",

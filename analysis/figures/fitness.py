@@ -2,22 +2,25 @@
 
 import argparse
 import math
-from textwrap import fill
+from collections.abc import Mapping
 
-import matplotlib as mpl
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..drawing.style import COLUMN_IN, STYLE, VERMILLION, figure_width
+from ..drawing.style import COLUMN_IN, VERMILLION, figure_width, use_style
+from ..drawing.words import wrap
 from ..measures.statistics import Interval
 from ..product import Product
 from ..tables.generations import compute_quartiles, list_individuals, trace_fitness
+from ..tables.quantities import FITNESS, label_by_treatment
 from ..tables.study import Study
 
 HELP = "fitness over the generations: every individual of one run, quartiles of several"
 LABELS = {"recorded": "best, recorded", "validated": "best, validated", "mean": "mean of pool"}
+ONE = "dots: designs of the generation's pool"
+SEVERAL = "lines: medians over the runs; bands: quartiles"
 STYLES = {  # colour and dashes; recorded and validated differ in both, for print without colour
     "recorded": ("black", "-"),
     "validated": (VERMILLION, (0, (4, 1))),
@@ -35,7 +38,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     width = figure_width(options.columns, 1 if panels == 1 else 2)
     table = compute_quartiles(generations) if several else list_individuals(generations)
     interval = None if several else _read_interval(study)
-    return Product(table, draw_fitness(generations, width, interval))
+    labels = label_by_treatment(study.records)
+    return Product(table, draw_fitness(generations, width, interval, labels))
 
 
 def _read_interval(study: Study) -> Interval | None:
@@ -47,23 +51,30 @@ def _read_interval(study: Study) -> Interval | None:
 
 
 def draw_fitness(
-    generations: pd.DataFrame, width: float = COLUMN_IN, champion: Interval | None = None
+    generations: pd.DataFrame,
+    width: float = COLUMN_IN,
+    champion: Interval | None = None,
+    labels: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw each individual, the best and the mean of one run, or the quartiles of several.
 
     ``generations`` has the columns of a run's generation tables and, for several runs, ``run`` and
     ``treatment``; each treatment has a panel. ``width`` is in inches. An individual is drawn in
     each generation to which it belongs. ``champion`` is the interval of the champion's fitness of
-    one run, drawn beside the last generation.
+    one run, drawn beside the last generation. ``labels`` say what the fitness of each treatment is
+    called; treatments with fitnesses of different names have scales of their own.
     """
+    names = labels or {}
     several = "run" in generations and generations["run"].nunique() > 1
-    with mpl.rc_context(STYLE):
+    with use_style():
         if several:
-            return _draw_several(compute_quartiles(generations), width)
-        return _draw_one(generations, width, champion)
+            return _draw_several(compute_quartiles(generations), width, names)
+        return _draw_one(generations, width, champion, next(iter(names.values()), FITNESS))
 
 
-def _draw_one(generations: pd.DataFrame, width: float, champion: Interval | None) -> Figure:
+def _draw_one(
+    generations: pd.DataFrame, width: float, champion: Interval | None, label: str
+) -> Figure:
     figure = Figure(figsize=(width, min(0.72 * width, 3.2)), layout="constrained")
     axes, traced = figure.subplots(), trace_fitness(generations)
     axes.scatter(
@@ -75,41 +86,43 @@ def _draw_one(generations: pd.DataFrame, width: float, champion: Interval | None
         alpha=0.6,
         linewidths=0,
     )
-    for name, label in LABELS.items():
+    for name, meaning in LABELS.items():
         if traced[name].notna().any():
             colour, dashes = STYLES[name]
-            axes.plot(traced[name], color=colour, lw=1.2, ls=dashes, label=label)
+            axes.plot(traced[name], color=colour, lw=1.2, ls=dashes, label=meaning)
     if champion is not None:
         beside = generations["generation"].max() + 0.02 * max(25, generations["generation"].max())
         axes.vlines(beside, champion.low, champion.high, color=VERMILLION, lw=1.6)
         axes.plot(beside, champion.value, "o", c=VERMILLION, ms=3.5, label="champion, interval")
-    axes.set(xlabel="generation", ylabel="fitness (Eq. 1)")
-    _finish(figure, [axes])
+    axes.set(xlabel="generation", ylabel=wrap(label, _LETTERS_PER_IN * figure.get_figheight()))
+    _finish(figure, [axes], ONE)
     return figure
 
 
-def _draw_several(table: pd.DataFrame, width: float) -> Figure:
+def _draw_several(table: pd.DataFrame, width: float, labels: Mapping[str, str]) -> Figure:
     """Draw a panel for each treatment, on common axes."""
     treatments = list(dict.fromkeys(table["treatment"]))
     rows = math.ceil(len(treatments) / max(1, int(width / _PANEL_IN)))
     columns = math.ceil(len(treatments) / rows)
     height = min(0.72 * width / columns, 1.7) * rows + 0.4
     figure = Figure(figsize=(width, height), layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    common = len(set(labels.values())) <= 1
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=common)
     panels = list(grid.flat)
     for axes, treatment in zip(panels, treatments, strict=False):
         quartiles = table[table["treatment"] == treatment]
         _draw_quartiles(axes, quartiles)
         title = f"{treatment} (n = {quartiles['replicates'].max()})"
-        axes.set_title(fill(title, int(_LETTERS_PER_IN * width / columns)))
+        axes.set_title(wrap(title, _LETTERS_PER_IN * width / columns))
         axes.tick_params(labelbottom=True)
+        if axes in grid[:, 0] or not common:
+            label = labels.get(str(treatment), FITNESS)
+            axes.set_ylabel(wrap(label, _LETTERS_PER_IN * height / rows))
     for axes in panels[len(treatments) :]:
         axes.remove()
-    for row in grid:
-        row[0].set_ylabel("fitness (Eq. 1)")
     for axes in panels[max(0, len(treatments) - columns) : len(treatments)]:
         axes.set_xlabel("generation")
-    _finish(figure, panels[: len(treatments)])
+    _finish(figure, panels[: len(treatments)], SEVERAL)
     return figure
 
 
@@ -126,11 +139,10 @@ def _draw_quartiles(axes: Axes, table: pd.DataFrame) -> None:
             axes.fill_between(generation, low, high, color=colour, alpha=0.2, lw=0)
 
 
-def _finish(figure: Figure, panels: list[Axes]) -> None:
+def _finish(figure: Figure, panels: list[Axes], meaning: str) -> None:
     """Set whole numbers as ticks of the generations, and add the legend."""
     for axes in panels:
         axes.xaxis.set_major_locator(MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10]))
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside lower center", ncols=3, frameon=False, handlelength=2.0
-    )
+    style = {"ncols": 2 if len(handles) == 4 else 3, "frameon": False, "handlelength": 2.0}
+    figure.legend(handles, labels, title=meaning, loc="outside lower center", **style)

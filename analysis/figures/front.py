@@ -2,7 +2,6 @@
 
 import argparse
 
-import matplotlib as mpl
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,7 +10,7 @@ from evoros.base.arrays import Array
 
 from ..drawing.gallery import choose_apart
 from ..drawing.sheet import Sheet
-from ..drawing.style import BLUE, PAGE_IN, STYLE, VERMILLION
+from ..drawing.style import BLUE, PAGE_IN, VERMILLION, use_style
 from ..product import Product
 from ..tables.elites import Front, read_front
 from ..tables.measured import Axis, add_choice
@@ -41,7 +40,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 def draw_front(study: Study, found: Front) -> Figure:
     """Draw all candidates, their front, and some of its designs beside it."""
     x, y, candidates, front = found
-    with mpl.rc_context(STYLE):
+    with use_style():
         sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN], bottom=0.0)
         figure = sheet.make_figure()
         axes = sheet.add_box(figure, (0.55, 0.42), (PLOT_IN, HEIGHT_IN - 0.6))

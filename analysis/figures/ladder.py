@@ -3,7 +3,6 @@
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -12,13 +11,13 @@ from matplotlib.figure import Figure
 from evoros.base.arrays import Array
 
 from ..drawing.columns import Layout, table_height, write_table
-from ..drawing.style import CATEGORIES, COLUMN_IN, STYLE
+from ..drawing.style import CATEGORIES, COLUMN_IN, use_style
 
 HEADS = {
     "to the rung": (0.0, "left"),
     "n": (0.42, "right"),
     "rank correlation": (0.47, "left"),
-    "mean loss": (0.76, "left"),
+    "mean change": (0.76, "left"),
 }
 NAMED = 8
 """Designs that have colours and names; of more, all are grey."""
@@ -33,20 +32,21 @@ def draw_ladder(
     describe: Callable[[Row], tuple[str, ...]],
     note: str,
     width: float = COLUMN_IN,
+    label: str = "fitness",
 ) -> Figure:
     """Draw a line for each design over the rungs, and the mean of all in black.
 
     ``table`` is that of ``climb``, ``summary`` a row for each step. ``describe`` gives the texts of
-    the table below from such a row: mark, n, rank correlation and loss; ``note`` is its last line.
-    Bars are standard errors over the trials.
+    the table below from such a row: mark, n, rank correlation and change; ``note`` is its last
+    line. ``label`` is what the fitness is called. Bars are standard errors over the trials.
     """
     layout = Layout(1, width, 0.85 * COLUMN_IN, table_height(len(summary), bool(note)))
     rungs = [str(summary["x"].iloc[0]), *summary["y"].astype(str)]
-    with mpl.rc_context(STYLE):
+    with use_style():
         figure, ((top, bottom),) = layout.make_figure()
         axes = top.subplots()
         _draw_lines(axes, table)
-        axes.set(xticks=range(len(rungs)), xlim=(-0.35, len(rungs) - 0.65), ylabel="fitness")
+        axes.set(xticks=range(len(rungs)), xlim=(-0.35, len(rungs) - 0.65), ylabel=label)
         axes.set_xticklabels([rung.replace(", ", "\n") for rung in rungs])
         if table.groupby(["source", "design"]).ngroups <= NAMED:
             top.legend(

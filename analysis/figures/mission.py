@@ -5,7 +5,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
-import matplotlib as mpl
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
@@ -20,7 +19,7 @@ from ..drawing.companions import draw_companions, make_companion_handles
 from ..drawing.drift import draw_errors, has_estimate
 from ..drawing.mission_map import draw_mission, make_handles
 from ..drawing.readings import draw_readings, measure_height
-from ..drawing.style import PAGE_IN, STYLE, figure_width
+from ..drawing.style import PAGE_IN, figure_width, use_style
 from ..product import Product
 from ..tables.certified import describe_rates
 from ..tables.records import Record
@@ -87,11 +86,12 @@ def draw_missions(
     """
     rates = rates or {}
     robots, everyone = robots or {}, tracks
+    effects = robots[""].failure.effects if "" in robots else {}
     tracks = everyone[name_robots(everyone) == ""]
     paths = {name: select_track(tracks, name) for name in worlds}
     columns = min(len(worlds), max(1, int(width / _PANEL_IN)))
     rows = math.ceil(len(worlds) / columns)
-    with mpl.rc_context(STYLE):
+    with use_style():
         figure = Figure(layout="constrained")
         below: list[tuple[Callable[[SubFigure], None], float]] = []
         if has_estimate(tracks):
@@ -104,7 +104,7 @@ def draw_missions(
         grid = upper.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
         panels, free = list(grid.flat)[: len(worlds)], list(grid.flat)[len(worlds) :]
         for axes, (name, world) in zip(panels, worlds.items(), strict=True):
-            draw_mission(axes, world, paths[name], modes)
+            draw_mission(axes, world, paths[name], modes, effects)
             others = {agent: select_track(everyone, name, agent) for agent in robots if agent}
             draw_companions(axes, paths[name], others, robots)
             _label_panel(axes, name, paths[name], others, rates.get(name))
@@ -123,7 +123,8 @@ def draw_missions(
                 height += tall
         figure.set_size_inches(width, height)
         touched = bool((everyone["contact"] > 0).any())
-        handles = [*make_handles(tracks, modes, touched), *make_companion_handles([*robots][1:])]
+        handles = make_handles(tracks, modes, touched, effects)
+        handles += make_companion_handles([*robots][1:])
         _add_legend(upper, free, handles)
     return figure
 

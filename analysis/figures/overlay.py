@@ -29,7 +29,7 @@ from evoros.storage.figure_context import FigureContext
 from ..drawing import robot
 from ..drawing.sheet import Sheet
 from ..drawing.signals import draw_signals, make_signal_handles
-from ..drawing.style import COLUMN_IN, STYLE, figure_width
+from ..drawing.style import COLUMN_IN, figure_width, use_style
 from ..measures.cones import Window, fit_window, robot_length
 from ..measures.raster import cell_centres, count_coverage, rasterize
 from ..product import Product, to_csv
@@ -116,7 +116,7 @@ def draw_overlay(
     several = int(numbers.max()) > 1
     shades = _shades(int(max([int(numbers.max()), *cover.iloc[:, -1]])))
     markers = robot.assign_markers(placed)
-    with mpl.rc_context(STYLE):
+    with use_style():
         handles = [*robot.make_type_handles(markers), *make_signal_handles(others)]
         lines = 0 if several else len(_describe_fitness(sensors).splitlines())
         page, side_by_side = _lay_out(len(contexts), views, width, bool(handles), lines)
@@ -137,7 +137,7 @@ def draw_overlay(
                     draw_signals(axes, mounted, contexts[treatment], alpha)
             fitness = "" if several else _describe_fitness(sensors, treatment)
             title = _title(treatment, int(numbers[treatment]), cut, len(views), view, fitness)
-            axes.set_title(title, loc="left", fontsize=7)
+            axes.set_title(title, loc="left", fontsize="small")
             robot.frame_axes(axes, views[view])
         _add_legends(figure, page, shades, cover.columns[-1], handles)
     return figure
@@ -220,7 +220,7 @@ def _add_legends(
     bar = figure.colorbar(ScalarMappable(shades[1], shades[0]), cax=box)
     bar.set_label(f"{unit}{chr(10) if height < 2 else chr(32)}{BAR_LABEL}")
     bar.ax.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-    bar.ax.tick_params(labelsize=7, length=2)
+    bar.ax.tick_params(labelsize="small", length=2)
     bar.ax.minorticks_off()
     if handles:
         columns = 3 if page.width < 2 * COLUMN_IN else 6

@@ -5,7 +5,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import matplotlib as mpl
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,7 +15,7 @@ from evoros.storage.figure_context import FigureContext
 from ..drawing import robot
 from ..drawing.sheet import Sheet
 from ..drawing.signals import draw_signals, make_signal_handles
-from ..drawing.style import CATEGORIES, COLUMN_IN, PAGE_IN, STYLE, figure_width
+from ..drawing.style import CATEGORIES, COLUMN_IN, PAGE_IN, figure_width, use_style
 from ..measures.cones import fit_window, robot_length
 from ..product import Product, to_csv
 from ..tables.designs import SIGNAL_COLUMNS, read_champion
@@ -77,7 +76,7 @@ def draw_panels(
     cut = float(f"{CUT * max(map(robot_length, shown)):.1g}")
     view = fit_window(shown, placed, cut)
     markers = robot.assign_markers(placed)
-    with mpl.rc_context(STYLE):
+    with use_style():
         types = [*robot.make_type_handles(markers), *make_signal_handles(others)]
         handles = [*_make_colour_handles(placed), *types]
         columns = 3 if width < PAGE_IN else 6
@@ -96,7 +95,7 @@ def draw_panels(
             robot.draw_sensors(axes, own, colours, markers)
             if len(others):
                 draw_signals(axes, others[others.run == run], contexts[first.treatment])
-            axes.set_title(_title(first), fontsize=6.5, pad=2)
+            axes.set_title(_title(first), fontsize="small", pad=2)
             robot.frame_axes(axes, view)
         figure.legend(handles=handles, title=note, loc="lower center", ncols=columns, frameon=False)
     return figure
@@ -153,8 +152,8 @@ def _make_panels(
         first += math.ceil(len(names) / page.columns)
     for (row, column), axes in places.items():
         below = (row + 1, column) in places
-        axes.set_ylabel("" if column else robot.AXES[1], fontsize=7)
-        axes.set_xlabel("" if below else robot.AXES[0], fontsize=7)
+        axes.set_ylabel("" if column else robot.AXES[1], fontsize="small")
+        axes.set_xlabel("" if below else robot.AXES[0], fontsize="small")
         axes.tick_params(labelleft=not column, labelbottom=not below)
     return figure, panels
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -19,7 +18,7 @@ from evoros.storage.figure_context import FigureContext
 
 from ..drawing.robot import AXES, aspect_ratio, draw_robot, frame_axes, to_page
 from ..drawing.sheet import Sheet
-from ..drawing.style import CATEGORIES, COLUMN_IN, STYLE, figure_width
+from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, use_style
 from ..measures.cones import (
     CONE,
     Window,
@@ -111,7 +110,7 @@ def draw_regions(
     view = _fit_window(contexts, reach)
     columns = max(1, min(len(contexts), int(width / PANEL_IN)))
     rows = math.ceil(len(contexts) / columns)
-    with mpl.rc_context(STYLE):
+    with use_style():
         heads = [0.3 if len(contexts) == 1 else 0.45, *[0.8] * (rows - 1)]
         spare = max(0.0, width - SINGLE_IN) / 2 if columns == 1 else 0.0
         sides = {"left": 0.56 + spare, "right": 0.08 + spare}
@@ -124,7 +123,7 @@ def draw_regions(
             frame_axes(axes, view)
             axes.set(xlabel=AXES[0], ylabel=AXES[1])
             title = [treatment] * (len(contexts) > 1 or named) + [TWINS] * context.mirrored
-            axes.set_title("\n".join(title), fontsize=7, loc="left")
+            axes.set_title("\n".join(title), fontsize="small", loc="left")
     return figure
 
 
@@ -201,4 +200,4 @@ def _write_name(axes: Axes, name: str, area: Area, reach: float) -> None:
     ends = list(dict.fromkeys((f"{low:{number}}", f"{high:{number}}")))
     headings = f"{' to '.join(ends)}°"
     text = f"{name}\n{headings}".replace("-", "\N{MINUS SIGN}")
-    axes.text(tip[1], tip[0], text, fontsize=6.5, ha=ha, va=va, zorder=5)
+    axes.text(tip[1], tip[0], text, fontsize="small", ha=ha, va=va, zorder=5)

@@ -8,7 +8,6 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -18,7 +17,7 @@ from matplotlib.ticker import MultipleLocator
 
 from evoros.base.arrays import Array
 
-from ..drawing.style import PAGE_IN, STYLE, assign_colours, figure_width, letter
+from ..drawing.style import PAGE_IN, assign_colours, figure_width, letter, use_style
 from ..measures.coverage import AHEAD_DEG, HEADINGS_DEG
 from ..measures.design_features import ALL, FRONT, SIDE, compare_with_random, describe_designs
 from ..product import Product
@@ -85,7 +84,7 @@ def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = P
     columns = max(1, int(width / PANEL_IN))
     across = min(columns, len(treatments))
     above, below = -(-len(treatments) // across), 1 if columns >= 3 else 3
-    with mpl.rc_context(STYLE):
+    with use_style():
         heights = [1.65 * above + 0.25, 1.9 * below]
         figure = Figure(figsize=(width, sum(heights)), layout="constrained")
         parts: Any = figure.subfigures(2, 1, height_ratios=heights)
@@ -164,7 +163,7 @@ def _draw_ahead(axes: Axes, table: pd.DataFrame, summary: pd.DataFrame) -> None:
     axes.set_ylabel(f"share of the cones within\n{AHEAD_DEG:.0f} deg of ahead")
     counts = summary[summary.measure == FRONT].set_index("treatment")
     for i, (share, n) in enumerate(counts[["value", "n"]].to_numpy(float)):
-        axes.text(i, 1.03, f"{share * n:.0f} : {n - share * n:.0f}", ha="center", fontsize=7)
+        axes.text(i, 1.03, f"{share * n:.0f} : {n - share * n:.0f}", ha="center", fontsize="small")
     axes.set_title("front arrays : side mounts")
 
 

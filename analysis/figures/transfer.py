@@ -1,4 +1,4 @@
-"""The same designs under two conditions: rank correlation and loss of fitness."""
+"""The same designs under two conditions: rank correlation and change of fitness."""
 
 import argparse
 import math
@@ -7,7 +7,6 @@ from itertools import count
 from math import factorial
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -15,22 +14,23 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 
 from ..drawing.columns import Layout, table_height, write_table
-from ..drawing.style import COLUMN_IN, STYLE, assign_colours, figure_width
+from ..drawing.style import COLUMN_IN, assign_colours, figure_width, use_style
 from ..measures.statistics import LEVEL, mean_interval, spearman
 from ..product import Product, to_csv
 from ..tables.ladder import climb
 from ..tables.paired_scores import pair_scores
+from ..tables.quantities import FITNESS, label_fitness
 from ..tables.study import Study
 from .ladder import draw_ladder
 
-HELP = "the same designs under two simulators, failures, worlds ...: rank correlation and loss"
-NUMBERS = ("n", "spearman", "spearman_low", "spearman_high", "loss", "loss_low", "loss_high")
+HELP = "the same designs under two simulators, failures ...: rank correlation, change of fitness"
+NUMBERS = ("n", "spearman", "spearman_low", "spearman_high", "change", "change_low", "change_high")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 HEADS = {
     "group": (0.0, "left"),
     "n": (0.3, "right"),
     "rank correlation": (0.36, "left"),
-    "mean loss": (0.7, "left"),
+    "mean change": (0.7, "left"),
 }
 MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)
 """Designs whose order can be significant: two of n! orders agree or disagree completely."""
@@ -62,11 +62,12 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     width = figure_width(options.columns, 1 if pairs == 1 or options.ladder else 2)
     messages = [_conclude(row) for row in summary.to_dict("records")]
     files = {"transfer_summary.csv": to_csv(summary)}
-    figure = (_draw_ladder if options.ladder else draw_transfer)(table, summary, width)
+    label = label_fitness((*study.records, *study.evaluations))
+    figure = (_draw_ladder if options.ladder else draw_transfer)(table, summary, width, label)
     return Product(table, figure, messages, files)
 
 
-def _draw_ladder(table: pd.DataFrame, summary: pd.DataFrame, width: float) -> Figure:
+def _draw_ladder(table: pd.DataFrame, summary: pd.DataFrame, width: float, label: str) -> Figure:
     """Draw the designs over the rungs, with the table of the steps below."""
 
     def describe(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
@@ -74,19 +75,27 @@ def _draw_ladder(table: pd.DataFrame, summary: pd.DataFrame, width: float) -> Fi
         return "*" if row["n"] < MIN_DESIGNS else "", *numbers
 
     note = NOTE if bool((summary["n"] < MIN_DESIGNS).any()) else ""
-    return draw_ladder(table, summary, describe, note, width)
+    return draw_ladder(table, summary, describe, note, width, label)
 
 
 def summarize(table: pd.DataFrame) -> pd.DataFrame:
     """Summarize ``pair_scores``: a row for each pair of conditions and group, in its order.
 
-    ``n`` designs; Spearman's rank correlation and the mean loss, each with a bootstrap interval.
+    ``n`` designs; Spearman's rank correlation and the mean change, each with a bootstrap interval.
     """
     rows = []
     for (x, y, group), pairs in table.groupby(["x", "y", "group"], sort=False):
         order = spearman(pairs["x_fitness"].to_numpy(float), pairs["y_fitness"].to_numpy(float))
-        loss = mean_interval(pairs["loss"].to_numpy(float))
-        numbers = (len(pairs), order.value, order.low, order.high, loss.value, loss.low, loss.high)
+        change = mean_interval(pairs["change"].to_numpy(float))
+        numbers = (
+            len(pairs),
+            order.value,
+            order.low,
+            order.high,
+            change.value,
+            change.low,
+            change.high,
+        )
         rows.append((x, y, group, *numbers))
     return pd.DataFrame(rows, columns=["x", "y", "group", *NUMBERS])
 
@@ -99,34 +108,36 @@ def _conclude(row: Mapping[Hashable, Any]) -> str:
         )
     if math.isnan(row["spearman"]):
         return f"{head}: all designs have the same fitness under one condition: they have no order"
-    order, loss = _format_interval(row, "spearman"), _format_interval(row, "loss")
+    order, change = _format_interval(row, "spearman"), _format_change(row)
     kept = "kept in part" if row["spearman_low"] > 0 else "not shown to be kept"
-    change = (
-        "fitness is lost,"
-        if row["loss_low"] > 0
-        else "fitness is gained, a loss of"
-        if row["loss_high"] < 0
-        else "no loss shown,"
+    what = (
+        "fitness falls:"
+        if row["change_high"] < 0
+        else "fitness rises:"
+        if row["change_low"] > 0
+        else "no change of fitness shown:"
     )
-    return f"{head}: {row['n']} designs: order {kept}, rank correlation {order}; {change} {loss}"
+    return f"{head}: {row['n']} designs: order {kept}, rank correlation {order}; {what} {change}"
 
 
-def draw_transfer(table: pd.DataFrame, summary: pd.DataFrame, width: float = COLUMN_IN) -> Figure:
+def draw_transfer(
+    table: pd.DataFrame, summary: pd.DataFrame, width: float = COLUMN_IN, label: str = FITNESS
+) -> Figure:
     """Draw a panel for each pair of conditions: designs on the line are equally fit under both.
 
     ``table`` is that of ``pair_scores``, ``summary`` that of ``summarize``; ``width`` is in
     inches. Bars are standard errors over the trials. Below each panel are n, the rank correlation
-    and the mean loss of each group, with their bootstrap intervals.
+    and the mean change of each group, with their bootstrap intervals.
     """
     panels = list(table.groupby(["x", "y"], sort=False))
     groups = list(dict.fromkeys(summary["group"].astype(str)))
     lines = int(summary.groupby(["x", "y"]).size().max())
     few = bool((summary["n"] < MIN_DESIGNS).any())
     layout = Layout(len(panels), width, 0.9 * COLUMN_IN, table_height(lines, few))
-    with mpl.rc_context(STYLE):
+    with use_style():
         figure, parts = layout.make_figure()
         for (top, bottom), ((x, y), pairs) in zip(parts, panels, strict=True):
-            _draw_panel(top.subplots(), pairs, groups)
+            _draw_panel(top.subplots(), pairs, groups, label)
             if any(groups):
                 _add_legend(top)
             rows = summary[(summary["x"] == x) & (summary["y"] == y)]
@@ -141,15 +152,21 @@ def _format_interval(row: Mapping[Hashable, Any], name: str) -> str:
     return f"{row[name]:.2f}{interval}"
 
 
+def _format_change(row: Mapping[Hashable, Any]) -> str:
+    """Format the mean change of fitness from the first condition to the second, with its sign."""
+    change, low, high = (row[name] for name in ("change", "change_low", "change_high"))
+    interval = f" [{low:+.2f}, {high:+.2f}]" if low <= high else ""
+    return f"{change:+.2f}{interval}".replace("-", "\N{MINUS SIGN}")
+
+
 def _table_row(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
     name = str(row["group"])
     short = (name or "all") if len(name) <= NAME_LENGTH else name[: NAME_LENGTH - 3] + "..."
     mark = "*" if row["n"] < MIN_DESIGNS else ""
-    intervals = (_format_interval(row, number) for number in ("spearman", "loss"))
-    return f"{short}{mark}", str(row["n"]), *intervals
+    return f"{short}{mark}", str(row["n"]), _format_interval(row, "spearman"), _format_change(row)
 
 
-def _draw_panel(axes: Axes, pairs: pd.DataFrame, groups: list[str]) -> None:
+def _draw_panel(axes: Axes, pairs: pd.DataFrame, groups: list[str], label: str) -> None:
     colours = assign_colours(groups)
     errors = {side: pairs[f"{side}_sd"] / np.sqrt(pairs[f"{side}_trials"]) for side in "xy"}
     for number, group in enumerate(groups):
@@ -164,8 +181,8 @@ def _draw_panel(axes: Axes, pairs: pd.DataFrame, groups: list[str]) -> None:
     axes.plot([low, high], [low, high], color="0.3", lw=0.8, ls=(0, (4, 2)), zorder=2)
     axes.set(xlim=(low, high), ylim=(low, high), aspect="equal")
     part = pairs["between"].iloc[0]
-    axes.set(xlabel=f"fitness, {part}: {pairs['x'].iloc[0]}")
-    axes.set(ylabel=f"fitness, {part}: {pairs['y'].iloc[0]}")
+    axes.set(xlabel=f"{label}, {part}: {pairs['x'].iloc[0]}")
+    axes.set(ylabel=f"{label}, {part}: {pairs['y'].iloc[0]}")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
 

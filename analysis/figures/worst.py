@@ -2,7 +2,6 @@
 
 import argparse
 
-import matplotlib as mpl
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -23,7 +22,7 @@ from ..drawing.robot import (
     frame_axes,
     to_page,
 )
-from ..drawing.style import BLUE, PAGE_IN, STYLE, VERMILLION, figure_width
+from ..drawing.style import BLUE, PAGE_IN, VERMILLION, figure_width, use_style
 from ..measures.cones import outline_part
 from ..measures.worst_cases import (
     count_sets,
@@ -173,7 +172,7 @@ def draw_worst(
     ``designs.COLUMNS``. ``width`` is in inches. ``searched`` has the rows of the design in the
     table of an evaluation that looked for worst cases; its finding takes the place of the cases.
     """
-    with mpl.rc_context(STYLE):
+    with use_style():
         figure = Figure(figsize=(width, 0.42 * PAGE_IN), layout="constrained")
         shares, plan = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
         _draw_shares(shares, sets)
@@ -224,7 +223,7 @@ def _draw_shares(axes: Axes, sets: pd.DataFrame) -> None:
             (0, 2),
             textcoords="offset points",
             ha="center",
-            fontsize=6.5,
+            fontsize="small",
         )
     axes.set(ylim=(0.0, 1.2), xlabel="failed sensors", ylabel="missions not completed")
     axes.set_title("numbers: sets with a mission not completed, of those met")
@@ -251,7 +250,7 @@ def _draw_plan(
             place,
             (3, 3),
             textcoords="offset points",
-            fontsize=6.5,
+            fontsize="small",
             weight=weight,
             zorder=6,
         )

@@ -48,7 +48,7 @@ def climb(study: "Study") -> pd.DataFrame:
     table = table[[content in common for content in table["content"]]]
     first = rungs[0][1].drop_duplicates("content").set_index("content")
     table = table.assign(**{name: table["content"].map(first[name]) for name in NAMES})
-    return table.assign(loss=table["x_fitness"] - table["y_fitness"])[list(COLUMNS)]
+    return table.assign(change=table["y_fitness"] - table["x_fitness"])[list(COLUMNS)]
 
 
 def name_rungs(rungs: Sequence[Scores]) -> list[str]:

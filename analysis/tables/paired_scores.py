@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 COLUMNS = (
     *("between", "x", "y", "group", "source", "design"),
-    *("x_fitness", "x_sd", "x_trials", "y_fitness", "y_sd", "y_trials", "loss"),
+    *("x_fitness", "x_sd", "x_trials", "y_fitness", "y_sd", "y_trials", "change"),
 )
 Row = dict[str, Any]
 
@@ -38,8 +38,8 @@ def pair_scores(study: "Study", between: str | None = None) -> pd.DataFrame:
     (``between``), or of the only two evaluations, whatever they differ in. Without evaluations
     they are the simulators of runs with a confirmation. ``x`` and ``y`` name them. ``group`` names
     what else differs between the evaluations; if nothing does, it is the treatment of the design's
-    run. ``loss`` is ``x_fitness`` less ``y_fitness``. If a design has several scores under the same
-    conditions, the row with the most trials is kept.
+    run. ``change`` is ``y_fitness`` less ``x_fitness``. If a design has several scores under the
+    same conditions, the row with the most trials is kept.
 
     Raises:
         InputError: no design has two scores, or ``between`` must be chosen.
@@ -61,7 +61,7 @@ def pair_scores(study: "Study", between: str | None = None) -> pd.DataFrame:
     table = table.assign(trials=table[["x_trials", "y_trials"]].min(axis=1), order=table.index)
     best = table.sort_values("trials", ascending=False, kind="stable")
     best = best.drop_duplicates(["x", "y", "group", "content"]).sort_values("order")
-    return best.assign(loss=best["x_fitness"] - best["y_fitness"])[list(COLUMNS)]
+    return best.assign(change=best["y_fitness"] - best["x_fitness"])[list(COLUMNS)]
 
 
 def _pair_evaluations(study: "Study") -> Iterator[Row]:

@@ -12,10 +12,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from evoros.analysis.drawing.style import COLUMN_IN, STYLE, save
+from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
 from evoros.analysis.measures.statistics import a12, holm, mann_whitney, median_interval
 from matplotlib.figure import Figure
 from noise import COMMON, FINAL, FRESH_TRIALS, IMAGES, Recalled, end, run_long
@@ -131,7 +130,7 @@ def summarize(table: pd.DataFrame) -> pd.DataFrame:
 
 def draw(table: pd.DataFrame) -> Figure:
     """Draw the validated fitness of the champions, with medians and intervals."""
-    with mpl.rc_context(STYLE):
+    with use_style():
         whole = Figure(figsize=(1.5 * COLUMN_IN, 0.7 * COLUMN_IN), layout="constrained")
         axes, summary = whole.subplots(), summarize(table)
         y = np.arange(len(summary))[::-1]

@@ -15,10 +15,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from evoros.analysis.drawing.style import COLUMN_IN, STYLE, save
+from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
 from evoros.analysis.measures.statistics import a12, holm, mann_whitney, median_interval
 from matplotlib.figure import Figure
 
@@ -227,7 +226,7 @@ def summarize(table: pd.DataFrame) -> pd.DataFrame:
 
 def draw(table: pd.DataFrame) -> Figure:
     """Draw the validated fitness of champions, with medians and intervals, and the recorded."""
-    with mpl.rc_context(STYLE):
+    with use_style():
         whole = Figure(figsize=(1.6 * COLUMN_IN, 1.05 * COLUMN_IN), layout="constrained")
         axes, summary = whole.subplots(), summarize(table)
         names = list(dict.fromkeys(summary.variant))

@@ -17,11 +17,10 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import yaml
-from evoros.analysis.drawing.style import COLUMN_IN, STYLE, save
+from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
 from evoros.analysis.measures.statistics import a12, holm, mann_whitney, median_interval
 from matplotlib.figure import Figure
 
@@ -170,7 +169,7 @@ def draw(table: pd.DataFrame) -> Figure:
     """Draw the validated fitness of the champions of each search, a panel for each task."""
     summary, colour = summarize(table), "#0072b2"
     names = list(dict.fromkeys(summary.search))
-    with mpl.rc_context(STYLE):
+    with use_style():
         whole = Figure(figsize=(2 * COLUMN_IN, 0.85 * COLUMN_IN), layout="constrained")
         tasks = list(dict.fromkeys(summary.task))
         panels = np.atleast_1d(whole.subplots(1, len(tasks), sharey=True))

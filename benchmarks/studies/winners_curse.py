@@ -12,10 +12,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from evoros.analysis.drawing.style import COLUMN_IN, STYLE, save
+from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -113,7 +112,7 @@ def panel(axes: Axes, table: pd.DataFrame) -> None:
 
 def figure(table: pd.DataFrame) -> Figure:
     """Draw one panel for runs with equal generations and one for runs with equal missions."""
-    with mpl.rc_context(STYLE):
+    with use_style():
         whole = Figure(figsize=(2 * COLUMN_IN, 0.95 * COLUMN_IN), layout="constrained")
         panels = whole.subplots(1, 2, sharey=True)
         titles = (f"{COMPARED_GENERATIONS} generations", f"{MAX_MISSIONS} missions in selection")

@@ -23,6 +23,15 @@ class EquationOne:
     sensor_penalty: Annotated[float, NOT_NEGATIVE] = 0.0  # for each sensor; original runs: 0.3
     price_weight: Annotated[float, NOT_NEGATIVE] = 0.0  # for each unit of the sensors' price
 
+    @property
+    def title(self) -> str:
+        """Its name in figures, which says if anything is subtracted."""
+        return f"fitness (Eq. 1{' less penalties' * self._penalizes})"
+
+    @property
+    def _penalizes(self) -> bool:
+        return self.sensor_penalty > 0 or self.price_weight > 0
+
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Sum Eq. 1 over the missions, and subtract the penalties for the design's sensors."""
         return sum(map(equation_one, outcomes)) - self._penalty(outcomes)

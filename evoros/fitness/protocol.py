@@ -8,7 +8,11 @@ from evoros.mission.outcome import Outcome
 
 @runtime_checkable
 class Fitness(Protocol):
-    """Scores a design; more is better."""
+    """Scores a design; more is better.
+
+    It may have ``title``, what figures call it, and ``unit``, which is empty if it has none.
+    Without a title, they take the name of its class.
+    """
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Return the score of a trial, whose outcomes come from one mission in each world.

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 
+from evoros.fitness.naming import name_fitness
 from evoros.fitness.protocol import Fitness
 from evoros.mission.outcome import Outcome
 
@@ -14,6 +15,16 @@ class TeamFitness:
 
     fitness: Fitness
     scored: tuple[int, ...]  # places of those others among ``Outcome.others``
+
+    @property
+    def title(self) -> str:
+        """Its name in figures."""
+        return f"{name_fitness(self.fitness).title}, mean of the robots"
+
+    @property
+    def unit(self) -> str:
+        """The unit of what it averages."""
+        return name_fitness(self.fitness).unit
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Return the mean score of the robots in a trial."""

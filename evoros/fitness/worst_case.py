@@ -7,6 +7,7 @@ from typing import Annotated
 
 from evoros.base.checks import Rule, checked, instance_of, is_number
 from evoros.base.combining import mean
+from evoros.fitness.naming import name_fitness
 from evoros.fitness.protocol import Fitness
 from evoros.mission.outcome import Outcome
 
@@ -27,6 +28,16 @@ class WorstCase:
 
     of: Annotated[Fitness, A_FITNESS]
     share: Annotated[float, SHARE] = 0.25  # of the trials, rounded up: at least one
+
+    @property
+    def title(self) -> str:
+        """Its name in figures: that of what it scores by, and the share."""
+        return f"{name_fitness(self.of).title}, mean of the lowest {100 * self.share:.3g} %"
+
+    @property
+    def unit(self) -> str:
+        """The unit of what it scores by."""
+        return name_fitness(self.of).unit
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Return the score of a trial."""

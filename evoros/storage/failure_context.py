@@ -1,12 +1,14 @@
 """Describes a failure model for tables: whether its failures are drawn, and where none is due."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from evoros.failure.protocol import Fault, SystematicFailure
 from evoros.mission.pipeline import describe_sensors
+from evoros.storage.fault_effects import describe_effects
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,6 +26,8 @@ class FailureContext:
     drawn: bool = True  # by random numbers, so that shares of missions estimate a probability
     always_intact: bool = False  # whether no sensor fails in any mission
     intact: tuple[int, ...] = ()  # trials of a systematic failure in which no sensor fails
+    effects: Mapping[str, str] = field(default_factory=dict)
+    """What each effect does to readings, by its name: ``ends``, ``alters`` or ``grows``."""
 
 
 class _Drawn(Exception):
@@ -41,18 +45,20 @@ def describe_failure(experiment: "Experiment") -> FailureContext:
     """Describe the failure model of an experiment, by a design in the middle of its space."""
     space = experiment.own_space
     middle = space.decode(np.full(space.size, 0.5))
-    channels = describe_sensors(experiment.members[""].scenario.with_design(middle).robot)
+    robot = experiment.members[""].scenario.with_design(middle).robot
+    channels = describe_sensors(robot)
     failure = experiment.failure
+    effects = describe_effects(failure, robot, channels)
     if isinstance(failure, SystematicFailure):
         known = min(failure.count_cases(channels.size), experiment.trials, MOST_CASES)
         trials = range(known)
         intact = [n for n in trials if not _is_hit(failure.draw_case(channels, n))]
-        return FailureContext(drawn=False, intact=tuple(intact))
+        return FailureContext(drawn=False, intact=tuple(intact), effects=effects)
     try:
         faults = failure.draw(channels, _NoGenerator())  # type: ignore[arg-type]
     except _Drawn:
-        return FailureContext()
-    return FailureContext(drawn=False, always_intact=not _is_hit(faults))
+        return FailureContext(effects=effects)
+    return FailureContext(drawn=False, always_intact=not _is_hit(faults), effects=effects)
 
 
 def _is_hit(faults: "Sequence[Fault]") -> bool:

@@ -17,6 +17,7 @@ from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.controller.briefing_text import describe_drive
 from evoros.design.protocol import Area, Point
 from evoros.failure.protocol import Failure
+from evoros.fitness.naming import FitnessName, name_fitness
 from evoros.geometry.footprint import project_shape, top_height
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, RangeSensor, Sensor, sees, sensor_bearings
@@ -90,6 +91,7 @@ class FigureContext:
     types: tuple[str, ...] = ()  # of sensors, in the order in which they are mounted
     fixed: tuple[Mount, ...] = ()  # sensors that every design has
     failure: FailureContext = field(default_factory=FailureContext)
+    fitness: FitnessName = field(default_factory=FitnessName)
     genes: Mapping[str, str] = field(default_factory=dict)
     """The keys of the values that evolve besides the sensors, by the names of their genes."""
     agents: Mapping[str, "FigureContext"] = field(default_factory=dict)
@@ -143,6 +145,7 @@ def _fields(raw: Mapping[str, Any]) -> dict[str, Any]:
         "types": tuple(raw.get("types", raw["beams"])),
         "fixed": tuple(Mount(**mount) for mount in raw.get("fixed", ())),
         "failure": _read_failure(raw.get("failure", {})),
+        "fitness": FitnessName(**raw.get("fitness", {})),
         "courses": {name: Course(**course) for name, course in raw["courses"].items()},
     }
     return {**raw, **fields}
@@ -201,6 +204,7 @@ def describe_experiment(experiment: "Experiment") -> FigureContext:
         types=tuple(sensors),
         fixed=tuple(space.fixed),
         failure=describe_failure(experiment),
+        fitness=name_fitness(experiment.scoring),
         genes=genes,
         agents=agents,
     )

@@ -67,9 +67,12 @@ def test_without_validation_there_is_no_line_of_it() -> None:
     assert set(drawn) == {"best, recorded", "mean of pool"}
 
 
-def test_generations_are_whole_and_named_in_the_axes() -> None:
-    (axes,) = draw_fitness(TABLE).axes
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("generation", "fitness (Eq. 1)")
+@pytest.mark.parametrize("table", [TABLE, pd.concat([TABLE.assign(run="a", treatment="calm")])])
+@pytest.mark.parametrize("label", ["fitness (Eq. 1)", "way [m]"])
+def test_generations_are_whole_and_named_in_the_axes(table: pd.DataFrame, label: str) -> None:
+    (axes,) = draw_fitness(table, labels={"calm": label}).axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("generation", label)
+    assert draw_fitness(table).axes[0].get_ylabel() == "fitness"
     assert all(float(tick).is_integer() for tick in axes.get_xticks())
 
 

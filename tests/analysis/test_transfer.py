@@ -61,13 +61,13 @@ def test_designs_are_matched_by_what_they_are(folder: Path) -> None:
     assert sorted(table.index) == sorted(ANGLES)
     for name, row in table.iterrows():
         assert (row["x_fitness"], row["y_fitness"]) == (spatial[str(name)], random[str(name)])
-        assert row["loss"] == row["x_fitness"] - row["y_fitness"]
+        assert row["change"] == row["y_fitness"] - row["x_fitness"]
         assert (row["x_trials"], row["y_trials"]) == (2, 2)
     assert set(table["between"]) == {"failure"}
     assert (set(table["x"]), set(table["y"])) == ({"spatial"}, {"random"})
     other = pairs(folder / "random", folder / "spatial").set_index("design")
     assert (set(other["x"]), set(other["y"])) == ({"random"}, {"spatial"})
-    assert list(other["loss"].sort_index()) == list(-table["loss"].sort_index())
+    assert list(other["change"].sort_index()) == list(-table["change"].sort_index())
 
 
 def test_designs_that_only_one_has_are_no_pairs(folder: Path, tmp_path: Path) -> None:
@@ -150,7 +150,7 @@ def test_a_run_with_a_confirmation_has_its_confirmed_designs(tmp_path: Path) -> 
     assert sorted(table["design"]) == sorted(recorded.index)
     own = recorded.loc[table["design"]]
     assert list(table["x_fitness"]) == list(own["screened_fitness"])
-    assert list(table["loss"]) == pytest.approx(list(own["loss"]))
+    assert list(table["change"]) == pytest.approx(list(-own["loss"]))
     assert table["x_sd"].isna().all()
     assert set(table["between"]) == {"simulator"}
 
@@ -221,7 +221,7 @@ def test_each_rung_is_compared_with_the_next(rungs: list[Path]) -> None:
             assert sorted(names) == sorted(ANGLES)
             assert step["x_fitness"].tolist() == [fitness(lower)[name] for name in names]
             assert step["y_fitness"].tolist() == [fitness(upper)[name] for name in names]
-            assert step["loss"].tolist() == (step["x_fitness"] - step["y_fitness"]).tolist()
+            assert step["change"].tolist() == (step["y_fitness"] - step["x_fitness"]).tolist()
     between = [set(parts.split(" and ")) for parts in table["between"].unique()]
     assert between == [{"controller", "failure"}, {"controller"}]
     labels = list(dict.fromkeys([*table["x"], *table["y"]]))
@@ -288,7 +288,7 @@ X, Y = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [2.0, 1.0, 3.5, 3.0, 5.0, 5.5]
 def table_of(xs: list[float], ys: list[float], group: str = "", **other: object) -> pd.DataFrame:
     rest = {"x_sd": 0.4, "y_sd": 0.8, "x_trials": 4, "y_trials": 16}
     names = {"between": "failure", "x": "none", "y": "random", "group": group}
-    numbers = {"x_fitness": xs, "y_fitness": ys, "loss": np.subtract(xs, ys)}
+    numbers = {"x_fitness": xs, "y_fitness": ys, "change": np.subtract(ys, xs)}
     return pd.DataFrame({**numbers, **names, **rest, **other})
 
 
@@ -297,10 +297,10 @@ def test_the_summary_by_hand() -> None:
     (row,) = summarize(table_of(X, Y)).to_dict("records")
     assert row["n"] == 6
     assert row["spearman"] == pytest.approx(1 - 24 / 210)
-    assert row["loss"] == pytest.approx(1 / 6)
-    order, loss = spearman(X, Y), mean_interval(np.subtract(X, Y))
+    assert row["change"] == pytest.approx(-1 / 6)
+    order, change = spearman(X, Y), mean_interval(np.subtract(Y, X))
     assert (row["spearman_low"], row["spearman_high"]) == (order.low, order.high)
-    assert (row["loss_low"], row["loss_high"]) == (loss.low, loss.high)
+    assert (row["change_low"], row["change_high"]) == (change.low, change.high)
 
 
 def test_groups_are_summed_up_apart() -> None:
@@ -324,7 +324,7 @@ def test_the_command_writes_table_summary_and_picture(
     for name in names:
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
     written = pd.read_csv(tmp_path / "one" / "transfer_summary.csv")
-    assert written["loss"].item() == pytest.approx(pairs(folder)["loss"].mean())
+    assert written["change"].item() == pytest.approx(pairs(folder)["change"].mean())
 
 
 # The picture ---------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from evoros.base.arrays import POSE_SIZE, Array
 from evoros.base.errors import InputError
 from evoros.filter.bias import Bias
 from evoros.filter.delay import Delay
+from evoros.filter.drift import Drift
 from evoros.filter.dropout import Dropout
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.hold import Hold
@@ -211,6 +212,13 @@ def test_bias_is_constant_in_time_and_spread_over_channels() -> None:
     assert (error == error[0]).all()
     assert within(error[0].mean(), offset, sd / math.sqrt(n))
     assert within(error[0].std(), sd, sd / math.sqrt(2 * n))
+
+
+def test_drift_grows_at_its_rate_from_the_onset_to_its_limit() -> None:
+    recording, onset = np.full((40, 2), 2.0), np.array([0.0, 1.0])
+    error = play(Drift(-0.5, 0.0, limit_m=0.75), recording, onset) - 2.0
+    times = PERIOD * np.arange(40)[:, None]
+    assert np.allclose(error, -np.clip(0.5 * (times - onset), 0.0, 0.75))
 
 
 def test_bias_without_spread_is_the_offset_exactly() -> None:

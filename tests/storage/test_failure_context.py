@@ -53,4 +53,6 @@ def experiment() -> Experiment:
 def test_a_model_is_told_by_what_it_does(
     experiment: Experiment, failure: Failure, expected: FailureContext
 ) -> None:
-    assert describe_failure(replace(experiment, failure=failure)) == expected
+    found = describe_failure(replace(experiment, failure=failure))
+    assert replace(found, effects={}) == expected
+    assert found.effects == ({} if isinstance(failure, NoFailure) else {"silence": "ends"})

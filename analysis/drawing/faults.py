@@ -1,0 +1,87 @@
+"""Faults of sensors along the path of a mission: sudden ends, other readings, slow growth."""
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
+
+from evoros.base.arrays import Array
+from evoros.storage.fault_effects import ALTERS, ENDS, GROWS
+
+from .paths import write_numbers
+from .style import ORANGE, YELLOW
+
+_POINT: dict[str, Any] = {"ls": "none", "marker": "v", "ms": 5, "mec": "black", "mew": 0.7}
+_MARKS: Mapping[str, Mapping[str, Any]] = {
+    ENDS: {**_POINT, "mfc": YELLOW},
+    ALTERS: {**_POINT, "mfc": "white"},
+    GROWS: {**_POINT, "mfc": "white", "marker": "^"},
+}
+_WORDS = {
+    ENDS: "sensor ends: {} (number)",
+    ALTERS: "sensor errs from here: {} (number)",
+    GROWS: "sensor errs more and more: {} (number)",
+}
+_WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}
+_WIDEST_PT = 6.0  # of the band along the path while a fault grows
+_GROWN_S = 60.0  # after which the band has its full width
+_STRETCHES = 60  # of a band, which widen
+
+
+def draw_faults(axes: Axes, path: pd.DataFrame, effects: Mapping[str, str]) -> None:
+    """Draw where sensors of a mission failed; a band that widens is a fault that grows.
+
+    ``path`` has the columns of ``tracks.COLUMNS``, ``effects`` tell by name what faults do.
+    """
+    for effect, rows in _split(path):
+        kind = effects.get(effect, ENDS)
+        if kind == GROWS:
+            _draw_growth(axes, path, int(rows.index[0]))
+        label = _WORDS[kind].format(effect)
+        axes.plot(rows["x_m"], rows["y_m"], zorder=5, label=label, **_MARKS[kind])
+        write_numbers(axes, rows, "failed_sensors", (3, 3))
+
+
+def _split(path: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Yield the rows with failures for each effect, with the numbers of its sensors alone."""
+    hit = path[path["failed_sensors"] != ""]
+    names = [cell.split(";") for cell in hit["failed_by"]]
+    for effect in dict.fromkeys(name for cell in names for name in cell):
+        numbers = [
+            ";".join(n for n, e in zip(numbers.split(";"), by, strict=True) if e == effect)
+            for numbers, by in zip(hit["failed_sensors"], names, strict=True)
+        ]
+        own = hit.assign(failed_sensors=numbers)
+        yield effect, own[own["failed_sensors"] != ""]
+
+
+def _draw_growth(axes: Axes, path: pd.DataFrame, begin: int) -> None:
+    """Draw a band along the path from a row on, which widens with time."""
+    rows = path.loc[begin:]
+    places: Array = rows[["x_m", "y_m"]].to_numpy(float)
+    time_s = rows["time_s"].to_numpy(float)
+    cuts = np.unique(np.linspace(0, len(rows) - 1, _STRETCHES + 1).astype(int)).tolist()
+    pairs = list(pairwise(cuts))
+    if not pairs:
+        return
+    widths = [_WIDEST_PT * min(1.0, (time_s[b] - time_s[0]) / _GROWN_S) for _, b in pairs]
+    lines = [places[a : b + 1] for a, b in pairs]
+    band = LineCollection(lines, linewidths=widths, zorder=2.2, capstyle="butt", **_WEDGE)
+    axes.add_collection(band, autolim=False)
+
+
+def make_fault_handles(tracks: pd.DataFrame, effects: Mapping[str, str]) -> list[Line2D]:
+    """Make a legend entry for each effect, and one for the band of those that grow."""
+    drawn = {effect: effects.get(effect, ENDS) for effect, _ in _split(tracks)}
+    handles = [
+        Line2D([], [], label=_WORDS[kind].format(effect), **_MARKS[kind])
+        for effect, kind in drawn.items()
+    ]
+    if GROWS in drawn.values():
+        handles.append(Line2D([], [], lw=_WIDEST_PT, label="growing error", **_WEDGE))
+    return handles

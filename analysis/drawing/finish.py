@@ -1,0 +1,176 @@
+"""What every figure gets at the end: letters of panels, whole marks, ticks and words that fit."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.collections import PathCollection
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from matplotlib.ticker import FixedFormatter, MaxNLocator
+from matplotlib.transforms import Bbox
+
+from evoros.base.arrays import Array
+
+LETTERS = ("A", "a", "(a)")
+"""How the first panel may be called."""
+_LEAST_TICKS = 2
+_GAP_PT = 2.0  # between the labels of two ticks
+_ROUNDS = 8  # of thinning ticks out
+
+
+def finish_figure(figure: Figure, letters: str = "") -> None:
+    """Finish a figure, once; ``letters`` is one of ``LETTERS``, or empty for none."""
+    if letters and not getattr(figure, "_lettered", False):
+        _add_letters(figure, letters)
+        figure._lettered = True  # type: ignore[attr-defined]  # it may be saved again
+    for axes in figure.axes:
+        _keep_marks_whole(axes)
+        _spell_names(axes)
+    for part in [figure, *figure.findobj(SubFigure)]:
+        for legend in part.legends:
+            _spell([*legend.get_texts(), legend.get_title()])
+    _thin_ticks(figure)
+
+
+def list_panels(figure: Figure) -> list[Axes]:
+    """List the axes that readers take for panels, row by row: no colour bars, twins or pictures."""
+    panels: list[Axes] = []
+    for axes in figure.axes:
+        twin = any(np.allclose(axes.bbox.bounds, other.bbox.bounds) for other in panels)
+        if axes.axison and axes.get_visible() and not hasattr(axes, "_colorbar") and not twin:
+            panels.append(axes)
+    return panels
+
+
+def _add_letters(figure: Figure, first: str) -> None:
+    figure.draw_without_rendering()  # so that all axes have their places
+    for number, axes in enumerate(_sort(list_panels(figure))):
+        name = chr(ord("a") + number % 26) * (1 + number // 26)
+        letter = first.replace("a", name).replace("A", name.upper())
+        left = axes.get_title(loc="left")
+        if left:
+            axes.set_title(f"{letter}  {left}", loc="left", fontsize=_find_size(axes))
+            continue
+        lines = axes.get_title().count("\n")
+        axes.set_title(letter + "\n" * lines, loc="left", weight="bold")
+
+
+def _find_size(axes: Axes) -> float:
+    return float(axes._left_title.get_fontsize())  # type: ignore[attr-defined]
+
+
+def _sort(panels: Sequence[Axes]) -> list[Axes]:
+    """Sort panels into rows from the top, and from the left."""
+    rows: list[list[Axes]] = []
+    for axes in sorted(panels, key=lambda axes: -axes.get_position().y1):
+        top = axes.get_position().y1
+        if rows and abs(rows[-1][0].get_position().y1 - top) < 0.25 * axes.get_position().height:
+            rows[-1].append(axes)
+        else:
+            rows.append([axes])
+    return [axes for row in rows for axes in sorted(row, key=lambda axes: axes.get_position().x0)]
+
+
+def _spell_names(axes: Axes) -> None:
+    """Write the names in titles and labels as words: names of parts and worlds have underscores."""
+    sides = (axes._left_title, axes.title, axes._right_title)  # type: ignore[attr-defined]
+    _spell([*sides, axes.xaxis.label, axes.yaxis.label])
+    for axis in (axes.xaxis, axes.yaxis):
+        formatter = axis.get_major_formatter()
+        if isinstance(formatter, FixedFormatter):
+            formatter.seq = [str(text).replace("_", " ") for text in formatter.seq]
+    if axes.legend_ is not None:
+        _spell([*axes.legend_.get_texts(), axes.legend_.get_title()])
+
+
+def _spell(texts: Iterable[Text]) -> None:
+    for text in texts:
+        text.set_text(text.get_text().replace("_", " "))
+
+
+def _keep_marks_whole(axes: Axes) -> None:
+    """Let marks whose places are all within the axes reach over their edges."""
+    for artist in axes.get_children():
+        places = _places(artist, axes)
+        if places is not None and len(places) and _within(places, axes):
+            artist.set_clip_on(False)
+
+
+def _places(artist: Artist, axes: Axes) -> Array | None:
+    """Return the places (n, 2) of an artist's marks; None if it has none, or not in data."""
+    if isinstance(artist, PathCollection) and artist.get_offset_transform() == axes.transData:
+        return _fill(artist.get_offsets())
+    if isinstance(artist, Line2D) and artist.get_transform() == axes.transData:
+        marked = artist.get_marker() not in ("None", "none", "", " ", None)
+        return _fill(artist.get_xydata()) if marked else None
+    return None
+
+
+def _fill(places: Any) -> Array:
+    return np.ma.filled(np.ma.asarray(places, dtype=np.float64), np.nan)
+
+
+def _within(places: Array, axes: Axes) -> bool:
+    """Whether all known places are within the limits of the axes, or on them."""
+    limits = np.sort([axes.get_xlim(), axes.get_ylim()], axis=1)
+    slack = 1e-9 * np.ptp(limits, axis=1)
+    known = places[np.isfinite(places).all(axis=1)]
+    inside = (known >= limits[:, 0] - slack) & (known <= limits[:, 1] + slack)
+    return bool(inside.all())
+
+
+def _thin_ticks(figure: Figure) -> None:
+    """Leave out ticks until no labels of an axis collide, where their places may be chosen."""
+    for _ in range(_ROUNDS):
+        figure.draw_without_rendering()
+        crowded = [axis for axis in _number_axes(figure) if collide(list_tick_labels(axis))]
+        if not crowded:
+            return
+        for axis in crowded:
+            count = len(list_tick_labels(axis))
+            fewer = max(_LEAST_TICKS, count - 2)
+            axis.set_major_locator(MaxNLocator(fewer, steps=[1, 2, 5, 10], integer=_whole(axis)))
+
+
+def _whole(axis: Axis) -> bool:
+    return bool(getattr(axis.get_major_locator(), "_integer", False))
+
+
+def _number_axes(figure: Figure) -> Iterator[Axis]:
+    """Yield the axes of numbers whose ticks a locator chooses."""
+    for axes in figure.axes:
+        if axes.axison and axes.get_visible():
+            for axis in (axes.xaxis, axes.yaxis):
+                if axis.get_visible() and isinstance(axis.get_major_locator(), MaxNLocator):
+                    yield axis
+
+
+def list_tick_labels(axis: Axis) -> list[Text]:
+    """List the labels of an axis that are drawn."""
+    low, high = sorted(axis.get_view_interval())
+    slack = 1e-9 * (high - low)
+    return [
+        label
+        for tick in axis.get_major_ticks()
+        if low - slack <= tick.get_loc() <= high + slack
+        for label in (tick.label1, tick.label2)
+        if label.get_visible() and label.get_text()
+    ]
+
+
+def collide(labels: Iterable[Text], gap_pt: float = _GAP_PT) -> bool:
+    """Whether two neighbours of the labels of an axis are nearer than ``gap_pt``."""
+    boxes = [label.get_window_extent() for label in labels]
+    return any(_overlap(a, b, gap_pt) for a, b in pairwise(boxes))
+
+
+def _overlap(a: Bbox, b: Bbox, gap: float) -> bool:
+    apart_x = a.x1 + gap <= b.x0 or b.x1 + gap <= a.x0
+    apart_y = a.y1 <= b.y0 or b.y1 <= a.y0
+    return not (apart_x or apart_y)

@@ -1,0 +1,19 @@
+"""Text in lines, whose words stay whole."""
+
+import textwrap
+
+
+def wrap_lines(text: str, room: float, least: int = 8) -> list[str]:
+    """Return text in lines of ``room`` characters, or more if a word is longer; at least one line.
+
+    Names of parts and keys are words, too, which may also be parted after an underscore.
+    """
+    words = text.replace("_", " ")
+    return textwrap.wrap(
+        words, max(least, int(room)), break_long_words=False, break_on_hyphens=False
+    ) or [""]
+
+
+def wrap(text: str, room: float, least: int = 8) -> str:
+    """Return the lines of ``wrap_lines`` as one text."""
+    return "\n".join(wrap_lines(text, room, least))

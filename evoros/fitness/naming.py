@@ -1,0 +1,40 @@
+"""What figures call a fitness: its own title and unit, else the name of its class."""
+
+import re
+from dataclasses import dataclass
+
+from evoros.fitness.protocol import Fitness
+
+_WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
+
+
+@dataclass(frozen=True)
+class FitnessName:
+    """The words for the axes of figures."""
+
+    title: str = "fitness"
+    unit: str = ""  # empty if it has none
+
+    @property
+    def label(self) -> str:
+        """The label of an axis: the title, and the unit in brackets."""
+        return f"{self.title} [{self.unit}]" if self.unit else self.title
+
+
+def name_fitness(fitness: Fitness) -> FitnessName:
+    """Return the ``title`` and ``unit`` that a fitness states.
+
+    Without a title, the words of the name of its class are added to "fitness".
+    """
+    own = str(getattr(fitness, "title", "")).strip()
+    return FitnessName(own or f"fitness ({_split_words(type(fitness).__name__)})", _unit(fitness))
+
+
+def _unit(fitness: Fitness) -> str:
+    return str(getattr(fitness, "unit", "")).strip()
+
+
+def _split_words(name: str) -> str:
+    """Return the words of a class's name, in small letters unless they are abbreviations."""
+    words = _WORDS.findall(name) or [name]
+    return " ".join(word if len(word) > 1 and word.isupper() else word.lower() for word in words)

@@ -1,0 +1,54 @@
+"""A fitness is called by its own name, and never by another's."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import pytest
+
+from evoros.fitness.equation_one import EquationOne
+from evoros.fitness.naming import FitnessName, name_fitness
+from evoros.fitness.protocol import Fitness
+from evoros.fitness.team import TeamFitness
+from evoros.fitness.worst_case import WorstCase
+from evoros.mission.outcome import Outcome
+
+
+@dataclass(frozen=True)
+class CarefulURDFDriver2:
+    def score(self, outcomes: Sequence[Outcome]) -> float:
+        return 0.0
+
+    def worst(self, outcomes: Sequence[Outcome]) -> float:
+        return 0.0
+
+
+@dataclass(frozen=True)
+class Distance(CarefulURDFDriver2):
+    title: ClassVar[str] = "distance driven"
+    unit: ClassVar[str] = "m"
+
+
+@pytest.mark.parametrize(
+    ("fitness", "label"),
+    [
+        (Distance(), "distance driven [m]"),
+        (CarefulURDFDriver2(), "fitness (careful URDF driver 2)"),
+        (EquationOne(), "fitness (Eq. 1)"),
+        (EquationOne(sensor_penalty=0.3), "fitness (Eq. 1 less penalties)"),
+        (EquationOne(price_weight=0.1), "fitness (Eq. 1 less penalties)"),
+        (WorstCase(Distance(), 0.25), "distance driven, mean of the lowest 25 % [m]"),
+        (TeamFitness(Distance(), (0,)), "distance driven, mean of the robots [m]"),
+    ],
+)
+def test_the_label_has_title_and_unit(fitness: Fitness, label: str) -> None:
+    assert name_fitness(fitness).label == label
+
+
+@pytest.mark.parametrize("fitness", [Distance(), CarefulURDFDriver2(), WorstCase(Distance())])
+def test_only_equation_one_is_called_so(fitness: Fitness) -> None:
+    assert "Eq" not in name_fitness(fitness).label
+
+
+def test_an_unknown_fitness_has_the_word_alone() -> None:
+    assert FitnessName().label == "fitness"
