@@ -53,7 +53,7 @@ def draw(options: argparse.Namespace, study: Study | None = None) -> list[Path]:
         if any(exists(folders[0] / name) for name in MARKS):
             require_no_links(folders[0])  # the figures may not be written through one
         options.output = folders[0] / getattr(subcommand, "OUTPUT", "figures")
-    study = study or load_study(folders)
+    study = study or load_study(folders, options.where, options.treatments)
     with choose_style(getattr(options, "style", None)):
         product = make_product(subcommand, study, options)
         try:
@@ -101,4 +101,5 @@ def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:
         files[f"{name}.{kind}"] = picture.getvalue()
     if product.table is not None:
         files[f"{name}.csv"] = to_csv(product.table)
+    files |= {file: to_csv(table) for file, table in product.tables.items()}
     return {**files, **product.files}

@@ -14,6 +14,7 @@ class Product:
     table: pd.DataFrame | None = None  # becomes SUBCOMMAND.csv
     figure: Figure | None = None  # becomes SUBCOMMAND.FORMAT
     messages: Sequence[str] = ()  # lines for standard output
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)  # further ones, by file
     files: Mapping[str, bytes] = field(default_factory=dict)  # by name
     folder: str = ""
     """If there is one, the files are by their paths in this folder, which is written as a whole."""

@@ -96,6 +96,19 @@ def _add_common_arguments(parser: argparse.ArgumentParser, output: str) -> None:
         "folders", nargs="+", type=Path, metavar="FOLDER", help="a run, an evaluation, or a sweep"
     )
     parser.add_argument(
+        "--where",
+        action="append",
+        default=[],
+        metavar="FACTOR=LEVEL",
+        help="only runs with this level, or one of several, of a factor; may be repeated",
+    )
+    parser.add_argument(
+        "--treatments",
+        type=Path,
+        metavar="FILE",
+        help="names of the treatments, and levels of factors of your own, in YAML",
+    )
+    parser.add_argument(
         "--output",
         type=Path,
         metavar="FOLDER",

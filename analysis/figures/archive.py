@@ -42,8 +42,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     listed = elites.assign(run=[study.records[place].name for place in elites.place])
     listed = listed.rename(columns={x.column: "x", y.column: "y"})
     listed = listed[["run", "id", "cell_x", "cell_y", "x", "y", "fitness"]]
-    growth = archive.growth.to_csv(index=False).encode()
-    return Product(listed, draw_archive(study, archive), files={"archive_growth.csv": growth})
+    tables = {"archive_growth.csv": archive.growth}
+    return Product(listed, draw_archive(study, archive), tables=tables)
 
 
 def draw_archive(study: Study, archive: Archive) -> Figure:

@@ -17,7 +17,7 @@ from ..drawing.columns import SMALL, Layout, table_height, write_table
 from ..drawing.style import COLUMN_IN, assign_colours, figure_width, letter, use_style
 from ..measures.comparison import MEASURES, compare_treatments
 from ..measures.statistics import LEVEL, median_interval, minimum_replicates
-from ..product import Product, to_csv
+from ..product import Product
 from ..tables.matching import find_differences, select_conditions
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
@@ -69,7 +69,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         runs[["run", "treatment", "seed"]].itertuples(index=False, name=None)
     )
     messages = [*repeated, *messages, *conclude(table)]
-    return Product(table, figure, messages, {"compare_runs.csv": to_csv(runs)})
+    return Product(table, figure, messages, {"compare_runs.csv": runs})
 
 
 def conclude(table: pd.DataFrame) -> list[str]:

@@ -32,7 +32,7 @@ from ..drawing.signals import draw_signals, make_signal_handles
 from ..drawing.style import COLUMN_IN, figure_width, use_style
 from ..measures.cones import Window, fit_window, robot_length
 from ..measures.raster import cell_centres, count_coverage, rasterize
-from ..product import Product, to_csv
+from ..product import Product
 from ..tables.designs import SIGNAL_COLUMNS, read_champion
 from ..tables.study import Study
 from ..tables.treatments import SINGLE
@@ -68,10 +68,10 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     cover = count_coverage(sensors, contexts, choose_cuts(sensors, contexts, options.cut))
     width = figure_width(options.columns, 1 if len(contexts) == 1 else 2)
     figure = draw_overlay(cover, sensors, contexts, width, study.signals)
-    files = {"overlay_sensors.csv": to_csv(sensors)}
+    tables = {"overlay_sensors.csv": sensors}
     if len(study.signals):
-        files["overlay_signals.csv"] = to_csv(study.signals)
-    return Product(cover, figure, files=files)
+        tables["overlay_signals.csv"] = study.signals
+    return Product(cover, figure, tables=tables)
 
 
 def choose_cuts(

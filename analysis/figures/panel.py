@@ -17,7 +17,7 @@ from ..drawing.sheet import Sheet
 from ..drawing.signals import draw_signals, make_signal_handles
 from ..drawing.style import CATEGORIES, COLUMN_IN, PAGE_IN, figure_width, use_style
 from ..measures.cones import fit_window, robot_length
-from ..product import Product, to_csv
+from ..product import Product
 from ..tables.designs import SIGNAL_COLUMNS, read_champion
 from ..tables.study import Study
 
@@ -41,8 +41,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     messages = []
     if figure.get_figheight() > PAGE_HEIGHT_IN:
         messages = [f"{number} panels need more than one page: give fewer folders"]
-    files = {"panel_signals.csv": to_csv(study.signals)} if len(study.signals) else {}
-    return Product(sensors, figure, messages, files)
+    tables = {"panel_signals.csv": study.signals} if len(study.signals) else {}
+    return Product(sensors, figure, messages, tables)
 
 
 def rank_pairs(sensors: pd.DataFrame) -> pd.DataFrame:

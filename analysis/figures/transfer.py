@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from ..drawing.columns import Layout, table_height, write_table
 from ..drawing.style import COLUMN_IN, assign_colours, figure_width, use_style
 from ..measures.statistics import LEVEL, mean_interval, spearman
-from ..product import Product, to_csv
+from ..product import Product
 from ..tables.ladder import climb
 from ..tables.paired_scores import pair_scores
 from ..tables.quantities import FITNESS, label_fitness
@@ -61,10 +61,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     pairs = table.groupby(["x", "y"]).ngroups
     width = figure_width(options.columns, 1 if pairs == 1 or options.ladder else 2)
     messages = [_conclude(row) for row in summary.to_dict("records")]
-    files = {"transfer_summary.csv": to_csv(summary)}
     label = label_fitness((*study.records, *study.evaluations))
     figure = (_draw_ladder if options.ladder else draw_transfer)(table, summary, width, label)
-    return Product(table, figure, messages, files)
+    return Product(table, figure, messages, {"transfer_summary.csv": summary})
 
 
 def _draw_ladder(table: pd.DataFrame, summary: pd.DataFrame, width: float, label: str) -> Figure:

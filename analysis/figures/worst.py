@@ -31,7 +31,7 @@ from ..measures.worst_cases import (
     list_cases,
     read_set,
 )
-from ..product import Product, to_csv
+from ..product import Product
 from ..tables.designs import place_sensors
 from ..tables.failed_missions import KEYS, collect_missions, count_sensors
 from ..tables.study import Study
@@ -79,8 +79,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         for line in describe(cases, sets, risks, *each, searched=each in searched)
     ]
     messages += [line for each in study.evaluations for line in describe_worst_cases(each.path)]
-    files = {"worst_sets.csv": to_csv(sets), "worst_risks.csv": to_csv(risks)}
-    return Product(cases, figure, messages, files)
+    return Product(cases, figure, messages, {"worst_sets.csv": sets, "worst_risks.csv": risks})
 
 
 def _choose(cases: pd.DataFrame, wanted: str | None) -> tuple[str, str]:

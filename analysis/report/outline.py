@@ -5,8 +5,8 @@ from typing import Any
 
 import pandas as pd
 
+from ..tables.factors import IGNORED, TARGET, Choices, Values, name_part
 from ..tables.records import Record
-from ..tables.treatments import IGNORED, TARGET, Choices, Values, name_part
 
 
 def outline(values: Values, choices: Choices) -> list[tuple[str, str, str]]:

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from .factors import name_part
 from .matching import (
     find_differences,
     identify_champion,
     read_champion_genes,
     select_conditions,
 )
-from .treatments import name_part
 from .validated import Scores, read_evaluations
 
 if TYPE_CHECKING:

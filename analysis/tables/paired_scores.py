@@ -10,6 +10,7 @@ import pandas as pd
 from evoros.base.errors import InputError
 
 from .candidates import read_generations
+from .factors import TARGET, Values
 from .matching import (
     CONFIRMING,
     apply_confirmation,
@@ -17,7 +18,7 @@ from .matching import (
     identify_champion,
     select_conditions,
 )
-from .treatments import SINGLE, TARGET, Values, label_treatments
+from .treatments import SINGLE, label_treatments
 from .validated import read_evaluations
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
 """One folder of a study: a run, or an evaluation of given designs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run, load_run, read_table
 
-from .treatments import read_choices
+from .factors import read_choices, read_given
 from .values import read_values
 
 EVALUATION = "evoros-evaluate"
@@ -28,6 +28,8 @@ class Record:
     context: FigureContext
     values: Mapping[str, Any]  # of the configuration, by dotted key
     treatment: str = ""  # label of what differs between the runs of the study, except the seed
+    levels: Mapping[str, str] = field(default_factory=dict)  # by factor of the study
+    given: Mapping[str, Any] = field(default_factory=dict)  # the treatment as the user calls it
     agent: str = ""  # the robot that it is about, if it is not the first one
 
     @property
@@ -96,4 +98,4 @@ def read_record(folder: Path, name: str) -> Record:
             f"restore the file"
         )
     _ = run.status  # raises if it is damaged
-    return kind(name, run, FigureContext.read(folder), values)
+    return kind(name, run, FigureContext.read(folder), values, given=read_given(values))

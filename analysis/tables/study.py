@@ -17,10 +17,12 @@ from evoros.base.log import LOGGER
 from evoros.storage.figure_context import Ring
 
 from .candidates import read_generations, read_initial_sensors
+from .conditions import Conditions, find_record_factors, parse_conditions, select_rows
 from .designs import SIGNAL_COLUMNS, read_champion_sensors, read_champion_signals, to_number
 from .folders import find_folders, shorten_names
 from .records import EvaluationRecord, Record, read_record
 from .treatments import label_treatments
+from .treatments_file import name_treatments, read_treatments
 
 KEYS = ("run", "treatment", "seed")
 """The first columns of every table of a study."""
@@ -109,6 +111,11 @@ class Study:
     def treatments(self) -> tuple[str, ...]:
         """The labels of the treatments, in the order of the runs."""
         return tuple(dict.fromkeys(record.treatment for record in self.records))
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """The names of the factors in which the runs differ."""
+        return tuple(dict.fromkeys(name for record in self.records for name in record.levels))
 
     @property
     def rings(self) -> tuple[Ring, ...]:
@@ -211,12 +218,20 @@ def _fitness(record: Record) -> tuple[float, float]:
     return first, second
 
 
-def load_study(paths: Sequence[Path]) -> Study:
+def load_study(
+    paths: Sequence[Path], where: Sequence[str] = (), treatments: Path | None = None
+) -> Study:
     """Load the complete runs and evaluations below these folders; report each other folder.
 
+    ``where`` has conditions on the runs, such as ``failure=none,random``; without runs, on the
+    evaluations. ``treatments`` is a file that names the treatments of the runs.
+
     Raises:
-        InputError: a path does not exist, or there is no complete run or evaluation.
+        InputError: a path does not exist, there is no complete run or evaluation, a condition
+            names what is not there or leaves no run, or the file does not fit the runs.
     """
+    conditions = parse_conditions(where)
+    entries = None if treatments is None else read_treatments(treatments)
     folders = find_folders(paths)
     names = shorten_names(folders)
     runs: list[Record] = []
@@ -238,10 +253,34 @@ def load_study(paths: Sequence[Path]) -> Study:
             f"{', '.join(map(str, paths))}: must contain complete runs or evaluations, but "
             f"contains none; see the warnings above"
         )
+    if entries is not None and treatments is not None:
+        runs = list(name_treatments(runs, entries, treatments))
+    if runs:
+        runs = _select(runs, conditions)
+    else:
+        evaluations = _select(evaluations, conditions)
     return Study(_label(runs), _label(evaluations), tuple(left_out))
 
 
+def _select(records: Sequence[AnyRecord], conditions: Conditions) -> list[AnyRecord]:
+    """Keep the records that meet all conditions."""
+    chosen = select_rows(records, conditions, "--where")
+    kept = [record for record, fits in zip(records, chosen, strict=True) if fits]
+    if records and not kept:
+        raise InputError(
+            f"--where: none of the {len(records)} runs meets all conditions; leave one out"
+        )
+    return kept
+
+
 def _label(records: Sequence[AnyRecord]) -> tuple[AnyRecord, ...]:
-    values, choices = [r.values for r in records], [r.choices for r in records]
-    names = label_treatments(values, choices)
-    return tuple(replace(r, treatment=name) for r, name in zip(records, names, strict=True))
+    """Give each record the label of its treatment, and its levels of the factors."""
+    names = label_treatments(
+        [r.values for r in records], [r.choices for r in records], [r.given for r in records]
+    )
+    factors = find_record_factors(records)
+    levels = [{factor.name: factor.levels[i] for factor in factors} for i in range(len(records))]
+    return tuple(
+        replace(record, treatment=name, levels=own)
+        for record, name, own in zip(records, names, levels, strict=True)
+    )

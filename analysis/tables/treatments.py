@@ -1,109 +1,103 @@
-"""Labels for what the runs of a study differ in."""
+"""Labels of treatments: the names that the user has given them, else their levels."""
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
-IGNORED = ("seed", "executor", "figures", "record")
-"""Keys, or first parts of keys, in which replicates of one treatment may differ."""
-TARGET = "_target_"
+from .factors import Choices, Factor, Given, Values, find_factors, follows, list_conditions
+
 SINGLE = "all runs"
 """The label if there is one treatment."""
-LABEL_LENGTH = 40  # characters
-Values = Mapping[str, Any]
-"""The values of a configuration by dotted key."""
-Choices = Mapping[str, str]
-"""The choice of a group by the dotted key of the part that it configures."""
-
-
-def read_choices(recorded: object) -> dict[str, str]:
-    """Convert the ``choices`` of ``manifest.json`` from groups to the keys of their parts.
-
-    ``controller/navigation`` is at the key ``controller.navigation``, ``filter@failure.effect`` at
-    ``failure.effect``. A group without a choice is dropped.
-    """
-    groups = recorded if isinstance(recorded, dict) else {}
-    return {
-        str(group).rpartition("@")[2].replace("/", "."): choice
-        for group, choice in groups.items()
-        if isinstance(choice, str)
-    }
+LABEL_LENGTH = 60  # characters, beyond which levels that follow from others are left out
+LEVEL_LENGTH = 24  # characters of a level in a label
+UNITS = {"m": "m", "s": "s", "deg": "deg", "rad": "rad", "mps": "m/s", "kg": "kg"}
+"""Units by the ends of keys."""
 
 
 def label_treatments(
-    configurations: Sequence[Values], choices: Sequence[Choices] = ()
+    configurations: Sequence[Values],
+    choices: Sequence[Choices] = (),
+    given: Sequence[Given] = (),
 ) -> list[str]:
-    """Label each configuration by what distinguishes its treatment from the others.
+    """Label each configuration by the name that it was given, else by its levels of all factors.
 
-    A part of another class is named by its choice (see ``name_part``), a set of other worlds by
-    the names of the worlds, and each unusual value is given as ``key=value``. ``choices`` belong
-    to the configurations, in the same order.
+    A name that several treatments share is followed by what they differ in. Two configurations
+    have the same label if and only if they are of one treatment: see ``find_factors``.
     """
-    compared = [
-        {key: value for key, value in values.items() if key.split(".")[0] not in IGNORED}
-        for values in configurations
-    ]
-    keys = list(dict.fromkeys(key for values in compared for key in values))
-    differing = [k for k in keys if any(_get(v, k) != _get(compared[0], k) for v in compared)]
-    conditions = [tuple(repr(_get(values, key)) for key in differing) for values in compared]
-    usual = [Counter(column).most_common(1)[0][0] for column in zip(*conditions, strict=True)]
-    labels: dict[tuple[str, ...], str] = {}
-    chosen = choices or [{}] * len(compared)
-    for condition, values, own_choices in zip(conditions, compared, chosen, strict=True):
+    factors = find_factors(configurations, choices, given)
+    conditions = list_conditions(configurations, given)
+    names = [str(own.get("name", "")) for own in given] or [""] * len(configurations)
+    shown = label_levels(factors, len(configurations))
+    for name in dict.fromkeys(filter(None, names)):
+        same = [i for i, own in enumerate(names) if own == name]
+        part = [replace(f, levels=tuple(f.levels[i] for i in same)) for f in factors]
+        differ = label_levels([f for f in part if len(set(f.levels)) > 1], len(same))
+        for i, label in zip(same, differ, strict=True):
+            shown[i] = name if label == SINGLE else f"{name}, {label}"
+    labels: dict[object, str] = {}
+    for condition, label in zip(conditions, shown, strict=True):
         if condition not in labels:
-            triples = zip(differing, condition, usual, strict=True)
-            unusual = [key for key, value, most_common in triples if value != most_common]
-            shown = (_label(values, own_choices, differing, k) for k in (unusual, differing))
-            labels[condition] = _number(next(filter(None, shown), SINGLE), labels.values())
+            labels[condition] = _number(label, labels.values())
     return [labels[condition] for condition in conditions]
+
+
+def label_levels(factors: Sequence[Factor], count: int) -> list[str]:
+    """Label each of ``count`` runs by its level of every factor.
+
+    If the only factor has names for levels, these suffice. Levels that follow from those of
+    earlier factors are left out of labels that would be long.
+    """
+    labels = _join(factors, count)
+    if max(map(len, labels), default=0) > LABEL_LENGTH:
+        kept: list[Factor] = []
+        for factor in factors:
+            if not follows(factor.levels, [f.levels for f in kept]):
+                kept.append(factor)
+        labels = _join(kept, count)
+    return labels
+
+
+def _join(factors: Sequence[Factor], count: int) -> list[str]:
+    if len(factors) == 1 and factors[0].named and all(factors[0].levels):
+        return [_shorten(level) for level in factors[0].levels]
+    keys = [factor.key for factor in factors]
+    inner = [any(f.key.startswith(f"{key}.") for key in keys) for f in factors]
+    pairs = list(zip(factors, inner, strict=True))
+    return [
+        ", ".join(filter(None, (_describe(f, f.levels[i], inside) for f, inside in pairs)))
+        or SINGLE
+        for i in range(count)
+    ]
+
+
+def describe_factor(name: str) -> str:
+    """Describe a factor in words, with its unit: ``wait_s`` is ``wait [s]``."""
+    words, unit = _split(name)
+    return f"{words} [{unit}]" if unit else words
+
+
+def _split(name: str) -> tuple[str, str]:
+    start, _, end = name.rpartition("_")
+    words = start if start and end in UNITS else name
+    return words.replace("_", " ").replace(".", " "), UNITS[end] if words == start else ""
+
+
+def _describe(factor: Factor, level: str, inside: bool) -> str:
+    """Describe a level; a value of a part that a run does not have needs no word."""
+    words, unit = _split(factor.name)
+    if not level:
+        return "" if inside else f"no {words}"
+    return f"{words} {_shorten(level)}" + (f" {unit}" if unit else "")
+
+
+def _shorten(level: str) -> str:
+    text = level.replace("_", " ")
+    return text if len(text) <= LEVEL_LENGTH else text[: LEVEL_LENGTH - 3] + "..."
 
 
 def _number(label: str, taken: Iterable[str]) -> str:
     """Append a number to a label that is taken."""
     namesakes = sum(known.partition(" #")[0] == label for known in taken)
     return f"{label} #{namesakes + 1}" if namesakes else label
-
-
-def name_part(key: str, values: Values, choices: Choices) -> str:
-    """Name the part at a dotted key by the choice of its group, else by its class."""
-    return choices.get(key) or str(values.get(f"{key}.{TARGET}", "")).rpartition(".")[2]
-
-
-def _get(values: Values, key: str) -> Any:
-    return values.get(key, "absent")
-
-
-def _label(values: Values, choices: Choices, differing: Sequence[str], shown: Sequence[str]) -> str:
-    """Join the names of the parts and worlds that differ, and the values to be shown."""
-    parts = [key.removesuffix(TARGET) for key in differing if key.endswith(TARGET)]
-    outer = [part for part in parts if not any(part.startswith(p) and part != p for p in parts)]
-    pieces = [
-        name_part(part.removesuffix("."), values, choices)
-        for part in outer
-        if part + TARGET in values
-    ]
-    if any(key.startswith("world.") for key in differing):
-        worlds = dict.fromkeys(key.split(".")[1] for key in values if key.startswith("world."))
-        pieces.append("+".join(worlds))
-    covered = (*outer, "world.")
-    loose = [key for key in shown if key in values and not key.startswith(covered)]
-    pieces += [f"{key.rpartition('.')[2]}={_shorten(values[key])}" for key in loose]
-    return _join(pieces)
-
-
-def _join(pieces: Sequence[str]) -> str:
-    """Join the first pieces, as many as fit into a label."""
-    fitting: list[str] = []
-    for piece in pieces:
-        if fitting and len(", ".join((*fitting, piece))) > LABEL_LENGTH:
-            return ", ".join((*fitting, "..."))
-        fitting.append(piece)
-    return ", ".join(fitting)
-
-
-def _shorten(value: Any) -> str:
-    text = str(value).lower() if isinstance(value, bool) else str(value)
-    return text if len(text) <= LABEL_LENGTH // 2 else text[: LABEL_LENGTH // 2 - 3] + "..."
 
 
 def report_repeated(runs: Iterable[tuple[str, str, int]]) -> list[str]:

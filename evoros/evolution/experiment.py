@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, Any
 
 from evoros.allocation.once import Once
 from evoros.allocation.protocol import Allocation
@@ -19,6 +19,7 @@ from evoros.base.checks import (
 from evoros.base.combining import Combine, mean
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
+from evoros.base.treatment import TREATMENT
 from evoros.controller.protocol import Controller, LiveController
 from evoros.design.space import DesignSpace, SensorDesign
 from evoros.design.team import TeamSpace
@@ -90,6 +91,8 @@ class Experiment:
     descriptors: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     worst_cases: Annotated[WorstCases | None, A_SEARCH] = None  # which an evaluation looks for
     figures: Sequence[str] = ()
+    # What figures call the treatment: ``name``, and its levels by factor.
+    treatment: Annotated[Mapping[str, Any], TREATMENT] = field(default_factory=dict)
     course: Annotated[Course | None, A_COURSE] = None
 
     def __post_init__(self) -> None:

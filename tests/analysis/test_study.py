@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 import yaml
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.tables.factors import name_part, read_choices
 from evoros.analysis.tables.folders import list_folders, shorten_names
 from evoros.analysis.tables.study import load_study
-from evoros.analysis.tables.treatments import SINGLE, label_treatments, name_part, read_choices
+from evoros.analysis.tables.treatments import SINGLE, label_treatments
 from evoros.analysis.tables.values import read_values
 from helpers import TINY, everything, reseal, tiny
 from hypothesis import given
@@ -64,12 +65,12 @@ def test_a_dollar_in_a_name_is_no_formula(sweep: Path, tmp_path: Path) -> None:
     shutil.copytree(sweep, tmp_path / "sweep")
     for seed in (2, 10):
         config = tmp_path / "sweep" / f"stuck_seed-{seed}" / "config.yaml"
-        config.write_text(f"{config.read_text()}\nnote: $_{{$\n")
+        config.write_text(f"{config.read_text()}\nnote: $^{{$\n")
         reseal(config.parent)
     for name in ("fitness", "compare"):  # all figures have one style, which decides this
         given = [name, str(tmp_path / "sweep"), "--output", str(tmp_path / "out")]
         assert evoros_analyze([*given, "--format", "svg"]) == DONE
-    assert "note=$_{$" in (tmp_path / "out" / "compare.csv").read_text()
+    assert "note $^{$" in (tmp_path / "out" / "compare.csv").read_text()
 
 
 DAMAGES: dict[str, Callable[[Path], object]] = {
@@ -208,10 +209,10 @@ def chosen(values: dict[str, Any]) -> dict[str, str]:
     [
         ([conditions(), conditions(seed=1)], [SINGLE, SINGLE]),
         ([conditions(), conditions(**RANDOM)], ["none", "random"]),
-        ([conditions(), conditions(trials=2)], ["trials=1", "trials=2"]),
+        ([conditions(), conditions(trials=2)], ["trials 1", "trials 2"]),
         (
             [conditions(), conditions(seed=3), conditions(**RANDOM, trials=2)],
-            ["none", "none", "random, trials=2"],
+            ["failure none, trials 1"] * 2 + ["failure random, trials 2"],
         ),
         ([conditions(), conditions(**{"world.yard.sdf": "y"})], ["maze", "maze+yard"]),
         ([conditions(), conditions(**{"executor.workers": 3})], [SINGLE, SINGLE]),

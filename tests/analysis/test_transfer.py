@@ -101,8 +101,8 @@ def test_evaluations_that_differ_in_several_parts_ask_for_one(
     assert said.count("\n") == 1
     assert not (tmp_path / "out").exists()
     for between, axes, groups in (
-        ("failure", ("spatial", "random"), ("time_step=0.05", "time_step=0.1")),
-        ("simulator", ("time_step=0.05", "time_step=0.1"), ("spatial", "random")),
+        ("failure", ("spatial", "random"), ("time step 0.05", "time step 0.1")),
+        ("simulator", ("time step 0.05", "time step 0.1"), ("spatial", "random")),
     ):
         table = pairs(*folders, between=between)
         assert len(table) == 10

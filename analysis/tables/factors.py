@@ -1,0 +1,225 @@
+"""Factors of a study: what its runs differ in, besides their seeds, and on which levels.
+
+A factor is a part of the configuration whose name differs (``failure``), a value that differs
+(``population_size``), or one that the user has given (``treatment`` in the configuration).
+"""
+
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+IGNORED = ("seed", "executor", "figures", "record", "treatment")
+"""First parts of keys in which replicates of one treatment may differ; names are read apart."""
+TARGET = "_target_"
+RESERVED = ("name", "run", "treatment", "seed")
+"""What no factor is called."""
+Values = Mapping[str, Any]
+"""The values of a configuration by dotted key."""
+Choices = Mapping[str, str]
+"""The choice of a group by the dotted key of the part that it configures."""
+Given = Mapping[str, Any]
+"""What the user has called a treatment: its ``name``, and levels by factor."""
+_WORLD = "world"
+_MANY = 24  # characters of the names of worlds, beyond which their choice is shorter
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A factor, with the level of each run."""
+
+    key: str  # dotted key of the configuration, or the name that the user has given
+    name: str  # of its column: the shortest end of the key that no other factor has
+    levels: tuple[str, ...]  # in the order of the runs; '': the run has none
+    named: bool = False  # its levels are names that say what they are of
+    given: bool = False
+
+
+def read_choices(recorded: object) -> dict[str, str]:
+    """Convert the ``choices`` of ``manifest.json`` from groups to the keys of their parts.
+
+    ``controller/navigation`` is at the key ``controller.navigation``, ``filter@failure.effect`` at
+    ``failure.effect``. A group without a choice is dropped.
+    """
+    groups = recorded if isinstance(recorded, dict) else {}
+    return {
+        str(group).rpartition("@")[2].replace("/", "."): choice
+        for group, choice in groups.items()
+        if isinstance(choice, str)
+    }
+
+
+def read_given(values: Values) -> dict[str, Any]:
+    """Read what a configuration itself calls its treatment; empty if it says nothing."""
+    start = "treatment."
+    named = {k.removeprefix(start): v for k, v in values.items() if k.startswith(start)}
+    return {key: value for key, value in named.items() if value is not None}
+
+
+def name_part(key: str, values: Values, choices: Choices) -> str:
+    """Name the part at a dotted key by the choice of its group, else by its class."""
+    return choices.get(key) or _name_class(key, values)
+
+
+def find_factors(
+    configurations: Sequence[Values],
+    choices: Sequence[Choices] = (),
+    given: Sequence[Given] = (),
+) -> list[Factor]:
+    """Find the factors in which configurations differ, given ones first.
+
+    Two configurations have the same levels if and only if they are equal, apart from ``IGNORED``
+    keys, and given the same levels. A key is no factor of its own if its value follows from the
+    levels of given factors, or of a part around it. ``choices`` and ``given`` belong to the
+    configurations, in the same order.
+    """
+    compared = [_select(values) for values in configurations]
+    keys = list(dict.fromkeys(key for values in compared for key in values))
+    columns = {key: tuple(repr(v.get(key, "absent")) for v in compared) for key in keys}
+    differing = {key: column for key, column in columns.items() if len(set(column)) > 1}
+    chosen = choices or [{}] * len(compared)
+    factors = list(_find_given(given))
+    for part in _list_parts(differing):
+        factors += _find_part(part, differing, compared, chosen, factors)
+    loose = [
+        Factor(key, key, tuple(format_level(v, key) for v in compared))
+        for key, column in differing.items()
+        if not follows(column, _around(key, factors))
+        and not any(other.startswith(f"{key}.") for other in keys)
+    ]
+    return _name([*factors, *_drop_references(loose)])
+
+
+def format_level(values: Values, key: str) -> str:
+    """Format the value at a key as in YAML; '' if there is none."""
+    if key not in values:
+        return ""
+    value = values[key]
+    if value is None or value in ({}, []):
+        return "null" if value is None else "none"
+    if key.endswith(TARGET):
+        return str(value).rpartition(".")[2]
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def list_conditions(
+    configurations: Sequence[Values], given: Sequence[Given] = ()
+) -> list[tuple[tuple[str, str], ...]]:
+    """Return what identifies the treatment of each configuration: all but ``IGNORED`` keys."""
+    named = given or [{}] * len(configurations)
+    return [
+        tuple(
+            (key, repr(value))
+            for mapping in (_select(values), {f"treatment.{k}": v for k, v in own.items()})
+            for key, value in sorted(mapping.items())
+        )
+        for values, own in zip(configurations, named, strict=True)
+    ]
+
+
+def _select(values: Values) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if key.split(".")[0] not in IGNORED}
+
+
+def _find_given(given: Sequence[Given]) -> Iterator[Factor]:
+    """Yield the given factors whose levels differ."""
+    for key in dict.fromkeys(key for own in given for key in own if key != "name"):
+        levels = tuple(format_level(own, key) for own in given)
+        named = any(isinstance(own.get(key), str) for own in given)
+        if len(set(levels)) > 1:
+            yield Factor(key, key, levels, named, given=True)
+
+
+def _list_parts(differing: Mapping[str, object]) -> list[str]:
+    """List the keys of all parts that contain differing keys, the outer ones first."""
+    ends = dict.fromkeys(
+        ".".join(key.split(".")[:depth])
+        for key in differing
+        for depth in range(1, key.count(".") + 1)
+    )
+    return sorted(ends, key=lambda part: part.count("."))
+
+
+def _find_part(
+    part: str,
+    differing: Mapping[str, tuple[str, ...]],
+    compared: Sequence[Values],
+    choices: Sequence[Choices],
+    found: Sequence[Factor],
+) -> Iterator[Factor]:
+    """Yield the factor of a part whose name differs, unless other factors explain what differs."""
+    below = {k: column for k, column in differing.items() if k.startswith(f"{part}.")}
+    around = _around(part, found)
+    if all(follows(column, around) for column in below.values()):
+        return
+    for levels in _name_levels(part, compared, choices):
+        # Equal values are one level, whatever they were chosen by.
+        if len(set(levels)) > 1 and follows(levels, below.values()):
+            if not follows(levels, around):
+                yield Factor(part, part, levels, named=True)
+            return
+
+
+def _name_levels(
+    part: str, compared: Sequence[Values], choices: Sequence[Choices]
+) -> Iterator[tuple[str, ...]]:
+    """Yield the names that a part may have in each configuration, the better ones first."""
+    if part == _WORLD:
+        worlds = [
+            dict.fromkeys(key.split(".")[1] for key in values if key.startswith("world."))
+            for values in compared
+        ]
+        sets = tuple("+".join(names) for names in worlds)
+        picked = tuple(own.get(part, "") for own in choices)
+        plain = all(re.fullmatch(r"[\w-]+", name) for name in picked)
+        if plain and len(set(sets)) == len(set(picked)) and max(map(len, sets)) > _MANY:
+            yield picked
+        yield sets
+    if any(f"{part}.{TARGET}" in values for values in compared):
+        pairs = list(zip(compared, choices, strict=True))
+        # A choice may also leave a part out (null), and has no class then.
+        there = [any(key.startswith(f"{part}.") for key in values) for values in compared]
+        yield tuple(
+            name_part(part, v, c) if is_there else ""
+            for (v, c), is_there in zip(pairs, there, strict=True)
+        )
+        yield tuple(_name_class(part, values) for values in compared)
+
+
+def _name_class(key: str, values: Values) -> str:
+    return str(values.get(f"{key}.{TARGET}", "")).rpartition(".")[2]
+
+
+def _around(key: str, factors: Sequence[Factor]) -> list[tuple[str, ...]]:
+    """Return the levels of given factors, and of the parts around a key."""
+    return [f.levels for f in factors if f.given or key.startswith(f"{f.key}.")]
+
+
+def follows(column: Sequence[str], others: Collection[Sequence[str]]) -> bool:
+    """Whether the values of a column follow from those of others, row by row."""
+    known: dict[tuple[str, ...], str] = {}
+    rows = zip(*others, strict=True) if others else ((),) * len(column)
+    return all(known.setdefault(row, v) == v for row, v in zip(rows, column, strict=True))
+
+
+def _drop_references(factors: Sequence[Factor]) -> list[Factor]:
+    """Keep the shortest of several keys with the same last part and the same levels."""
+    best: dict[tuple[str, tuple[str, ...]], Factor] = {}
+    for factor in factors:
+        same = (factor.key.rpartition(".")[2], factor.levels)
+        if same not in best or factor.key.count(".") < best[same].key.count("."):
+            best[same] = factor
+    return list(best.values())
+
+
+def _name(factors: Sequence[Factor]) -> list[Factor]:
+    """Name each factor by the shortest end of its key that is its own."""
+    ends = [
+        [".".join(parts[-n:]) for n in range(1, len(parts) + 1)]
+        for parts in (f.key.removesuffix(f".{TARGET}").split(".") for f in factors)
+    ]
+    taken = [end for own in ends for end in own]
+    return [
+        replace(f, name=next((e for e in own if taken.count(e) == 1 and e not in RESERVED), f.key))
+        for f, own in zip(factors, ends, strict=True)
+    ]

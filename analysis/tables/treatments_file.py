@@ -1,0 +1,132 @@
+"""Names of treatments for folders that have none: the file of ``--treatments``.
+
+It is a list of treatments as in a configuration, each with its runs: ``where``, levels of
+factors, or ``folders``, patterns of the runs' names.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from evoros.base.errors import InputError, single_line
+from evoros.base.treatment import describe_problem
+
+from .conditions import Conditions, find_record_factors, match_levels, require_levels
+from .factors import format_level
+from .treatments import label_levels
+
+if TYPE_CHECKING:
+    from .records import Record
+SELECTING = ("where", "folders")
+
+
+@dataclass(frozen=True)
+class NamedTreatment:
+    """An entry of the file."""
+
+    given: Mapping[str, Any]  # name, and levels by factor
+    where: Conditions
+    folders: Sequence[str]
+
+    @property
+    def name(self) -> str:
+        """The name of the treatment."""
+        return str(self.given["name"])
+
+
+def read_treatments(path: Path) -> list[NamedTreatment]:
+    """Read the file.
+
+    Raises:
+        InputError: it cannot be read, or an entry is wrong.
+    """
+    try:
+        entries = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(
+            f"{path}: must be a YAML file of treatments ({single_line(error)}); correct it"
+        ) from error
+    if not isinstance(entries, list) or not entries:
+        raise InputError(
+            f"{path}: must be a list of treatments, each with name and where or folders; write "
+            f'"- name: ..." for each'
+        )
+    named = [_read_entry(entry, f"{path}, entry {i}") for i, entry in enumerate(entries, 1)]
+    names = [entry.name for entry in named]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                f"{path}: the name {name!r} must be there once, not {names.count(name)} times; "
+                f"rename one"
+            )
+    return named
+
+
+def _read_entry(entry: object, place: str) -> NamedTreatment:
+    if not isinstance(entry, dict) or not any(key in entry for key in SELECTING):
+        raise InputError(
+            f"{place}: must have name, and where (levels of factors) or folders (patterns of the "
+            f"names of runs); add them"
+        )
+    given = {str(key): value for key, value in entry.items() if key not in SELECTING}
+    problem = describe_problem(given) or ("" if given.get("name") else "name must be a text")
+    where, folders = entry.get("where") or {}, entry.get("folders") or []
+    if not problem and not isinstance(where, dict):
+        problem = f"where must be a mapping of factors to levels, not {where!r}"
+    patterns = [folders] if isinstance(folders, str) else folders
+    if not problem and not (
+        isinstance(patterns, list) and all(isinstance(pattern, str) for pattern in patterns)
+    ):
+        problem = f"folders must be a list of patterns, not {folders!r}"
+    if problem:
+        raise InputError(f"{place}: {problem}; correct it")
+    levels = {
+        str(key): tuple(
+            format_level({"": level}, "") for level in (v if isinstance(v, list) else [v])
+        )
+        for key, v in where.items()
+    }
+    return NamedTreatment(given, levels, patterns)
+
+
+def name_treatments(
+    records: "Sequence[Record]", entries: Sequence[NamedTreatment], path: Path
+) -> "tuple[Record, ...]":
+    """Give each record the name of the one entry that fits it.
+
+    Raises:
+        InputError: no entry fits a record, or several do.
+    """
+    fitting = [_fit(records, entry, path) for entry in entries]
+    labels = label_levels(find_record_factors(records), len(records))
+    named = []
+    for i, record in enumerate(records):
+        own = [e for e, rows in zip(entries, fitting, strict=True) if rows[i]]
+        about = f"{labels[i]} ({record.name})"
+        if len(own) != 1:
+            names = " and ".join(repr(entry.name) for entry in own)
+            problem = f"it is both {names}" if own else "no entry fits it"
+            fix = "make where narrower" if own else "add an entry"
+            raise InputError(
+                f"{path}: each treatment must have one entry, and of {about}, {problem}; {fix}"
+            )
+        named.append(replace(record, given=own[0].given))
+    return tuple(named)
+
+
+def _fit(records: "Sequence[Record]", entry: NamedTreatment, path: Path) -> list[bool]:
+    """Return which records fit an entry. Levels that none of them has fit none."""
+    rows = [
+        not entry.folders
+        or any(fnmatch(r.name, p) or fnmatch(r.path.name, p) for p in entry.folders)
+        for r in records
+    ]
+    for name, allowed in entry.where.items():
+        levels = require_levels(records, name, f"{path}: where of {entry.name!r}")
+        own = match_levels(levels, allowed)
+        rows = [was and fits for was, fits in zip(rows, own, strict=True)]
+    return rows
