@@ -27,8 +27,8 @@ from evoros.storage.run_folder import RunFolder
 from evoros.storage.tables import read_mission
 
 BUDGET = 1500  # missions of a run, its final choice included
-HAND, GA = "hand-made, GA", ["experiment=dense"]
-CMA = ["experiment=dense", "optimizer=cma_es"]
+DENSE = ["world=dense", "simulator=planar", "trials=2"]
+HAND, CMA = "hand-made, GA", [*DENSE, "optimizer=cma_es"]
 NUMBERS = {  # of the hand-made controller, with their ranges
     "avoidance.range_m": (0.5, 4.0),
     "avoidance.max_range_m": (0.3, 4.0),
@@ -45,10 +45,11 @@ TUNED = [
     for key, (low, high) in NUMBERS.items()
 ]
 VARIANTS = {  # what evolves, and generations enough for the budget
-    HAND: (GA, 32),
+    HAND: (DENSE, 32),
     "hand-made, CMA-ES": (CMA, 14),
     "hand-made, its numbers evolve": ([*CMA, *TUNED], 14),
     "neural": ([*CMA, "controller=neural"], 14),
+    "neural, GA": ([*DENSE, "controller=neural"], 32),
 }
 
 

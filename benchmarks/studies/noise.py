@@ -40,7 +40,7 @@ CASES = {  # what is evolved, and the missions of a run
     "spatial": (["failure=spatial", "simulator=planar"], 950),
     "random": (["failure=random", "simulator=planar"], 950),
     "none": (["failure=none", "simulator=planar"], 950),
-    "dense": (["experiment=dense"], 950),
+    "dense": (["world=dense", "simulator=planar"], 950),
 }
 VARIANTS = {  # what each changes, and generations enough for the budget
     "one trial": (["trials=1", "allocation=once"], 38),
