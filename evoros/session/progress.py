@@ -25,6 +25,7 @@ class Progress:
     """
 
     def __init__(self, shown: bool = True) -> None:
+        self._created = time.monotonic()
         self.since: float | None = None  # when missions began; what comes first is no measure
         self.missions, self.simulated, self.ended = 0, 0.0, False  # of this session
         self.activity = ""
@@ -88,9 +89,15 @@ class Progress:
             (5, "" if self._mean is None else f"mean {self._mean:.3f}"),
             (2, f"missions {self._known + self._done}/{self._wanted}" if self._wanted else ""),
             (6, _speed(self.simulated, elapsed) if self.missions else ""),
-            (4, f"{_clock(self._left() * elapsed / self.missions)} left" if self.missions else ""),
+            (4, self._describe_time(elapsed)),
         ]
-        return fit(parts, width) or "preparing"
+        return fit(parts, width)
+
+    def _describe_time(self, elapsed: float) -> str:
+        """The time left, or, as long as nothing tells, the time that has passed."""
+        if self.missions:
+            return f"{_clock(self._left() * elapsed / self.missions)} left"
+        return f"after {_clock(_elapsed(self._created))}"
 
     @property
     def share(self) -> float:
@@ -110,6 +117,7 @@ class SweepProgress:
     """The display of a sweep of ``jobs`` jobs: one line for all."""
 
     def __init__(self, jobs: int, shown: bool = True) -> None:
+        self._created = time.monotonic()
         self._jobs, self._begun, self._skipped = jobs, list[Progress](), 0
         self._activity = ""  # of the thread that begins the jobs
         self._screen = open_screen(self.line) if shown else None
@@ -165,7 +173,7 @@ class SweepProgress:
             (3, "" if best is None else f"best {best:.3f}"),
             (5, f"missions {sum(job.missions for job in begun)}" if share else ""),
             (6, _speed(sum(job.simulated for job in begun), elapsed) if share else ""),
-            (1, f"{_clock(left)} left" if share else ""),
+            (1, f"{_clock(left)} left" if share else f"after {_clock(_elapsed(self._created))}"),
         ]
         return fit(parts, width)
 
