@@ -9,8 +9,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, Protocol, cast
 
-from evoros import __version__
 from evoros.base.errors import InputError
+from evoros.base.origin import read_origin
 
 if TYPE_CHECKING:
     from .product import Product
@@ -77,7 +77,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 
     chosen = [name for name in SUBCOMMANDS if name in arguments[:1]]
     parser = _Parser(NAME, description=ABOUT, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--version", action="version", version=f"{NAME} {__version__}")
+    parser.add_argument("--version", action="version", version=f"{NAME} {read_origin().version}")
     subparsers = parser.add_subparsers(dest="subcommand", metavar="SUBCOMMAND", required=True)
     for name in chosen or SUBCOMMANDS:
         module = import_subcommand(name)

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from evoros.session.status import NoDisplay
     from evoros.storage.reading import Run, load_run
 
-__version__ = "0.1.0"
+    __version__: str
+    """From the tags of git, see ``evoros.base.origin``."""
 
 __all__ = [
     "Evaluator",
@@ -61,6 +62,10 @@ if not (_PACKAGE / "analysis").is_dir():
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from evoros.base.origin import read_origin
+
+        return read_origin().version
     if name in _HOMES:
         return getattr(import_module(f"evoros.{_HOMES[name]}"), name)
     raise AttributeError(f"module 'evoros' has no attribute {name!r}")

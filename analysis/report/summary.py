@@ -100,7 +100,8 @@ def tabulate_versions(study: Study) -> pd.DataFrame:
 
 
 def _versions(manifest: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    yield "evoros, commit", str(manifest.get("commit") or "no checkout")
+    changed = " and changed files" if manifest.get("dirty") else ""
+    yield "evoros, commit", f"{manifest.get('commit') or 'unknown'}{changed}"
     for name, version in (manifest.get("packages") or {}).items():
         yield name, str(version or "not installed")
     for name in ("python", "platform", "processor"):

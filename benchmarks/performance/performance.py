@@ -30,7 +30,7 @@ from tick_cost import Point
 from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.executor.processes import available_cores
-from evoros.storage.manifest import processor
+from evoros.storage.circumstances import processor
 from evoros.storage.tables import design_table
 
 ROOT = Path(__file__).parents[2]

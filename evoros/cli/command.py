@@ -9,10 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evoros import __version__
 from evoros.base.console import DONE, print_result
 from evoros.base.errors import EvorosError, InputError
 from evoros.base.log import log_to_terminal
+from evoros.base.origin import read_origin
 from evoros.base.resources import expand_home
 from evoros.cli.reporting import (
     JobResult,
@@ -60,7 +60,7 @@ def _execute(command: Command, arguments: list[str], signals: Signals) -> int:
 
     options = parse_options(arguments)
     if options.version:
-        print_result(f"{command.name} {__version__}")
+        print_result(f"{command.name} {read_origin().version}")
         return DONE
     if options.config_dir:
         from evoros.config.compose import add_config_dir

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
-from evoros import __version__
 from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result, run_main
 from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.log import LOGGER, log_to_terminal
+from evoros.base.origin import read_origin
 from evoros.base.resources import expand_home
 
 NAME = "evoros-compare"
@@ -33,7 +33,7 @@ def evoros_compare(arguments: Sequence[str]) -> int:
         print_result(USAGE)
         return DONE if arguments else INPUT
     if "--version" in arguments:
-        print_result(f"{NAME} {__version__}")
+        print_result(f"{NAME} {read_origin().version}")
         return DONE
     with log_to_terminal():
         try:

@@ -9,7 +9,6 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from evoros import __version__
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.resources import PACKAGE
@@ -33,7 +32,7 @@ def describe_environment() -> Mapping[str, str]:
     """
     found = {
         "python": ".".join(map(str, sys.version_info[:2])),
-        "evoros": f"{__version__} (sources {_digest_of_sources()})",
+        "evoros": f"of sources {_digest_of_sources()}",
         "numpy": np.__version__,
         "numba": _version("numba"),
         ARITHMETIC: _digest_of_elementary(),
@@ -71,7 +70,7 @@ def _version(package: str) -> str:
 
 
 def _digest_of_sources() -> str:
-    """Return a digest of the package's code: two checkouts may have the same version.
+    """Return a digest of the package's code, which tells more than a version does.
 
     Without the folders that a wheel has inside and a checkout beside the package.
     """

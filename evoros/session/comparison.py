@@ -31,7 +31,16 @@ FREE = ("executor", "figures")
 """Keys, or first parts of keys, on which no result depends."""
 OWN_HASHES = "configuration"
 """Hashes of the configuration in the manifest begin with this."""
-MADE_BY = ("packages", "programs", "python", "platform", "processor", "commit")
+MADE_BY = (
+    "commit",
+    "dirty",
+    "packages",
+    "programs",
+    "python",
+    "platform",
+    "operating_system",
+    "processor",
+)
 """Fields of the manifest that may differ between equal runs."""
 
 

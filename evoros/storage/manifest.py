@@ -2,28 +2,23 @@
 
 import hashlib
 import json
-import platform
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from evoros import __version__
 from evoros.base.errors import InputError
 from evoros.base.log import LOGGER
-from evoros.base.resources import PACKAGE
 from evoros.controller.protocol import LiveController, VersionedController
 from evoros.evolution.experiment import Experiment
 from evoros.optimizer.protocol import PackagedOptimizer
+from evoros.storage.circumstances import describe_circumstances, find_version, normalize
+from evoros.storage.imports import collect_imports
 from evoros.storage.layout import FORMAT_VERSION
 
 COMPUTING = ("evoros", "numpy", "numba")
 """Packages whose versions can change missions in every simulator."""
-READING = ("hydra-core", "omegaconf", "xacro", "lxml")
-"""Packages that read what a run is made from."""
 
 
 def manifest(
@@ -40,6 +35,7 @@ def manifest(
     of each of its groups. ``command`` creates the folder from the experiment and from further
     ``files``, whose texts are given by name.
     """
+    imported = collect_imports(_modules(values)).packages
     return {
         "format_version": FORMAT_VERSION,
         "command": command,
@@ -51,12 +47,9 @@ def manifest(
         "states_cases": experiment.states_cases,
         "choices": dict(sorted(choices.items())),
         "simulators": _simulators(experiment),
-        "commit": _commit(),
-        "packages": {name: _version(name) for name in (*mission_packages(experiment), *READING)},
-        "programs": _program_versions(experiment),
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-        "processor": processor(),
+        **describe_circumstances(
+            (*mission_packages(experiment), *imported), _program_versions(experiment)
+        ),
         "sha256": hashes(experiment, config, values, files or {}),
     }
 
@@ -66,7 +59,9 @@ def hashes(
 ) -> dict[str, str]:
     """Return the SHA-256 of everything that the experiment was built from."""
     worlds = {f"world.{name}": world.source_sha256 for name, world in experiment.world.items()}
-    modules = {f"module {name}": _sha256_of(name) for name in sorted(_modules(values))}
+    named = _modules(values)
+    files_of = collect_imports(named).modules | {name: _file(name) or "" for name in named}
+    modules = {f"module {name}": _sha256_of_module(files_of[name]) for name in sorted(files_of)}
     return {
         "configuration": _sha256(config),
         "simulators": _sha256(json.dumps(_simulators(experiment))),
@@ -137,7 +132,9 @@ def check_unchanged(
             f"{folder / 'manifest.json'}: format_version must be {FORMAT_VERSION}, not "
             f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
         )
-    _warn_of_versions(folder, recorded.get("packages", {}), mission_packages(experiment))
+    imported = collect_imports(_modules(values)).packages
+    packages = dict.fromkeys(map(normalize, (*mission_packages(experiment), *sorted(imported))))
+    _warn_of_versions(folder, recorded.get("packages", {}), list(packages))
     now = hashes(experiment, config, values, files)
     for name, value in recorded.get("sha256", {}).items():
         if now.get(name) != value:
@@ -165,7 +162,7 @@ def mission_packages(experiment: Experiment) -> list[str]:
 
 def _warn_of_versions(folder: Path, recorded: Mapping[str, Any], packages: Sequence[str]) -> None:
     for name in packages:
-        before, now = recorded.get(name), _version(name)
+        before, now = recorded.get(name), find_version(name)
         if before != now:
             LOGGER.warning(
                 "%s: made with %s %s, and this is %s; new missions may differ from those on disk",
@@ -200,40 +197,9 @@ def _file(module: str) -> str | None:
     return getattr(sys.modules.get(module), "__file__", None)
 
 
-def _sha256_of(module: str) -> str:
-    return hashlib.sha256(Path(_file(module) or "").read_bytes()).hexdigest()
+def _sha256_of_module(file: str | Path) -> str:
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
 def _sha256(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _version(package: str) -> str | None:
-    if package == "evoros":  # a clone that is not installed has no metadata
-        return __version__
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
-
-
-def _commit() -> str | None:
-    """Return the commit of the checkout that evoros runs from, marked if files differ from it."""
-    if not (PACKAGE.parent / ".git").exists():
-        return None
-    command = ["git", "-C", str(PACKAGE), "describe", "--always", "--dirty", "--abbrev=40"]
-    try:
-        git = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
-    except (OSError, subprocess.TimeoutExpired):
-        return None
-    return git.stdout.strip() or None
-
-
-def processor() -> str:
-    """Return the model of the processor, if the system tells it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    models = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(models, platform.processor())

@@ -26,14 +26,29 @@ CHECK = """
 import json, sys
 import evoros
 
-assert all(hasattr(evoros, name) for name in evoros.__all__)
-assert evoros.compose([]).values["seed"] == 0
-overrides = ["experiment=tiny", "executor=serial", "optimizer.generations=1"]
-tiny = evoros.compose([*overrides, "figures=[overlay,fitness,mission]"], sys.argv[1])
-evoros.run(tiny, sys.argv[2])
-run = evoros.load_run(sys.argv[2])
-figures = sorted(file.name for file in run.path.glob("figures/*.pdf"))
-print(json.dumps([evoros.__file__, run.status["state"], len(run.missions), figures]))
+def main():
+    assert all(hasattr(evoros, name) for name in evoros.__all__)
+    assert evoros.compose([]).values["seed"] == 0
+    overrides = ["experiment=tiny", "executor.workers=2", "optimizer.generations=1"]
+    tiny = evoros.compose([*overrides, "figures=[overlay,fitness,mission]"], sys.argv[1])
+    evoros.run(tiny, sys.argv[2])
+    run = evoros.load_run(sys.argv[2])
+    figures = sorted(file.name for file in run.path.glob("figures/*.pdf"))
+    origin = [run.manifest[key] for key in ("commit", "dirty")]
+    print(json.dumps([evoros.__file__, run.status["state"], len(run.missions), figures, origin]))
+
+
+if __name__ == "__main__":  # the spawned workers import a script
+    main()
+"""
+OWN_TEST = """
+import evoros
+import evoros.analysis.command
+
+
+def test_mine():
+    assert evoros.compose([]).values["seed"] == 0
+    assert evoros.__file__.startswith(%r)
 """
 FIGURES = ["fitness.pdf", "mission.pdf", "overlay.pdf"]
 
@@ -54,13 +69,21 @@ def execute(command: list[str | Path], folder: Path, **variables: str) -> str:
 
 
 def copy_source(folder: Path) -> Path:
-    """A clone as git would make it, with changes that are not committed yet."""
+    """A clone as git would make it; changes that are not committed yet are a commit of it."""
     listed = execute(["git", "ls-files", "--cached", "--others", "--exclude-standard"], ROOT)
     for name in listed.splitlines():
         if (ROOT / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes((ROOT / name).read_bytes())
+    execute(["git", "init", "-q"], folder)
+    execute(["git", "add", "-A"], folder)
+    identity = ["-c", "user.name=Nobody", "-c", "user.email=nobody@example.org"]
+    execute(["git", *identity, "commit", "-q", "-m", "All"], folder)
     return folder
+
+
+def read_commit(clone: Path) -> str:
+    return execute(["git", "rev-parse", "HEAD"], clone).strip()
 
 
 def add_required(requirements: Iterable[str], known: dict[str, Distribution]) -> None:
@@ -77,14 +100,25 @@ def add_required(requirements: Iterable[str], known: dict[str, Distribution]) ->
 def libraries(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder that links to what evoros requires, and to nothing else."""
     folder = tmp_path_factory.mktemp("the libraries")
-    known: dict[str, Distribution] = {}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    add_required(project["dependencies"], known)
+    return link(project["dependencies"], folder)
+
+
+def link(requirements: Iterable[str], folder: Path) -> Path:
+    """Link to what is required, and to nothing else."""
+    known: dict[str, Distribution] = {}
+    add_required(requirements, known)
     for found in known.values():
         for top in {file.parts[0] for file in found.files or ()} - {"..", "__pycache__"}:
             if not (folder / top).exists():
                 (folder / top).symlink_to(Path(str(found.locate_file(top))))
     return folder
+
+
+@pytest.fixture(scope="module")
+def testing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that links to what the tests' own configuration needs of pytest."""
+    return link(["pytest", "pytest-timeout"], tmp_path_factory.mktemp("pytest"))
 
 
 @dataclass(frozen=True)
@@ -93,17 +127,21 @@ class Way:
 
     python: Path
     package: Path
+    commit: str  # that it was made from
     root: Path | None = None  # of the clone, if there is one
     search_path: str = ""  # PYTHONPATH outside of the clone
 
-    def check(self, folder: Path, run: Path) -> Path:
-        """Use the whole interface in a current folder; returns where evoros was found."""
+    def check(self, folder: Path, run: Path, *code: str | Path) -> Path:
+        """Use the whole interface in a current folder; returns where evoros was found.
+
+        ``code`` are Python's arguments that make it run CHECK.
+        """
         variables = {"PYTHONPATH": self.search_path} if self.search_path else {}
-        command: list[str | Path] = [self.python, "-c", CHECK, USER_PARTS, run]
-        printed = execute(command, folder, **variables).splitlines()[-1]
-        found, state, missions, figures = json.loads(printed)
+        printed = execute([self.python, *code, USER_PARTS, run], folder, **variables)
+        found, state, missions, figures, origin = json.loads(printed.splitlines()[-1])
         assert (state, figures) == ("finished", FIGURES)
         assert missions > 0
+        assert origin == [self.commit, False]
         return Path(found).parent
 
 
@@ -131,10 +169,15 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel that is built from the source distribution; all source is deleted."""
+    """The wheel that is built from the source distribution; all source is deleted.
+
+    Its commit is in the file ``commit`` beside it.
+    """
     folder = tmp_path_factory.mktemp("a build")
     source = copy_source(folder / "source")
+    (folder / "commit").write_text(read_commit(source))
     execute([sys.executable, "-m", "build", "--outdir", folder, source], folder)
+    assert execute(["git", "status", "--porcelain", "--ignored"], source) == ""
     shutil.rmtree(source)
     (sdist,) = folder.glob("*.tar.gz")
     sdist.unlink()
@@ -150,28 +193,60 @@ def way(
 ) -> Iterator[Way]:
     python = make_environment(tmp_path_factory.mktemp(f"an environment {request.param}"), libraries)
     if request.param == "wheel":
-        yield Way(python, install(python, request.getfixturevalue("wheel")))
+        wheel: Path = request.getfixturevalue("wheel")
+        yield Way(python, install(python, wheel), wheel.with_name("commit").read_text())
         return
     root: Path = request.getfixturevalue("clone")
+    commit = read_commit(root)
     if request.param == "clone":
-        yield Way(python, root / "evoros", root, str(root))
+        yield Way(python, root / "evoros", commit, root, str(root))
     elif request.param == "install":
-        yield Way(python, install(python, root), root)
+        yield Way(python, install(python, root), commit, root)
     else:
-        yield Way(python, install(python, "-e", root), root)
+        yield Way(python, install(python, "-e", root), commit, root)
 
 
 def test_the_interface_works_from_elsewhere(way: Way, tmp_path: Path) -> None:
     elsewhere = tmp_path / "some where"
     elsewhere.mkdir()
-    assert way.check(elsewhere, tmp_path / "a run") == way.package
+    assert way.check(elsewhere, tmp_path / "a run", "-c", CHECK) == way.package
 
 
-def test_the_interface_works_in_the_root_of_the_clone(way: Way, tmp_path: Path) -> None:
-    """Python finds the clone's own package there first."""
+def test_a_script_in_the_root_of_the_clone_works(way: Way, tmp_path: Path) -> None:
+    """Python finds the clone's own package there first, as in notebooks, which are saved there."""
     if way.root is None:
         pytest.skip("there is no clone")
-    assert way.check(way.root, tmp_path / "a run") == way.root / "evoros"
+    script = way.root / "a_study.py"  # it is no part of evoros, which therefore is not changed
+    script.write_text(CHECK)
+    try:
+        assert way.check(tmp_path, tmp_path / "a run", script) == way.root / "evoros"
+    finally:
+        script.unlink()
+    code = "import evoros, evoros.analysis.command; evoros.compose([]); print(evoros.__file__)"
+    found = execute([way.python, "-c", code], way.root)
+    assert Path(found.strip()).parent == way.root / "evoros"
+
+
+def test_pytest_works_in_the_root_of_the_clone(way: Way, testing: Path, tmp_path: Path) -> None:
+    """By ``pytest``, which finds what is installed, and ``python -m pytest``, which the clone."""
+    if way.root is None or way.search_path:
+        pytest.skip("there is no clone, or nothing is installed")
+    for option, package in ((["-P"], way.package), ([], way.root / "evoros")):
+        file = way.root / "test_mine.py"
+        file.write_text(OWN_TEST % str(package))
+        command: list[str | Path] = [
+            way.python,
+            *option,
+            "-m",
+            "pytest",
+            "-p",
+            "no:cacheprovider",
+            file,
+        ]
+        try:
+            execute(command, way.root, PYTHONPATH=str(testing))
+        finally:
+            file.unlink()
 
 
 def test_the_commands_work_everywhere(way: Way, tmp_path: Path) -> None:
@@ -181,6 +256,7 @@ def test_the_commands_work_everywhere(way: Way, tmp_path: Path) -> None:
         printed = execute([way.python.with_name("evoros"), "--cfg", "job"], folder)
         assert "_target_: evoros.evolution.experiment.Experiment" in printed
         assert "report" in execute([way.python.with_name("evoros-analyze"), "--help"], folder)
+        assert way.commit[:10] in execute([way.python, "-m", "evoros", "--version"], folder)
 
 
 def test_where_the_package_is(way: Way) -> None:

@@ -1,19 +1,22 @@
 import json
 import shutil
+import tomllib
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from helpers import USER_PARTS, everything, reseal
+from helpers import ROOT, USER_PARTS, everything, reseal, tiny
+from packaging.requirements import Requirement
 
 from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
+from evoros.base.origin import read_origin
 from evoros.cli.evaluate import evaluate
 from evoros.cli.run import evoros
 from evoros.config.compose import compose
 from evoros.robot.model import Robot
-from evoros.storage.manifest import COMPUTING, READING, manifest, mission_packages
+from evoros.storage.manifest import COMPUTING, manifest, mission_packages
 from evoros.world.model import World
 
 ONE = ["experiment=tiny", "executor=serial", "optimizer.generations=1"]
@@ -77,8 +80,44 @@ def test_the_versions_of_engines_come_from_the_simulators(
     experiment = config.build()
     assert set(mission_packages(experiment)) == {*COMPUTING, *named}
     versions = manifest(experiment, config.text, config.values, config.choices)["packages"]
-    assert set(versions) == {*COMPUTING, *READING, *named}
-    assert all(versions[name] == version(name) for name in versions)
+    assert {*COMPUTING, *named} <= set(versions)
+    installed = {name: told for name, told in versions.items() if told and name != "evoros"}
+    assert installed == {name: version(name) for name in installed}
+
+
+def test_a_run_tells_what_it_was_made_with(tmp_path: Path) -> None:
+    assert tiny(tmp_path / "run", "optimizer.generations=1") == DONE
+    recorded = json.loads((tmp_path / "run" / "manifest.json").read_text())
+    origin = read_origin()
+    assert [recorded[key] for key in ("commit", "dirty")] == [origin.commit, origin.dirty]
+    assert recorded["packages"]["evoros"] == origin.version
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    required = {Requirement(text).name for text in project["dependencies"]}
+    assert required <= set(recorded["packages"])
+    assert all(recorded[key] for key in ("python", "operating_system", "processor"))
+
+
+def test_what_a_users_optimizer_imports_is_recorded_and_compared(
+    own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its library, imported late, and a module beside it with a library of its own."""
+    helper = f"helper_{abs(hash(str(tmp_path)))}"
+    search = f"from evoros.optimizer.random_search import RandomSearch\nimport {helper}\n"
+    (own / f"my_{helper}.py").write_text(f"{search}def late():\n    import cma\n")
+    (own / f"{helper}.py").write_text("from mpmath.libmp import backend\nimport json\n")
+    run = tmp_path / "run"
+    target = f"optimizer._target_=my_{helper}.RandomSearch"
+    chosen = ["optimizer=random_search", "~optimizer.mutation_probability", target]
+    common = ["--config-dir", str(own), *ONE, *chosen]
+    assert evoros([*common, f"hydra.run.dir={run}"]) == DONE
+    recorded = json.loads((run / "manifest.json").read_text())
+    assert recorded["packages"]["cma"] == version("cma")
+    assert recorded["packages"]["mpmath"] == version("mpmath")
+    assert "json" not in recorded["packages"]
+    assert {f"module {helper}", f"module my_{helper}"} <= set(recorded["sha256"])
+    (own / f"{helper}.py").write_text("another = 1\n")
+    assert evoros(["--config-dir", str(own), f"resume={run}"]) == INPUT
+    assert f"module {helper} must be as it was" in capsys.readouterr().err
 
 
 def test_a_simulator_that_names_no_packages_is_refused_in_one_line() -> None:
@@ -99,7 +138,7 @@ def test_other_versions_are_said_on_the_terminal_and_in_the_log(
     run = tmp_path / "run"
     assert evoros(["--config-dir", str(USER_PARTS), *ONE, f"hydra.run.dir={run}"]) == DONE
     recorded = json.loads((run / "manifest.json").read_text())
-    assert set(recorded["packages"]) == {*COMPUTING, *READING}
+    assert set(recorded["packages"]) >= {*COMPUTING, "lxml"}
     recorded["packages"] |= {"numpy": "0.1", "numba": None, "lxml": "0.2"}
     (run / "manifest.json").write_text(json.dumps(recorded))
     reseal(run)

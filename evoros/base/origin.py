@@ -1,0 +1,101 @@
+"""Where this copy of evoros comes from: its version, its commit, and whether its files differ.
+
+The version follows from the tags of git, such as ``v1.2.0``. A checkout asks git each time, so
+that an editable install never tells an old commit. A build records the answer in the wheel and in
+the source distribution (``hatch_build.py``), and ``git archive`` in ``archive.txt``.
+
+The build loads this file alone: it imports nothing of evoros.
+"""
+
+import json
+import os
+import re
+import subprocess
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+FIRST = "0.1.0"
+"""The version that is being prepared as long as there is no tag."""
+RECORD = "origin.json"
+"""In the folder of the package: what a build has recorded."""
+_PACKAGE = Path(__file__).resolve().parents[1]
+_ROOT = _PACKAGE.parent
+_ARCHIVE = Path(__file__).with_name("archive.txt")
+_TAGS = ("--tags", "--long", "--abbrev=40", "--match=v[0-9]*")
+_SOURCES = ("evoros", "analysis", "conf", "robots", "worlds", "pyproject.toml")
+"""What evoros is built from, in a checkout."""
+
+
+class Origin(NamedTuple):
+    """The origin of a copy of evoros. ``commit`` and ``dirty`` are None where nobody knows."""
+
+    version: str
+    commit: str | None = None
+    dirty: bool | None = None  # whether files of evoros differ from those of the commit
+
+
+@cache
+def read_origin() -> Origin:
+    """Return the origin of the copy of evoros that this file is a part of."""
+    return _ask_git() or _read_record() or _read_archive() or Origin(f"{FIRST}.dev0+unknown")
+
+
+def _ask_git() -> Origin | None:
+    if not (_ROOT / ".git").exists():
+        return None
+    commit = _git("rev-parse", "HEAD")
+    changes = _git("status", "--porcelain", "--", *_SOURCES)
+    if not commit or changes is None:
+        return None
+    described = _git("describe", *_TAGS) or f"-{_git('rev-list', '--count', 'HEAD') or 0}-"
+    return Origin(form_version(described, commit, bool(changes)), commit, bool(changes))
+
+
+def _git(*arguments: str) -> str | None:
+    """Return what git prints about the checkout; None if it fails, or if there is no git."""
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("GIT_")}
+    command = ["git", "--no-optional-locks", "-C", str(_ROOT), *arguments]
+    with suppress(OSError, subprocess.TimeoutExpired):
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=60, check=False, env=environment
+        )
+        if done.returncode == 0:
+            return done.stdout.strip()
+    return None
+
+
+def _read_record() -> Origin | None:
+    with suppress(OSError, ValueError, TypeError):
+        return Origin(**json.loads((_PACKAGE / RECORD).read_text()))
+    return None
+
+
+def _read_archive() -> Origin | None:
+    """Read what ``git archive`` wrote: the commit, then ``git describe``, empty without a tag."""
+    lines: Sequence[str] = ()
+    with suppress(OSError):
+        lines = _ARCHIVE.read_text().splitlines()
+    if not lines or not re.fullmatch("[0-9a-f]{40}", lines[0]):
+        return None
+    described = lines[1] if len(lines) > 1 and lines[1].startswith("v") else "-0-"
+    if described.startswith("v") and not re.search(r"-\d+-g[0-9a-f]{40}$", described):
+        described += "-0-"  # without --long, a tag's own commit is its name alone
+    return Origin(form_version(described, lines[0], False), lines[0], False)
+
+
+def form_version(described: str, commit: str, dirty: bool) -> str:
+    """Form a version as PEP 440 has it of what ``git describe --long`` prints: TAG-DISTANCE-...
+
+    A tag's own commit has the tag's version, any other a development version of the next one:
+    ``0.2.0``, ``0.2.1.dev14+g0123456789``. Without a tag it is the first version.
+    """
+    tag, distance, _ = described.rsplit("-", 2)
+    version = tag.removeprefix("v") or FIRST
+    if tag and distance == "0" and not dirty:
+        return version
+    if tag:
+        version = re.sub(r"\d+$", lambda match: str(int(match[0]) + 1), version)
+    return f"{version}.dev{distance}+g{commit[:10]}{'.dirty' if dirty else ''}"

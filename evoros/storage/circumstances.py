@@ -1,0 +1,86 @@
+"""What a run is made with beside its configuration: code, packages, machine."""
+
+import platform
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from functools import cache
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+from typing import Any
+
+from evoros.base.origin import read_origin
+from evoros.base.resources import PACKAGE
+
+OWN = "evoros"
+
+
+def describe_circumstances(
+    packages: Iterable[str], programs: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Return the fields of ``manifest.json`` that tell what this process makes a run with.
+
+    ``packages`` are named beside those that evoros requires, and ``programs`` has versions of the
+    programs of live controllers.
+    """
+    origin = read_origin()
+    names = sorted({OWN, *map(normalize, (*packages, *list_required()))})
+    return {
+        "commit": origin.commit,
+        "dirty": origin.dirty,
+        "packages": {name: find_version(name) for name in names},
+        "programs": dict(programs or {}),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "operating_system": operating_system(),
+        "processor": processor(),
+    }
+
+
+def find_version(package: str) -> str | None:
+    """Return the version of a package; None if it is not installed."""
+    if package == OWN:  # a clone that is not installed has no metadata
+        return read_origin().version
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def normalize(package: str) -> str:
+    """Return the name of a package as PyPI writes it: ``PyYAML`` is ``pyyaml``."""
+    return re.sub(r"[-_.]+", "-", package).lower()
+
+
+@cache
+def list_required() -> Sequence[str]:
+    """List the packages that evoros requires, without those of its extras."""
+    listed: Sequence[str] = ()
+    try:
+        listed = requires(OWN) or ()
+    except PackageNotFoundError:  # a clone that is not installed
+        with suppress(OSError):
+            project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["project"]
+            listed = project["dependencies"]
+    needed = (text for text in listed if "extra ==" not in text)
+    return sorted({normalize(re.split(r"[^\w.-]", text, maxsplit=1)[0]) for text in needed})
+
+
+def operating_system() -> str:
+    """Return the name of the operating system, such as ``Debian GNU/Linux 12 (bookworm)``."""
+    with suppress(OSError):
+        name = platform.freedesktop_os_release().get("PRETTY_NAME")
+        if name:
+            return name
+    return f"{platform.system()} {platform.release()}".strip()
+
+
+def processor() -> str:
+    """Return the model of the processor, or its architecture if the system does not tell it."""
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+        if models:
+            return models[0]
+    return platform.processor() or platform.machine()
