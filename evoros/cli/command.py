@@ -50,9 +50,9 @@ class Command:
             try:
                 return _execute(self, list(arguments), signals)
             except KeyboardInterrupt:
-                return report_error(self, *signals.explain())
+                return report_error(self.name, *signals.explain())
             except EvorosError as error:
-                return report_error(self, str(error), status_of(error))
+                return report_error(self.name, str(error), status_of(error))
 
 
 def _execute(command: Command, arguments: list[str], signals: Signals) -> int:

@@ -64,14 +64,14 @@ def report_result(command: "Command", in_sweep: bool, folder: Path, result: JobR
     """Print the summary of a finished job, or report why it ended; returns its exit status."""
     if result.message:
         name = f"{folder.name}: " if in_sweep else ""
-        return report_error(command, f"{name}{result.message}", result.status)
+        return report_error(command.name, f"{name}{result.message}", result.status)
     print_result(command.summarize(folder))
     return result.status
 
 
-def report_error(command: "Command", message: str, status: int) -> int:
+def report_error(name: str, message: str, status: int) -> int:
     """Report in one line why a command or a job ended; returns the exit status."""
-    LOGGER.error("%s: %s", command.name, single_line(message))
+    LOGGER.error("%s: %s", name, single_line(message))
     return status
 
 

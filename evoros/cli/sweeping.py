@@ -21,8 +21,10 @@ from evoros.cli.signals import Signals
 from evoros.cli.sweep import Sweep
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from evoros.cli.command import Command
-    from evoros.config.jobs import Job, Jobs
+    from evoros.config.jobs import Job, Jobs, RefusedJob
     from evoros.session.work import Work
 
 
@@ -35,7 +37,7 @@ def run_sweep(command: "Command", jobs: "Jobs", config_dir: str | None, signals:
     report = partial(report_result, command, True)
     with log_everything(), SweepProgress(len(jobs)) as display:
         sweep = Sweep(build, explain, report, display)
-        begun = begin_all(command, jobs, sweep, signals)
+        begun = begin_all(command.name, jobs, sweep, signals)
     statuses = [] if signals.last is None else [signals.explain()[1]]
     if begun < len(jobs):
         statuses.append(STOPPED)
@@ -74,7 +76,7 @@ def run_by_plugins(
     for folder, error in errors.items():
         result = JobResult(DONE) if error is None else JobResult(status_of(error), str(error))
         if result.message:
-            report_error(command, f"{folder.name}: {result.message}", result.status)
+            report_error(command.name, f"{folder.name}: {result.message}", result.status)
         results.append((folder, result))
     return _conclude(command, jobs, results, [])
 
@@ -114,7 +116,7 @@ def build_job(command: "Command", config_dir: str | None, job: "Job") -> "Work |
     return command.reopen(job.config, job.folder, executor, config_dir)
 
 
-def begin_all(command: "Command", jobs: "Jobs", sweep: Sweep, signals: Signals) -> int:
+def begin_all(name: str, jobs: "Iterable[Job | RefusedJob]", sweep: Sweep, signals: Signals) -> int:
     """Begin jobs until a signal comes, wait for them to end, and return how many began."""
     from evoros.config.jobs import RefusedJob
 
@@ -122,7 +124,7 @@ def begin_all(command: "Command", jobs: "Jobs", sweep: Sweep, signals: Signals) 
     try:
         for job in jobs:
             if isinstance(job, RefusedJob):
-                status = report_error(command, str(job.error), status_of(job.error))
+                status = report_error(name, str(job.error), status_of(job.error))
                 sweep.skip(job.folder, JobResult(status, str(job.error)))
             else:
                 sweep.begin(job)  # blocks until another job has ended if enough are running

@@ -114,9 +114,24 @@ def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
         experiment = config.build()
         check_experiment(experiment)
         designs = read_sources(config.designs, experiment)
-        files = write_designs(designs)
-        content = manifest(experiment, config.text, config.values, config.choices, COMMAND, files)
-        content[OVERRIDES] = list(config.overrides)
+        return record_evaluation(experiment, designs, config, folder, messages)
+
+
+def record_evaluation(
+    experiment: Experiment,
+    designs: Sequence[NamedDesign],
+    config: Configuration,
+    folder: Path,
+    messages: Sequence[LogRecord],
+) -> Evaluation:
+    """Record an evaluation of designs in a new folder.
+
+    Raises:
+        InputError: the folder cannot be made; it is unchanged.
+    """
+    files = write_designs(designs)
+    content = manifest(experiment, config.text, config.values, config.choices, COMMAND, files)
+    content[OVERRIDES] = list(config.overrides)
     others = {
         MANIFEST: seal_json(content),
         SETTING: describe_experiment(experiment).text,
@@ -140,7 +155,7 @@ def open_evaluation(
     """
     with collect_messages() as messages:
         _, *files = ORIGINALS
-        experiment, _ = rebuild(folder, overrides, config_dir, COMMAND, files)
+        experiment = rebuild(folder, overrides, config_dir, COMMAND, files).experiment
         check_experiment(experiment)
         designs = read_recorded_designs(folder, experiment.scenario)
     return Evaluation(experiment, designs, folder, messages)

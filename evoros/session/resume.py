@@ -2,23 +2,35 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from evoros.base.disk import require_no_links
 from evoros.base.errors import InputError
 from evoros.config.compose import NAMED_FOLDERS, add_config_dir
+from evoros.config.configuration import Configuration
 from evoros.config.recorded import override_recorded, read_recorded
 from evoros.config.targets import check_targets
 from evoros.evolution.experiment import Experiment
 from evoros.storage.creation import require_whole
-from evoros.storage.layout import CONFIG, MANIFEST, command_of, resume_command
-from evoros.storage.manifest import check_unchanged
+from evoros.storage.layout import CONFIG, MANIFEST, OVERRIDES, command_of, resume_command
+from evoros.storage.manifest import check_unchanged, warn_of_versions
 from evoros.storage.seals import unseal_json
 from evoros.storage.verification import read_original
 
 RUN = "evoros"
 """The command that evolves; it alone may extend what it resumes."""
+
+
+class Rebuilt(NamedTuple):
+    """The experiment of a folder, built again."""
+
+    experiment: Experiment
+    generations: int | None
+    """How many the overrides ask for; None if they do not."""
+    config: Configuration
+    """With the overrides."""
 
 
 def rebuild(
@@ -27,11 +39,13 @@ def rebuild(
     config_dir: str | Path | None,
     command: str = RUN,
     files: Sequence[str] = (),
-) -> tuple[Experiment, int | None]:
+    *,
+    warns: bool = True,
+) -> Rebuilt:
     """Build the experiment of a folder again, with the overrides that resuming allows.
 
     ``command`` must have made the folder, from the experiment and from further ``files`` in it.
-    Also returns the number of generations that the overrides ask for, None if they do not.
+    ``warns`` tells whether other versions of packages are reported.
 
     Raises:
         InputError: the folder was not made by that command, another override, or something that
@@ -44,15 +58,19 @@ def rebuild(
     recorded = read_recorded(folder / CONFIG)
     config, generations = override_recorded(recorded, overrides, config_dir, command == RUN)
     check_targets(config.values, NAMED_FOLDERS, folder / CONFIG)
-    with _change_to_origin(manifest):
+    with change_to_origin(manifest):
         experiment = config.build()
     contents.pop(CONFIG)
     check_unchanged(folder, manifest, experiment, recorded.text, recorded.values, contents)
-    return experiment, generations
+    if warns:
+        warn_of_versions(folder, manifest, experiment, recorded.values)
+    typed = manifest.get(OVERRIDES, ())
+    config = replace(config, choices=manifest.get("choices", {}), overrides=typed)
+    return Rebuilt(experiment, generations, config)
 
 
 @contextmanager
-def _change_to_origin(manifest: Mapping[str, Any]) -> Iterator[None]:
+def change_to_origin(manifest: Mapping[str, Any]) -> Iterator[None]:
     """Change to the folder where the run was started: paths may be relative to it."""
     origin = Path(str(manifest.get("working_directory", ".")))
     with chdir(origin if origin.is_dir() else Path.cwd()):

@@ -157,10 +157,25 @@ def create_run(config: Configuration, folder: Path) -> Session:
                 "worst_cases: must be none in a run; look for those of its champion with "
                 "evoros-evaluate designs=FOLDER worst_cases=search"
             )
-        check_experiment(experiment)
-        content = manifest(experiment, config.text, config.values, config.choices)
+        return record_run(experiment, config, folder, messages)
+
+
+def record_run(
+    experiment: Experiment,
+    config: Configuration,
+    folder: Path,
+    messages: Sequence[LogRecord],
+    generations: int | None = None,
+) -> Session:
+    """Record a run in a new folder; ``generations`` may be more than those of its configuration.
+
+    Raises:
+        InputError: something cannot be used; the folder is unchanged.
+    """
+    check_experiment(experiment)
+    content = manifest(experiment, config.text, config.values, config.choices)
     record = RunFolder.create(folder, config.text, content, describe_experiment(experiment))
-    return Session(experiment, record, experiment.optimizer.generations, messages)
+    return Session(experiment, record, generations or experiment.optimizer.generations, messages)
 
 
 def rebuild_experiment(folder: Path, config_dir: str | Path | None = None) -> Experiment:
@@ -171,7 +186,7 @@ def rebuild_experiment(folder: Path, config_dir: str | Path | None = None) -> Ex
     Raises:
         InputError: the folder has no run, or something that the run is made of has changed.
     """
-    return rebuild(folder, (), config_dir)[0]
+    return rebuild(folder, (), config_dir).experiment
 
 
 def _count_generations(record: RunFolder, experiment: Experiment) -> int:
@@ -205,7 +220,7 @@ def open_run(
             has changed.
     """
     with collect_messages() as messages:
-        experiment, wanted = rebuild(folder, overrides, config_dir)
+        experiment, wanted, _ = rebuild(folder, overrides, config_dir)
         check_experiment(experiment)
         record = RunFolder(folder)
         known = _count_generations(record, experiment)

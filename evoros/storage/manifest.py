@@ -3,7 +3,7 @@
 import hashlib
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -121,8 +121,7 @@ def check_unchanged(
 ) -> None:
     """Require that a run that is resumed is made from what it was made from when it began.
 
-    The arguments are those of ``manifest``. Other versions of packages are only reported, because
-    the replay of the run shows whether they make a difference.
+    The arguments are those of ``manifest``.
 
     Raises:
         InputError: a file has changed, or the run is of another format.
@@ -132,9 +131,6 @@ def check_unchanged(
             f"{folder / 'manifest.json'}: format_version must be {FORMAT_VERSION}, not "
             f"{recorded.get('format_version')!r}; resume with the version of evoros that made it"
         )
-    imported = collect_imports(_modules(values)).packages
-    packages = dict.fromkeys(map(normalize, (*mission_packages(experiment), *sorted(imported))))
-    _warn_of_versions(folder, recorded.get("packages", {}), list(packages))
     now = hashes(experiment, config, values, files)
     for name, value in recorded.get("sha256", {}).items():
         if now.get(name) != value:
@@ -160,9 +156,16 @@ def mission_packages(experiment: Experiment) -> list[str]:
     return list(dict.fromkeys((*COMPUTING, *named)))
 
 
-def _warn_of_versions(folder: Path, recorded: Mapping[str, Any], packages: Sequence[str]) -> None:
-    for name in packages:
-        before, now = recorded.get(name), find_version(name)
+def warn_of_versions(
+    folder: Path, recorded: Mapping[str, Any], experiment: Experiment, values: Mapping[str, Any]
+) -> None:
+    """Report packages whose versions are others than those of the manifest ``recorded``.
+
+    They stop nothing, because the replay of the run shows whether they make a difference.
+    """
+    imported = sorted(collect_imports(_modules(values)).packages)
+    for name in dict.fromkeys(map(normalize, (*mission_packages(experiment), *imported))):
+        before, now = recorded.get("packages", {}).get(name), find_version(name)
         if before != now:
             LOGGER.warning(
                 "%s: made with %s %s, and this is %s; new missions may differ from those on disk",

@@ -1,0 +1,126 @@
+"""The command ``evoros-reproduce``: runs a folder again from its record and compares the bytes."""
+
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from collections.abc import Sequence
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+from evoros.base.console import DONE, print_result, run_main
+from evoros.base.errors import EvorosError, InputError
+from evoros.base.log import log_everything, log_to_terminal
+from evoros.base.origin import read_origin
+from evoros.base.resources import expand_home
+from evoros.cli.reporting import (
+    WORST_FIRST,
+    JobResult,
+    explain_end,
+    report_error,
+    status_of,
+)
+from evoros.cli.signals import Signals
+
+if TYPE_CHECKING:
+    from evoros.session.reproduction import Reproduction
+
+NAME = "evoros-reproduce"
+DIFFERENT = 1
+"""Exit status."""
+ABOUT = """Runs a run, an evaluation or a sweep again from its record, and compares the bytes.
+
+It prints what it was made with, as far as that is not the same, and whether all missions and files
+agree, or the first difference. FOLDER stays as it is."""
+STATUSES = """exit status: 0 all agree, 1 something differs or a mission was lost, 2 it cannot be
+run again, 130 interrupted. Folders of others: see docs/run_folder.md before you run their code."""
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    run_main(evoros_reproduce)
+
+
+def evoros_reproduce(arguments: Sequence[str]) -> int:
+    """Run the command and return its exit status."""
+    with log_to_terminal(), Signals() as signals:
+        try:
+            return _reproduce(_parser().parse_intermixed_args(list(arguments)), signals)
+        except SystemExit as ended:  # --help and --version
+            return int(ended.code or DONE)
+        except KeyboardInterrupt:
+            return report_error(NAME, *signals.explain())
+        except EvorosError as error:
+            return report_error(NAME, str(error), status_of(error))
+
+
+def _reproduce(options: Namespace, signals: Signals) -> int:
+    from evoros.session.comparison import compare, describe
+    from evoros.session.reproduction import describe_circumstances, list_reproductions
+
+    source, output = expand_home(options.folder), expand_home(options.output)
+    reproductions = list_reproductions(source, output)
+    status = _run_all(reproductions, options, signals)
+    if status != DONE:
+        return status
+    print_result(describe_circumstances(reproductions))
+    comparison = compare(source, output)
+    print_result(describe(comparison).splitlines()[0])
+    return DIFFERENT if comparison.difference else DONE
+
+
+def _run_all(reproductions: "Sequence[Reproduction]", options: Namespace, signals: Signals) -> int:
+    """Run all again in one pool; returns the worst exit status."""
+    from evoros.cli.sweep import Sweep
+    from evoros.cli.sweeping import begin_all
+    from evoros.config.jobs import Job
+    from evoros.session.progress import SweepProgress
+    from evoros.session.reproduction import build_reproduction
+
+    by_folder = {each.folder: each for each in reproductions}
+    jobs = [Job(each.config, each.folder) for each in reproductions]
+    with log_everything(), SweepProgress(len(jobs)) as display:
+        sweep = Sweep(
+            lambda job: build_reproduction(
+                by_folder[job.folder], options.overrides, options.config_dir
+            ),
+            partial(explain_end, options.config_dir, signals),
+            _report,
+            display,
+        )
+        begin_all(NAME, jobs, sweep, signals)
+    ended = [result.status for _, result in sweep.results]
+    if signals.last is not None:
+        ended.append(signals.explain()[1])
+    return next(status for status in WORST_FIRST if status in ended)
+
+
+def _report(folder: Path, result: JobResult) -> None:
+    if result.message:
+        report_error(NAME, f"{folder}: {result.message}", result.status)
+
+
+class _Parser(ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {NAME} --help")
+
+
+def _parser() -> ArgumentParser:
+    parser = _Parser(
+        NAME,
+        description=ABOUT,
+        epilog=STATUSES,
+        formatter_class=RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("folder", metavar="FOLDER", help="of a run, an evaluation or a sweep")
+    parser.add_argument(
+        "overrides", nargs="*", metavar="executor.KEY=VALUE", help="another executor"
+    )
+    parser.add_argument(
+        "--output",
+        metavar="NEW",
+        default=f"outputs/{datetime.now():%Y-%m-%d_%H-%M-%S}_reproduced",
+        help="where it runs again; one that was interrupted goes on (default: outputs/DATE...)",
+    )
+    parser.add_argument("--config-dir", metavar="DIR", help="folder of your own parts")
+    parser.add_argument("--version", action="version", version=f"{NAME} {read_origin().version}")
+    return parser

@@ -1,0 +1,157 @@
+"""Runs recorded runs and evaluations again, in new folders, to compare the bytes of both."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from evoros.base.errors import InputError
+from evoros.base.log import collect_messages
+from evoros.config.configuration import Configuration
+from evoros.config.recorded import find_difference, read_recorded
+from evoros.session.design_tables import read_recorded_designs
+from evoros.session.evaluation import (
+    COMMAND,
+    ORIGINALS,
+    open_evaluation,
+    record_evaluation,
+)
+from evoros.session.overview import survey
+from evoros.session.resume import RUN, change_to_origin, rebuild
+from evoros.session.run import open_run, record_run
+from evoros.session.status import FINISHED
+from evoros.session.work import Work
+from evoros.storage.discovery import folders_below
+from evoros.storage.layout import (
+    CONFIG,
+    MANIFEST,
+    MISSIONS,
+    command_of,
+    read_json,
+    resume_command,
+)
+from evoros.storage.verification import verify_folder
+
+EQUAL = "made with the same packages, commit, processor and operating system"
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """One run or evaluation, and the folder in which it runs again."""
+
+    source: Path
+    folder: Path
+
+    @property
+    def config(self) -> Configuration:
+        """What was recorded."""
+        return read_recorded(self.source / CONFIG)
+
+
+def list_reproductions(source: Path, output: Path) -> list[Reproduction]:
+    """Pair the folder of a run, or each below a sweep's, with one of the same path in ``output``.
+
+    Raises:
+        InputError: there is none, one is damaged or not finished, or ``output`` lies in it.
+    """
+    if not source.is_dir():
+        raise InputError(f"{source}: must be the folder of a run, and there is none; correct it")
+    if output.resolve().is_relative_to(source.resolve()):
+        raise InputError(
+            f"--output {output}: must not be in {source}, which stays as it is; choose another"
+        )
+    found = [
+        Reproduction(folder, output / folder.relative_to(source))
+        for folder in folders_below(source)
+    ]
+    if not found:
+        raise InputError(
+            f"{source}: must be the folder of a run, an evaluation or a sweep, and has none; "
+            f"correct it"
+        )
+    for each in found:
+        verify_folder(each.source)  # so that nothing is mended, which would write into it
+        if survey(each.source).state != FINISHED:
+            raise InputError(
+                f"{each.source}: must be finished to be reproduced; type: "
+                f"{resume_command(each.source)}"
+            )
+    return found
+
+
+def build_reproduction(
+    reproduction: Reproduction, overrides: Sequence[str], config_dir: str | None
+) -> Work:
+    """Build a run or an evaluation again, or go on with one that was begun.
+
+    ``overrides`` may change the executor; ``config_dir`` has the modules of the user's own parts.
+
+    Raises:
+        InputError: something that it is made of has changed, another override, or the new folder
+            has another run.
+    """
+    for text in overrides:
+        if not text.startswith(("executor=", "executor.")):
+            raise InputError(
+                f"{text}: only executor and executor.* may change, because no result depends on "
+                f"them; leave it out"
+            )
+    source, folder = reproduction.source, reproduction.folder.absolute()
+    runs = command_of(source) == RUN
+    generations = int(survey(source).wanted) if runs else None  # it may have been extended
+    if (folder / MISSIONS).exists():
+        _require_same(reproduction)
+        if not runs:
+            return open_evaluation(folder, overrides, config_dir)
+        return open_run(folder, [*overrides, f"optimizer.generations={generations}"], config_dir)
+    with collect_messages() as messages:
+        command, files = (RUN, ()) if runs else (COMMAND, ORIGINALS[1:])
+        built = rebuild(source, overrides, config_dir, command, files, warns=False)
+        experiment, config = built.experiment, built.config
+        designs = [] if runs else read_recorded_designs(source, experiment.scenario)
+        with change_to_origin(read_json(source / MANIFEST)):  # where relative paths begin
+            if runs:
+                return record_run(experiment, config, folder, messages, generations)
+            return record_evaluation(experiment, designs, config, folder, messages)
+
+
+def _require_same(reproduction: Reproduction) -> None:
+    difference = find_difference(reproduction.config, read_recorded(reproduction.folder / CONFIG))
+    if command_of(reproduction.folder) != command_of(reproduction.source) or difference:
+        raise InputError(
+            f"{reproduction.folder}: must be empty or a reproduction of {reproduction.source} "
+            f"({difference or 'another command made it'}); choose another --output"
+        )
+
+
+def describe_circumstances(reproductions: Sequence[Reproduction]) -> str:
+    """Say in one line in what versions, commit, processor and system the new folders differ."""
+    changes: dict[str, None] = {}
+    for each in reproductions:
+        manifests = [read_json(path / MANIFEST) for path in (each.source, each.folder)]
+        changes |= dict.fromkeys(_list_changes(*manifests))
+    return f"made with {', '.join(changes)}" if changes else EQUAL
+
+
+def _list_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """List what differs between two manifests, the value of ``now`` first."""
+    old, new = ({**_flatten(manifest)} for manifest in (before, now))
+    return [
+        f"{name} {new.get(name) or 'unknown'} (was {old.get(name) or 'unknown'})"
+        for name in dict.fromkeys((*new, *old))
+        if new.get(name) != old.get(name)
+    ]
+
+
+def _flatten(manifest: Mapping[str, Any]) -> dict[str, str | None]:
+    commit = manifest.get("commit")
+    changed = " with changed files" if manifest.get("dirty") else ""
+    return {
+        "commit": f"{commit}{changed}" if commit else None,
+        **manifest.get("packages", {}),
+        **manifest.get("programs", {}),
+        "Python": manifest.get("python"),
+        "processor": manifest.get("processor"),
+        "operating system": manifest.get("operating_system"),
+        "platform": manifest.get("platform"),
+    }
