@@ -31,6 +31,8 @@ SUBCOMMANDS: Mapping[str, str] = {
     "regions": ".figures.regions",
     "mission": ".figures.mission",
     "compare": ".figures.compare",
+    "factors": ".figures.factors",
+    "power": ".figures.power",
     "transfer": ".figures.transfer",
     "strategies": ".figures.strategies",
     "claims": ".figures.claims",

@@ -3,13 +3,16 @@
 import json
 import os
 import shlex
+import shutil
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
+import yaml
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -112,6 +115,29 @@ def reseal(folder: Path) -> Path:
     (folder / "missions.csv").write_bytes(f"{header}\n".encode() + sealed)
     renew_digests(folder)
     return folder
+
+
+def vary(run: Path, to: Path, config: dict[str, Any], status: dict[str, Any] | None = None) -> Path:
+    """Copy a run as if it had other values, by dotted key, and another status."""
+    shutil.copytree(run, to)
+    tree = yaml.safe_load((to / "config.yaml").read_text())
+    for key, value in config.items():
+        *parents, last = key.split(".")
+        node = tree
+        for parent in parents:
+            node = node[parent]
+        node[last] = value
+    (to / "config.yaml").write_text(yaml.safe_dump(tree, sort_keys=False))
+    manifest = json.loads((to / "manifest.json").read_text())
+    manifest["choices"] = {
+        group: choice
+        for group, choice in manifest["choices"].items()
+        if not any(key.startswith(f"{group.rpartition('@')[2]}.") for key in config)
+    }
+    (to / "manifest.json").write_text(json.dumps(manifest))
+    recorded = json.loads((to / "status.json").read_text())
+    (to / "status.json").write_text(json.dumps({**recorded, **(status or {})}))
+    return reseal(to)
 
 
 def renew_digests(folder: Path, **changes: Entry) -> None:

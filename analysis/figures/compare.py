@@ -15,13 +15,14 @@ from evoros.base.arrays import Array
 
 from ..drawing.columns import SMALL, Layout, table_height, write_table
 from ..drawing.style import COLUMN_IN, assign_colours, figure_width, letter, use_style
-from ..measures.comparison import MEASURES, compare_treatments
+from ..measures.comparison import compare_treatments
 from ..measures.statistics import LEVEL, median_interval, minimum_replicates
 from ..product import Product
 from ..tables.matching import find_differences, select_conditions
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
-from ..tables.validated import BY_EVALUATION, BY_RUN, score_under, validate_champions
+from ..tables.validated import BY_EVALUATION, BY_RUN
+from .scores import add_conditions, score_runs, title_measure
 
 HELP = "treatments side by side: recorded and validated fitness, tests, effect sizes, intervals"
 MAX_TESTS = 30
@@ -36,31 +37,24 @@ ROW_IN = 0.36
 GOLDEN = 0.6180339887498949
 HEADS = {
     "treatments": (0.0, "left"),
-    "p": (0.53, "right"),
-    "p (Holm)": (0.7, "right"),
-    "A12": (0.8, "right"),
-    "effect": (0.84, "left"),
+    "p (Holm)": (0.54, "right"),
+    "A12 [95 %]": (0.82, "right"),
+    "effect": (0.85, "left"),
 }
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the option for common conditions."""
-    parser.add_argument(
-        "--under",
-        metavar="NAME",
-        help="compare the champions' scores in the evaluations with this name or label instead, "
-        "under the same conditions for all",
-    )
+    add_conditions(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the comparison; its tables are the tests and the values of each run."""
+    runs, measures = score_runs(study, options.under)
     if options.under is None:
-        runs, measures = validate_champions(study), list(MEASURES)
         messages = [*_report_sources(runs), *_report_conditions(study)]
     else:
-        measure = f"under {options.under}"
-        runs, measures = score_under(study, options.under), [measure]
+        (measure,) = measures
         known = int(runs[measure].notna().sum())
         messages = [f"fitness {measure} is known for {known} of {len(runs)} champions"]
     table = compare_treatments(runs, measures)
@@ -80,7 +74,7 @@ def conclude(table: pd.DataFrame) -> list[str]:
 
 def _conclude_pair(row: Mapping[Hashable, Any], pairs: int) -> str:
     a, b = row["a"], row["b"]
-    measure = _title(row["measure"])
+    measure = title_measure(row["measure"])
     if not b:
         return f"{measure}: all runs are of one treatment: nothing to compare"
     head = f'{measure}, "{a}" against "{b}"'
@@ -89,7 +83,8 @@ def _conclude_pair(row: Mapping[Hashable, Any], pairs: int) -> str:
             f"{head}: too few replicates ({row['n_a']} and {row['n_b']}) for any conclusion: at "
             f"least {minimum_replicates(pairs)} in each are needed"
         )
-    result = f"{_format_p(row['p_holm'])} (Holm), A12 = {row['a12']:.2f} ({row['magnitude']})"
+    named = f", {row['magnitude']}" if row["magnitude"] else ""
+    result = f"{format_p(row['p_holm'])} (Holm), A12 = {format_effect(row)} (95 % interval){named}"
     if row["p_holm"] >= LEVEL:
         return f"{head}: no difference shown at the 5 % level: {result}"
     return f'{head}: "{a if row["a12"] > 0.5 else b}" is higher: {result}'
@@ -136,9 +131,8 @@ def draw_comparison(runs: pd.DataFrame, table: pd.DataFrame, width: float = COLU
     measures = list(dict.fromkeys(table["measure"]))
     tests = {name: table[(table["measure"] == name) & (table["b"] != "")] for name in measures}
     written = {name: rows for name, rows in tests.items() if 0 < len(rows) <= MAX_TESTS}
-    few = any(map(_too_few, written.values()))
     row_in = max(ROW_IN, *(0.11 * (label.count("\n") + 1.5) for label in labels))
-    heights = (table_height(len(rows), few) for rows in written.values())
+    heights = (table_height(len(rows), note=True) for rows in written.values())
     layout = Layout(len(measures), width, row_in * len(names) + 0.45, max(heights, default=0.0))
     with use_style():
         figure, parts = layout.make_figure()
@@ -165,10 +159,6 @@ def _labels(letters: Mapping[str, str]) -> list[str]:
     return ["\n".join(textwrap.wrap(label, LINE_LENGTH)) for label in full]
 
 
-def _title(measure: str) -> str:
-    return f"{measure} fitness" if measure in MEASURES else f"fitness {measure}"
-
-
 def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[str]) -> None:
     """Draw a row for each treatment."""
     colours = assign_colours(names)
@@ -178,7 +168,7 @@ def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[st
             _draw_box(axes, row + BOX[0], values)
             _draw_dots(axes, row + DOTS[0], values, colours[name])
             _write_median(axes, row, values)
-    axes.set(xlabel=_title(measure), ylim=(len(names) - 0.45, -0.45))
+    axes.set(xlabel=title_measure(measure), ylim=(len(names) - 0.45, -0.45))
     axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)
@@ -209,24 +199,30 @@ def _write_median(axes: Axes, y: float, values: Array) -> None:
 
 
 def _table_rows(tests: pd.DataFrame, letters: Mapping[str, str]) -> list[tuple[str, ...]]:
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for row in tests.to_dict("records"):
         mark = "*" if row["least_p_holm"] >= LEVEL else ""
         pair = f"{letters[row['a']]} vs {letters[row['b']]}{mark}"
-        p = (_format_p(row[name]).removeprefix("p").removeprefix(" = ") for name in ("p", "p_holm"))
-        rows.append((pair, *map(str.strip, p), f"{row['a12']:.2f}", str(row["magnitude"])))
+        p = format_p(row["p_holm"]).removeprefix("p").removeprefix(" = ").strip()
+        rows.append((pair, p, format_effect(row), str(row["magnitude"])))
     return rows
 
 
 def _note(tests: pd.DataFrame) -> str:
     needed = minimum_replicates(len(tests))
-    note = f"*too few replicates for a conclusion: each needs {needed} or more"
-    return note if _too_few(tests) else ""
+    few = f"; *too few replicates: each needs {needed} or more"
+    return "[ ]: 95 % intervals" + (few if _too_few(tests) else "")
 
 
 def _too_few(tests: pd.DataFrame) -> bool:
     return bool((tests["least_p_holm"] >= LEVEL).any())
 
 
-def _format_p(p: float) -> str:
+def format_effect(row: Mapping[Hashable, Any]) -> str:
+    """Format A12 and its interval."""
+    return f"{row['a12']:.2f} [{row['a12_low']:.2f}, {row['a12_high']:.2f}]"
+
+
+def format_p(p: float) -> str:
+    """Format a p."""
     return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"

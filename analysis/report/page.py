@@ -31,7 +31,7 @@ from .templates import format_table, read_asset, render
 
 HELP = "one HTML page with everything, and the champions' missions to be played"
 FORMATS = ("html",)
-FIGURES = tuple(name for name in SUBCOMMANDS if name not in {"report", "replay", *EXPORTS})
+FIGURES = tuple(name for name in SUBCOMMANDS if name not in {"report", "replay", "power", *EXPORTS})
 """The subcommands whose results are in the page."""
 OWN_SECTION = {"compare": "Statistics", "claims": "Claims"}
 """The titles of the subcommands with sections of their own; the others are under Figures."""

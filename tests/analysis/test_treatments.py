@@ -1,6 +1,7 @@
 """Treatments are told by factors and levels, or by names that the user gives."""
 
 import argparse
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -19,7 +20,7 @@ from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study, load_study
 from evoros.analysis.tables.treatments import SINGLE, label_treatments
 from evoros.analysis.tables.treatments_file import name_treatments, read_treatments
-from helpers import tiny
+from helpers import tiny, vary
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -31,9 +32,11 @@ from evoros.base.errors import InputError
 def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two settings of two levels."""
     folder = tmp_path_factory.mktemp("sweep")
+    assert tiny(folder / "run", "optimizer.generations=1") == DONE
     for effect, size in product(("silence", "stuck"), (2, 3)):
-        more = [f"filter@failure.effect={effect}", f"optimizer.population_size={size}"]
-        assert tiny(folder / f"{effect}_{size}", "optimizer.generations=1", *more) == DONE
+        config = {"failure.effect._target_": effect, "optimizer.population_size": size}
+        vary(folder / "run", folder / f"{effect}_{size}", config)
+    shutil.rmtree(folder / "run")
     return folder
 
 

@@ -1,0 +1,235 @@
+"""Two factors: what each does, and whether one changes what the other does."""
+
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError
+
+from ..drawing.columns import Layout, table_height, write_table
+from ..drawing.style import COLUMN_IN, assign_colours, figure_width, use_style
+from ..measures.effect_sizes import contrast_interval
+from ..measures.factorial import Cell, Contrast, EffectTest, list_contrasts, permute_effects
+from ..measures.statistics import LEVEL, holm
+from ..product import Product
+from ..tables.factors import follows
+from ..tables.study import Study
+from ..tables.treatments import describe_factor, report_repeated
+from .compare import format_p
+from .scores import add_conditions, score_runs, title_measure
+
+HELP = "the effects of one or two factors and their interaction, with 95 % intervals"
+TESTS = ("measure", "effect", "df", "df_error", "f", "p", "p_holm")
+EFFECTS = ("measure", "effect", "contrast", "difference", "low", "high")
+HEADS = {"effect": (0.0, "left"), "F": (0.72, "right"), "p": (0.84, "right")}
+HEADS["p (Holm)"] = (1.0, "right")
+CROSS, TIMES = " x ", " \N{MULTIPLICATION SIGN} "
+"""Between the factors of an interaction, in tables and in figures."""
+PANEL_IN = 2.2
+GOLDEN = 0.6180339887498949
+SPREAD = 0.5  # of the levels of the second factor, beside each other
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the factors and of common conditions."""
+    parser.add_argument(
+        "--factors",
+        metavar="A,B",
+        help="one or two factors; those in which the runs differ, if these are no more than two",
+    )
+    add_conditions(parser)
+
+
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Draw the means of all combinations; the tables are the tests and the differences."""
+    names = choose_factors(study, options.factors)
+    runs, measures = score_runs(study, options.under)
+    levels = {record.name: record.levels for record in study.records}
+    for name in names:
+        runs[f"level of {name}"] = [levels[run][name] for run in runs["run"]]
+    repeated = report_repeated(
+        runs[["run", "treatment", "seed"]].itertuples(index=False, name=None)
+    )
+    tests: list[dict[str, object]] = []
+    effects: list[dict[str, object]] = []
+    cells: dict[str, dict[Cell, Array]] = {}
+    for measure in measures:
+        cells[measure] = _group(runs, measure, names)
+        tests += _list_tests(measure, cells[measure], names)
+        contrasts = list_contrasts(cells[measure], _list_levels(cells[measure], names))
+        effects += [_describe_contrast(measure, contrast) for contrast in contrasts]
+    table = pd.DataFrame(tests, columns=list(TESTS))
+    differences = pd.DataFrame(effects, columns=list(EFFECTS))
+    figure = draw_factors(cells, names, table, figure_width(options.columns))
+    messages = [*repeated, *conclude(table, differences)]
+    return Product(table, figure, messages, {"factors_effects.csv": differences})
+
+
+def choose_factors(study: Study, wanted: str | None) -> list[str]:
+    """Choose the named factors, or those in which the runs differ.
+
+    Factors whose levels follow from those of chosen ones need not be named.
+
+    Raises:
+        InputError: there is no such factor, there are none or too many, or others differ, too.
+    """
+    columns = {
+        name: tuple(record.levels[name] for record in study.records) for name in study.factors
+    }
+    chosen = [] if wanted is None else [part.strip() for part in wanted.split(",")]
+    for name in columns if wanted is None else ():
+        if not follows(columns[name], [columns[known] for known in chosen]):
+            chosen.append(name)
+    there = ", ".join(columns) or "none, because all runs are of one treatment"
+    known = all(name in columns for name in chosen)
+    if not known or len(set(chosen)) != len(chosen) or not 1 <= len(chosen) <= 2:
+        raise InputError(
+            f"--factors: must be one or two factors in which the runs differ ({there}), not "
+            f"{wanted or 'left out'}; choose them, and fix others with --where"
+        )
+    others = [
+        name
+        for name, column in columns.items()
+        if not follows(column, [columns[factor] for factor in chosen])
+    ]
+    if others:
+        raise InputError(
+            f"--factors: the runs also differ in {', '.join(others)}; fix these with --where"
+        )
+    return chosen
+
+
+def _group(runs: pd.DataFrame, measure: str, names: Sequence[str]) -> dict[Cell, Array]:
+    """Group the known values by their levels, in the order of the runs.
+
+    Raises:
+        InputError: a combination has no runs, or none has two.
+    """
+    keys = [f"level of {name}" for name in names]
+    known = runs[runs[measure].notna()]
+    sets = [list(dict.fromkeys(known[key])) for key in keys]
+    cells = {}
+    for cell in product(*sets):
+        rows = np.logical_and.reduce([known[k] == v for k, v in zip(keys, cell, strict=True)])
+        values = known[measure][rows].to_numpy(float)
+        if not values.size:
+            raise InputError(
+                f"{measure}: there must be finished runs of {_describe(names, cell)}, and there "
+                f"are none; run them, or leave a level out with --where"
+            )
+        cells[cell] = values
+    if max(map(len, cells.values()), default=0) < 2:
+        raise InputError(
+            f"{measure}: there must be replicates, but no treatment has two finished runs; run "
+            f"them with other seeds"
+        )
+    return cells
+
+
+def _describe(names: Sequence[str], cell: Cell) -> str:
+    pairs = zip(names, cell, strict=True)
+    return ", ".join(f"{describe_factor(name)} {level}" for name, level in pairs)
+
+
+def _list_levels(cells: Mapping[Cell, Array], names: Sequence[str]) -> dict[str, list[str]]:
+    return {name: list(dict.fromkeys(cell[i] for cell in cells)) for i, name in enumerate(names)}
+
+
+def _list_tests(
+    measure: str, cells: Mapping[Cell, Array], names: Sequence[str]
+) -> Iterator[dict[str, object]]:
+    values = np.concatenate(list(cells.values()))
+    levels = {
+        name: [cell[i] for cell, own in cells.items() for _ in own] for i, name in enumerate(names)
+    }
+    tests: list[EffectTest] = permute_effects(values, levels)
+    for test, adjusted in zip(tests, holm([test.p for test in tests]), strict=True):
+        effect = CROSS.join(test.effect)
+        numbers = (test.freedom, test.error_freedom, test.f, test.p, adjusted)
+        yield dict(zip(TESTS, (measure, effect, *numbers), strict=True))
+
+
+def _describe_contrast(measure: str, contrast: Contrast) -> dict[str, object]:
+    found = contrast.interval
+    cells = (measure, CROSS.join(contrast.effect), contrast.text, found.value, found.low)
+    return dict(zip(EFFECTS, (*cells, found.high), strict=True))
+
+
+def conclude(tests: pd.DataFrame, effects: pd.DataFrame) -> Iterator[str]:
+    """Yield a conclusion for each effect, with its differences and their intervals."""
+    for row in tests.to_dict("records"):
+        rows = effects[(effects.measure == row["measure"]) & (effects.effect == row["effect"])]
+        shown = "; ".join(
+            f"{r.contrast}: {r.difference:.2f} [{r.low:.2f}, {r.high:.2f}]"
+            for r in rows.itertuples()
+        )
+        verdict = "an effect" if row["p_holm"] < LEVEL else "no effect shown at the 5 % level"
+        words = " and ".join(map(describe_factor, str(row["effect"]).split(CROSS)))
+        kind = "interaction of " if CROSS in str(row["effect"]) else ""
+        yield (
+            f"{title_measure(str(row['measure']))}, {kind}{words}: {verdict}: "
+            f"{format_p(row['p_holm'])} (Holm); differences of means with 95 % intervals: {shown}"
+        )
+
+
+def draw_factors(
+    cells: Mapping[str, Mapping[Cell, Array]],
+    names: Sequence[str],
+    tests: pd.DataFrame,
+    width: float = COLUMN_IN,
+) -> Figure:
+    """Draw a panel for each measure, with its tests below: replicates, means and intervals.
+
+    ``cells`` has the values of each combination of levels by measure, ``names`` those of the
+    factors; ``width`` is in inches. Levels of the first factor are along the axis, those of the
+    second have colours, and lines between means are parallel if there is no interaction.
+    """
+    layout = Layout(len(cells), width, PANEL_IN, table_height(len(names) * 2 - 1, note=True))
+    with use_style():
+        figure, parts = layout.make_figure()
+        for (top, bottom), (measure, values) in zip(parts, cells.items(), strict=True):
+            _draw_means(top.subplots(), values, names, title_measure(measure))
+            rows = [
+                (
+                    TIMES.join(map(describe_factor, str(row["effect"]).split(CROSS))),
+                    f"{row['f']:.2f} ({row['df']}, {row['df_error']})",
+                    *(format_p(row[name]).removeprefix("p").strip("= ") for name in TESTS[-2:]),
+                )
+                for row in tests[tests.measure == measure].to_dict("records")
+            ]
+            note = "bars: means with 95 % intervals; p by permutation"
+            write_table(bottom, HEADS, rows, layout.table_size, note)
+    return figure
+
+
+def _draw_means(axes: Axes, cells: Mapping[Cell, Array], names: Sequence[str], title: str) -> None:
+    """Draw the replicates of each cell as dots, beside their mean and its interval."""
+    first, *others = _list_levels(cells, names).values()
+    second = others[0] if others else [""]
+    colours = assign_colours(second)
+    step = SPREAD / len(second)
+    for j, other in enumerate(second):
+        places, means = [], []
+        for i, level in enumerate(first):
+            values = cells[(level, other) if others else (level,)]
+            x = i + (j - (len(second) - 1) / 2) * step
+            interval = contrast_interval([values], [1.0])
+            aside = (np.arange(values.size) * GOLDEN % 1 - 0.5) * step * 0.4
+            axes.scatter(
+                x - 0.3 * step + aside, np.sort(values), s=6, c=colours[other], alpha=0.5, lw=0
+            )
+            axes.plot([x, x], [interval.low, interval.high], color=colours[other], lw=1.2)
+            places.append(x)
+            means.append(interval.value)
+        label = f"{describe_factor(names[1])} {other}".replace("_", " ") if others else None
+        axes.plot(places, means, "o-", color=colours[other], ms=4, lw=0.9, label=label)
+    axes.set_xticks(range(len(first)), [level.replace("_", " ") for level in first])
+    axes.set(xlabel=describe_factor(names[0]), ylabel=title, xlim=(-0.5, len(first) - 0.5))
+    if others:
+        axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)

@@ -1,0 +1,174 @@
+"""How many replicates detect a difference with the test of ``compare``, from the runs at hand."""
+
+import argparse
+from collections.abc import Hashable, Mapping, Sequence
+from math import comb, inf, isinf
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from evoros.base.errors import InputError
+
+from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, use_style
+from ..measures.comparison import group_values
+from ..measures.power import (
+    MAX_REPLICATES,
+    MIN_SCATTER,
+    Simulation,
+    measure_scatter,
+    plan_replicates,
+)
+from ..measures.statistics import LEVEL
+from ..product import Product
+from ..tables.study import Study
+from .scores import add_conditions, score_runs, title_measure
+
+HELP = "how many replicates detect a given difference, simulated from the runs at hand"
+USUAL = (0.5, 1.0, 1.5)
+"""Differences, in standard deviations, if none is given."""
+POINTS = 14
+"""Numbers of replicates at which a curve is computed."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the difference, the power, and the tests that share the level."""
+    parser.add_argument(
+        "--difference",
+        type=float,
+        action="append",
+        metavar="D",
+        help="of fitness between two treatments; may be repeated; 0.5, 1 and 1.5 standard "
+        "deviations of the replicates",
+    )
+    parser.add_argument(
+        "--power", type=float, default=0.8, metavar="P", help="the chance to detect it; 0.8"
+    )
+    parser.add_argument(
+        "--comparisons",
+        type=int,
+        metavar="K",
+        help="pairs of treatments that are compared; those of the given runs",
+    )
+    parser.add_argument(
+        "--recorded", action="store_true", help="of the recorded fitness, not the validated one"
+    )
+    add_conditions(parser)
+
+
+def make_product(study: Study, options: argparse.Namespace) -> Product:
+    """Draw power over replicates; the tables are the numbers that suffice, and the curves."""
+    _check(options)
+    runs, measures = score_runs(study, options.under)
+    measure = measures[0] if options.recorded or options.under else measures[-1]
+    groups = list(group_values(runs, measure).values())
+    scatter = measure_scatter(groups)
+    if scatter is None:
+        raise InputError(
+            f"{title_measure(measure)}: must scatter over {MIN_SCATTER} or more replicates of "
+            f"some treatment, to tell how many are needed, and does not; run more seeds first"
+        )
+    comparisons = options.comparisons or max(1, comb(len(groups), 2))
+    simulation = Simulation(scatter, comparisons)
+    deviation = scatter.deviation
+    differences = options.difference or [share * deviation.value for share in USUAL]
+    plans = list(plan_replicates(simulation, differences, options.power))
+    about = {"measure": measure, "power": options.power, "comparisons": comparisons}
+    about |= {"runs": scatter.residuals.size, "sd": deviation.value}
+    about |= {"sd_low": deviation.low, "sd_high": deviation.high}
+    table = pd.DataFrame([{**about, **plan} for plan in plans])
+    curves = _trace(simulation, plans)
+    figure = draw_power(curves, plans, options.power, figure_width(options.columns))
+    messages = [_conclude(row) for row in table.to_dict("records")]
+    shown = table.replace(inf, np.nan)
+    return Product(shown, figure, messages, {"power_curves.csv": curves})
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Check the options.
+
+    Raises:
+        InputError: one is out of range.
+    """
+    comparisons = [] if options.comparisons is None else [options.comparisons]
+    rules: dict[str, tuple[Sequence[float], float, float]] = {
+        "--difference": (options.difference or [], 1e-9, 1e9),
+        "--power": ([options.power], 0.1, 0.99),
+        "--comparisons": (comparisons, 1, 1000),
+    }
+    for name, (values, low, high) in rules.items():
+        for value in values:
+            if not low <= value <= high:
+                raise InputError(
+                    f"{name}: must be a number from {low:g} to {high:g}, not {value:g}; correct it"
+                )
+
+
+def _trace(simulation: Simulation, plans: Sequence[Mapping[str, float]]) -> pd.DataFrame:
+    """Compute the power over the number of replicates, for each difference."""
+    ends = [plan["replicates"] for plan in plans]
+    longest = max((end for end in ends if not isinf(end)), default=MAX_REPLICATES)
+    end = min(MAX_REPLICATES, max(10, int(1.5 * longest)))
+    numbers = np.unique(np.geomspace(2, end, POINTS).round().astype(int))
+    return pd.DataFrame(
+        [
+            {
+                "difference": plan["difference"],
+                "in_sd": plan["in_sd"],
+                "replicates": n,
+                "power": simulation.compute_power(plan["in_sd"], int(n)),
+            }
+            for plan in plans
+            for n in numbers
+        ]
+    )
+
+
+def _conclude(row: Mapping[Hashable, Any]) -> str:
+    """Conclude how many replicates a difference needs."""
+    pairs = row["comparisons"]
+    adjusted = "one comparison" if pairs == 1 else f"Holm over {pairs} comparisons"
+    needed, low, high = (_format(row[f"replicates{end}"]) for end in ("", "_low", "_high"))
+    return (
+        f"{title_measure(row['measure'])}: {needed} replicates of each treatment [95 % interval "
+        f"{low} to {high}] detect a difference of {row['difference']:.3g} ({row['in_sd']:.2g} "
+        f"standard deviations) at the {100 * LEVEL:.0f} % level with a chance of "
+        f"{100 * row['power']:.0f} % (Mann-Whitney, {adjusted}), if they scatter as the "
+        f"{row['runs']} runs at hand"
+    )
+
+
+def _format(number: float) -> str:
+    return f"more than {MAX_REPLICATES}" if isinf(number) else f"{number:.0f}"
+
+
+def draw_power(
+    curves: pd.DataFrame,
+    plans: Sequence[Mapping[str, float]],
+    power: float,
+    width: float = COLUMN_IN,
+) -> Figure:
+    """Draw the power over the number of replicates, a curve for each difference.
+
+    A dot is the least number of replicates with the wanted power, and a bar its interval; ``width``
+    is in inches.
+    """
+    with use_style():
+        figure = Figure(figsize=(width, 2.6), layout="constrained")
+        axes = figure.subplots()
+        axes.axhline(power, color="0.6", lw=0.8, ls=":")
+        end = float(curves["replicates"].max())
+        for i, plan in enumerate(plans):
+            rows = curves[curves["difference"] == plan["difference"]]
+            colour = CATEGORIES[i % len(CATEGORIES)]
+            label = f"{plan['difference']:.3g} ({plan['in_sd']:.2g} SD)"
+            axes.plot(rows["replicates"], rows["power"], color=colour, lw=1.2, label=label)
+            low, high = (min(plan[f"replicates_{side}"], end) for side in ("low", "high"))
+            axes.plot([low, high], [power, power], color=colour, lw=2.5, alpha=0.4)
+            if plan["replicates"] <= end:
+                axes.plot(plan["replicates"], power, "o", color=colour, ms=4.5)
+        axes.set(xlabel="replicates of each treatment", ylabel="chance to detect the difference")
+        axes.set(ylim=(0, 1.03), xlim=(0, end * 1.03))
+        axes.legend(title="difference (bars: 95 % intervals)", frameon=False, loc="lower right")
+    return figure
