@@ -12,6 +12,7 @@ from hydra import compose as hydra_compose
 from hydra import initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.object_type import ObjectType
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
@@ -76,6 +77,18 @@ def compose_with_hydra(
     return config
 
 
+def list_choices(group: str, config_dir: str | Path | None = None) -> list[str]:
+    """List the files of a group, with those in the user's folder; none if there is no such group.
+
+    Raises:
+        InputError: there is no such folder.
+    """
+    own = [] if config_dir is None else (add_config_dir(config_dir) / group).glob("*.yaml")
+    with initialize():
+        bundled = GlobalHydra.instance().config_loader().get_group_options(group, ObjectType.CONFIG)
+    return sorted({*bundled, *(file.stem for file in own)})
+
+
 def initialize() -> AbstractContextManager[None]:
     """Make ``conf/`` the folder of Hydra's global state until the context is left."""
     GlobalHydra.instance().clear()
@@ -111,10 +124,12 @@ def parse(overrides: Sequence[str]) -> list[Override]:
     except Exception as error:
         raise InputError(describe_error(error)) from error
     for override in parsed:
+        if override.is_sweep_override():
+            continue
         value = override.value()
         names = value if isinstance(value, list) else [value]
         group = (bundled_folder("conf") / override.key_or_group).is_dir()
-        selects = group and not override.is_delete() and not override.is_sweep_override()
+        selects = group and not override.is_delete()
         if selects and not all(isinstance(name, str) for name in names):
             raise InputError(
                 f"{override.key_or_group}: must be one of its choices, not {value}; evoros --help "

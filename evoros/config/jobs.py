@@ -6,6 +6,7 @@ and one job of a sweep that cannot be composed would take the others with it.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -14,9 +15,10 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from evoros.base.errors import EvorosError, InputError
-from evoros.config.compose import compose_with_hydra, parse, text_of
+from evoros.config.compose import compose_with_hydra, list_choices, parse, text_of
 from evoros.config.configuration import Configuration, freeze
 from evoros.config.folder_names import job_name
+from evoros.config.sweep_values import check_number, expand_values
 
 PLUGINS = LAUNCHER, SWEEPER = "launcher", "sweeper"
 """The groups of Hydra's plugins that start and choose jobs."""
@@ -62,7 +64,7 @@ class Jobs:
         parsed = parse(overrides)
         swept = [text_of(override) for override in parsed if override.is_sweep_override()]
         common = [text_of(override) for override in parsed if not override.is_sweep_override()]
-        self._base = compose_with_hydra(common, config_dir, primary=primary)
+        self._base = self._compose_base(common)
         self.plugins = _find_plugins(self._base)
         self._overrides: list[tuple[str, ...]] = []
         self.sweep: Path | None = None
@@ -73,16 +75,30 @@ class Jobs:
         elif swept:
             raise InputError(f"{swept[0]}: several values make a sweep, which needs -m; add -m")
 
+    def _compose_base(self, common: Sequence[str]) -> DictConfig:
+        """Compose what all jobs have in common."""
+        try:
+            return compose_with_hydra(common, self.config_dir, primary=self.primary)
+        except InputError:
+            for text in common:
+                if text.lstrip("+~").startswith("hydra.sweeper.params"):
+                    raise InputError(
+                        f"{text}: belongs into the file of an experiment; here, sweep over the "
+                        f"key itself, as in seed=0,1"
+                    ) from None
+            raise
+
     def _expand(self, parsed: Sequence[Override]) -> list[tuple[str, ...]]:
         """The overrides of each job: typed ones replace an experiment's values of the same key."""
-        lists = {override.get_key_element(): _expand_values(override) for override in parsed}
+        lists = {each.get_key_element(): self._expand_values(each) for each in parsed}
         params = (self._base.hydra.sweeper.get("params") or {}).items()
         for override in parse([f"{key}={value}" for key, value in params]):
-            lists.setdefault(override.get_key_element(), _expand_values(override))
-        for key, values in lists.items():
-            if not values:
-                raise InputError(f"{key}: must have values to sweep over, not none; give one")
+            lists.setdefault(override.get_key_element(), self._expand_values(override))
+        check_number([len(values) for values in lists.values()])
         return list(product(*lists.values()))
+
+    def _expand_values(self, override: Override) -> list[str]:
+        return expand_values(override, partial(list_choices, config_dir=self.config_dir))
 
     def __len__(self) -> int:
         return 1 if self.sweep is None else len(self._overrides)
@@ -127,22 +143,6 @@ def _find_plugins(config: DictConfig) -> dict[str, str]:
     """The names of a launcher and a sweeper that are none of Hydra's own."""
     chosen = {name: config.hydra.runtime.choices.get(f"hydra/{name}") for name in PLUGINS}
     return {name: str(each) for name, each in chosen.items() if each not in (None, "basic")}
-
-
-def _expand_values(override: Override) -> list[str]:
-    """The override once for each value that it sweeps over.
-
-    Raises:
-        InputError: a range of real numbers, which only an optimizer could sweep over.
-    """
-    if not override.is_sweep_override():
-        return [text_of(override)]
-    if not override.is_discrete_sweep():
-        raise InputError(
-            f"{text_of(override)}: must be a list of values or a range(); write the values"
-        )
-    key = override.get_key_element()
-    return [f"{key}={value}" for value in override.sweep_string_iterator()]
 
 
 def _shorten(path: Path) -> Path:

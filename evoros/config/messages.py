@@ -25,6 +25,12 @@ def describe_error(error: BaseException) -> str:
     if isinstance(error, MissingConfigException):
         return _no_such_choice(error)
     if isinstance(error, OverrideParseException):
+        function = re.search(r"Unknown function '(\w+)'", str(error))
+        if function:
+            return (
+                f"{error.override!r}: must call a function of Hydra's grammar, such as choice, "
+                f"range and glob, not {function[1]}; correct or quote it"
+            )
         return f"{error.override!r}: must be key=value in Hydra's grammar; correct or quote it"
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename}: {error.strerror or error}; correct the path or its permissions"
