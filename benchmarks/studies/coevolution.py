@@ -48,7 +48,7 @@ VARIANTS = {  # what evolves, and generations enough for the budget
     HAND: (DENSE, 32),
     "hand-made, CMA-ES": (CMA, 14),
     "hand-made, its numbers evolve": ([*CMA, *TUNED], 14),
-    "neural": ([*CMA, "controller=neural"], 14),
+    "neural, CMA-ES": ([*CMA, "controller=neural"], 14),
     "neural, GA": ([*DENSE, "controller=neural"], 32),
 }
 

@@ -67,7 +67,8 @@ def test_an_experiment_changes_any_key_and_the_command_line_has_the_last_word() 
     assert config.values["figures"] == [] != compose().values["figures"]
     changed = compose(["experiment=tiny", "figures=[fitness]"], USER_PARTS)
     assert changed.values["figures"] == ["fitness"]
-    assert compose(["experiment=dense"]).values["trials"] == 2
+    assert compose(["experiment=dense"]).choices["simulator"] == "planar"
+    assert compose(["experiment=dense", "simulator=pybullet"]).choices["simulator"] == "pybullet"
 
 
 def test_a_folder_of_the_users_adds_groups_and_modules() -> None:
