@@ -6,7 +6,7 @@ from math import ceil
 
 from matplotlib.figure import Figure, SubFigure
 
-from .style import COLUMN_IN
+from .style import COLUMN_IN, scale_type
 
 SMALL = "small"
 LINE_IN, TABLE_IN, EDGE_IN = 0.13, 3.38, 0.06
@@ -17,7 +17,7 @@ Heads = Mapping[str, tuple[float, str]]
 
 def table_height(rows: int, note: bool = False) -> float:
     """Return the height [in] of a table with its heads, and a note if it has one."""
-    return LINE_IN * (rows + 2 + note)
+    return scale_type(LINE_IN) * (rows + 2 + note)
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,11 @@ def write_table(
 ) -> None:
     """Write heads, rows and a note from the top of a subfigure of that size, centred."""
     width, height = size_in
-    left = max(EDGE_IN, (width - TABLE_IN) / 2)
+    table = min(scale_type(TABLE_IN), width - 2 * EDGE_IN)
+    left = max(EDGE_IN, (width - table) / 2)
 
     def put(x: float, line: int, text: str, side: str = "left", weight: str = "normal") -> None:
-        place = (left + TABLE_IN * x) / width, 1 - (line + 0.5) * LINE_IN / height
+        place = (left + table * x) / width, 1 - (line + 0.5) * scale_type(LINE_IN) / height
         figure.text(*place, text, ha=side, va="center", fontsize=SMALL, weight=weight)
 
     for head, (x, side) in heads.items():

@@ -23,9 +23,9 @@ _MARKS: Mapping[str, Mapping[str, Any]] = {
     GROWS: {**_POINT, "mfc": "white", "marker": "^"},
 }
 _WORDS = {
-    ENDS: "sensor ends: {} (number)",
-    ALTERS: "sensor errs from here: {} (number)",
-    GROWS: "sensor errs more and more: {} (number)",
+    ENDS: "sensor fails: {} (number)",
+    ALTERS: "sensor errs: {} (number)",
+    GROWS: "error begins: {} (sensor)",
 }
 _WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}
 _WIDEST_PT = 6.0  # of the band along the path while a fault grows
@@ -83,5 +83,5 @@ def make_fault_handles(tracks: pd.DataFrame, effects: Mapping[str, str]) -> list
         for effect, kind in drawn.items()
     ]
     if GROWS in drawn.values():
-        handles.append(Line2D([], [], lw=_WIDEST_PT, label="growing error", **_WEDGE))
+        handles.append(Line2D([], [], lw=_WIDEST_PT, label="error grows", **_WEDGE))
     return handles

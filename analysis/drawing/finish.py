@@ -11,7 +11,7 @@ from matplotlib.axis import Axis
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
-from matplotlib.text import Text
+from matplotlib.text import Annotation, Text
 from matplotlib.ticker import FixedFormatter, MaxNLocator
 from matplotlib.transforms import Bbox
 
@@ -36,6 +36,7 @@ def finish_figure(figure: Figure, letters: str = "") -> None:
         for legend in part.legends:
             _spell([*legend.get_texts(), legend.get_title()])
     _thin_ticks(figure)
+    _part_numbers(figure)
 
 
 def list_panels(figure: Figure) -> list[Axes]:
@@ -57,12 +58,21 @@ def _add_letters(figure: Figure, first: str) -> None:
         if left:
             axes.set_title(f"{letter}  {left}", loc="left", fontsize=_find_size(axes))
             continue
-        lines = axes.get_title().count("\n")
-        axes.set_title(letter + "\n" * lines, loc="left", weight="bold")
+        title = axes.get_title()
+        axes.set_title(letter + "\n" * title.count("\n"), loc="left", weight="bold")
+        first_box, other_box = (text.get_window_extent() for text in _find_titles(axes)[:2])
+        if title and _overlap(first_box, other_box, _GAP_PT):
+            axes.set_title("")
+            axes.set_title(f"{letter}  {title}", loc="left", weight="normal")
 
 
 def _find_size(axes: Axes) -> float:
-    return float(axes._left_title.get_fontsize())  # type: ignore[attr-defined]
+    return float(_find_titles(axes)[0].get_fontsize())
+
+
+def _find_titles(axes: Axes) -> tuple[Text, Text, Text]:
+    """Return the titles at the left, in the middle and at the right."""
+    return axes._left_title, axes.title, axes._right_title  # type: ignore[attr-defined]
 
 
 def _sort(panels: Sequence[Axes]) -> list[Axes]:
@@ -79,8 +89,7 @@ def _sort(panels: Sequence[Axes]) -> list[Axes]:
 
 def _spell_names(axes: Axes) -> None:
     """Write the names in titles and labels as words: names of parts and worlds have underscores."""
-    sides = (axes._left_title, axes.title, axes._right_title)  # type: ignore[attr-defined]
-    _spell([*sides, axes.xaxis.label, axes.yaxis.label])
+    _spell([*_find_titles(axes), axes.xaxis.label, axes.yaxis.label])
     for axis in (axes.xaxis, axes.yaxis):
         formatter = axis.get_major_formatter()
         if isinstance(formatter, FixedFormatter):
@@ -97,12 +106,12 @@ def _spell(texts: Iterable[Text]) -> None:
 def _keep_marks_whole(axes: Axes) -> None:
     """Let marks whose places are all within the axes reach over their edges."""
     for artist in axes.get_children():
-        places = _places(artist, axes)
+        places = find_marks(artist, axes)
         if places is not None and len(places) and _within(places, axes):
             artist.set_clip_on(False)
 
 
-def _places(artist: Artist, axes: Axes) -> Array | None:
+def find_marks(artist: Artist, axes: Axes) -> Array | None:
     """Return the places (n, 2) of an artist's marks; None if it has none, or not in data."""
     if isinstance(artist, PathCollection) and artist.get_offset_transform() == axes.transData:
         return _fill(artist.get_offsets())
@@ -140,6 +149,26 @@ def _thin_ticks(figure: Figure) -> None:
 
 def _whole(axis: Axis) -> bool:
     return bool(getattr(axis.get_major_locator(), "_integer", False))
+
+
+def _part_numbers(figure: Figure) -> None:
+    """Move notes beside marks to another side of their mark if they are on other text."""
+    for axes in figure.axes:
+        texts = [text for text in axes.texts if text.get_visible() and text.get_text()]
+        for note in texts:
+            if isinstance(note, Annotation) and note.anncoords == "offset points":
+                _move(note, [text for text in texts if text is not note])
+
+
+def _move(note: Annotation, others: Sequence[Text]) -> None:
+    x, y = note.xyann
+    sides = ((x, y), (x, -y - 7.0), (-x - 5.0, y), (-x - 5.0, -y - 7.0), (x + 8.0, y), (x, y + 8.0))
+    for place in sides:
+        note.xyann = place
+        box = note.get_window_extent()
+        if not any(_overlap(box, other.get_window_extent(), 1.0) for other in others):
+            return
+    note.xyann = x, y
 
 
 def _number_axes(figure: Figure) -> Iterator[Axis]:

@@ -11,8 +11,13 @@ from matplotlib.lines import Line2D
 from ..tables.traces import Trace
 from .style import CATEGORIES
 
-UNITS = {"mps": "[m/s]", "radps": "[rad/s]", "mps2": "[m/s²]", "": "closed"}
-"""How the unit of a channel is written; a bumper has none."""
+UNITS = {
+    "mps": "speed\n[m/s]",
+    "radps": "rate\n[rad/s]",
+    "mps2": "acceleration\n[m/s²]",
+    "": "closed",
+}
+"""The quantity of a channel by its unit, and how that is written; a bumper has none."""
 PANEL_IN, LEGEND_IN = 0.85, 0.6  # height of a panel, and of the legend with the time below
 _STYLES = ("-", "--", "-.", ":")
 
@@ -48,8 +53,9 @@ def draw_readings(figure: SubFigure, traces: Mapping[str, Sequence[Trace]], colu
         for step in range(len(units)):
             row, column = divmod(place, columns)
             grid[row * len(units) + step, column].set_axis_off()
-    handles = [Line2D([], [], label=label, **style) for label, style in styles.items()]
-    figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False)
+    handles = [Line2D([], [], label=f"sensor {label}", **style) for label, style in styles.items()]
+    across = 5 if columns > 2 else 2
+    figure.legend(handles=handles, loc="outside lower center", ncols=across, frameon=False)
 
 
 def _list_units(traces: Mapping[str, Sequence[Trace]]) -> list[str]:

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
@@ -14,11 +15,16 @@ from evoros.base.arrays import Array
 from evoros.storage.figure_context import FigureContext
 
 from ..measures.cones import Window, outline_part, trace_cones
+from .style import VERMILLION
 
 MARKERS = "os^DvP"  # of the types of sensors, in order
 AXES = ("y, left [m]", "x, forward [m]")
 _BODY, _WHEEL = "0.88", "0.45"
 _EDGE = "0.35"
+RAY = VERMILLION
+RAY_DEG = 2.0
+"""A beam that is narrower is drawn as a ray, which has a width on paper."""
+_HEADING_IN, _RAY_PT = 0.075, 1.2  # length of a heading, and width of a ray
 
 
 def aspect_ratio(view: Window) -> float:
@@ -69,7 +75,31 @@ def draw_cones(
     )
     axes.add_collection(areas, autolim=False)
     axes.add_collection(edges, autolim=False)
+    draw_rays(axes, sensors, colours, reach_m)
     return areas
+
+
+def draw_rays(
+    axes: Axes,
+    sensors: pd.DataFrame,
+    colours: Sequence[str],
+    reach_m: float = math.inf,
+    alpha: float = 1.0,
+) -> None:
+    """Draw a line with a dot at its end for each sensor that has a single ray, or nearly so."""
+    narrow = (sensors["fov_deg"] < RAY_DEG).to_numpy()
+    rows = sensors.loc[narrow, ["x_m", "y_m", "yaw_deg", "range_m"]].to_numpy(dtype=np.float64)
+    if not len(rows):
+        return
+    begins, yaw, reach = rows[:, :2], np.radians(rows[:, 2]), np.minimum(rows[:, 3], reach_m)
+    ends = begins + reach[:, None] * np.column_stack([np.cos(yaw), np.sin(yaw)])
+    own = [colour for colour, is_narrow in zip(colours, narrow, strict=True) if is_narrow]
+    lines = np.stack([to_page(begins), to_page(ends)], axis=1)
+    style: dict[str, Any] = {"alpha": alpha, "zorder": 2.2}
+    axes.add_collection(
+        LineCollection(list(lines), colors=own, linewidths=_RAY_PT, **style), autolim=False
+    )
+    axes.scatter(ends[:, 1], ends[:, 0], s=7, c=own, linewidths=0, **style)
 
 
 def draw_sensors(
@@ -95,6 +125,37 @@ def draw_sensors(
             alpha=alpha,
             zorder=4.0,
         )
+    _draw_headings(axes, sensors, alpha)
+
+
+def _draw_headings(axes: Axes, sensors: pd.DataFrame, alpha: float) -> None:
+    """Draw a short line from each sensor the way it faces, of one length on paper."""
+    places = to_page(sensors[["x_m", "y_m"]].to_numpy(dtype=np.float64))
+    yaw = np.radians(sensors["yaw_deg"].to_numpy(dtype=np.float64))
+    axes.quiver(
+        *places.T,
+        *(-np.sin(yaw), np.cos(yaw)),  # on paper, whatever the directions of the axes
+        angles="uv",
+        units="inches",
+        scale_units="inches",
+        scale=1.0 / _HEADING_IN,
+        width=0.011,
+        headwidth=1.0,
+        headlength=0.0,
+        headaxislength=0.0,
+        color="black",
+        alpha=alpha,
+        zorder=4.1,
+    )
+
+
+def make_place_handles(sensors: pd.DataFrame) -> list[Line2D]:
+    """Make the legend entries of a dot with its heading, and of rays; none without sensors."""
+    if sensors.empty:
+        return []
+    dot = Line2D([], [], marker="o", ms=3, lw=1.0, color="black", label="sensor, its heading")
+    ray = Line2D([], [], marker="o", ms=2.5, lw=_RAY_PT, color=RAY, label="single ray")
+    return [dot, ray] if (sensors["fov_deg"] < RAY_DEG).any() else [dot]
 
 
 def assign_markers(sensors: pd.DataFrame) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """Text in lines, whose words stay whole."""
 
 import textwrap
+from collections.abc import Iterable
 
 
 def wrap_lines(text: str, room: float, least: int = 8) -> list[str]:
@@ -17,3 +18,8 @@ def wrap_lines(text: str, room: float, least: int = 8) -> list[str]:
 def wrap(text: str, room: float, least: int = 8) -> str:
     """Return the lines of ``wrap_lines`` as one text."""
     return "\n".join(wrap_lines(text, room, least))
+
+
+def wrap_all(lines: Iterable[str], room: float, least: int = 8) -> str:
+    """Wrap each of several lines as ``wrap`` does, and join them."""
+    return "\n".join(wrap(line, room, least) for line in lines)

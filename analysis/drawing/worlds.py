@@ -1,6 +1,7 @@
 """Worlds from above: obstacles coloured by height, the course, and the tracks of robots."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,6 +9,7 @@ from matplotlib.collections import PatchCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.patheffects import withStroke
 
 from evoros.base.arrays import Array
 from evoros.geometry.footprint import Footprint, bottom_height, project_shape, top_height
@@ -19,6 +21,8 @@ from ..measures.cones import dilate
 from .style import COLUMN_IN, VERMILLION, use_style
 
 HEIGHTS_M = Normalize(0.0, 1.0)
+_HALO = withStroke(linewidth=1.5, foreground="white")
+_NUMBER: dict[str, Any] = {"fontsize": "x-small", "ha": "center", "va": "center", "zorder": 4.8}
 OVERHEAD_M = 1.0
 """Parts whose underside is higher hide nothing that a robot can touch or see."""
 
@@ -87,9 +91,13 @@ def _to_patch(area: Footprint) -> Patch:
 
 
 def draw_course(axes: Axes, course: Course) -> None:
-    """Draw the route, the circles in which waypoints count as visited, and home as a star."""
+    """Draw the route, the circles in which waypoints count as visited, and home as a star.
+
+    The waypoints have their numbers in the course; a mission may visit them backwards.
+    """
     route = np.array([course.home[:2], *course.waypoints, course.home[:2]])
     axes.plot(*route.T, color="0.5", lw=0.7, ls=":")
-    for x, y in course.waypoints:
+    for number, (x, y) in enumerate(course.waypoints, 1):
         axes.add_patch(Circle((x, y), course.acceptance_m, fill=False, ec="0.5", lw=0.7))
+        axes.text(x, y, f"{number}", path_effects=[_HALO], **_NUMBER)
     axes.plot(*course.home[:2], marker="*", color="black", ms=6, ls="none")

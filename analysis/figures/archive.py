@@ -66,7 +66,7 @@ def draw_archive(study: Study, archive: Archive) -> Figure:
         draw_chosen(study, elites, chosen, panels)
         width = (PAGE_IN - 1.55) / 2
         for i, (column, label) in enumerate((("coverage", "coverage"), ("qd_score", "QD score"))):
-            place = (0.55 + i * (width + 0.85), 0.42)
+            place = (0.55 + i * (width + 0.85), 0.45)
             _draw_growth(sheet.add_box(figure, place, (width, 1.25)), archive.growth, column, label)
     return figure
 

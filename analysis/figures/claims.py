@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..drawing.style import BLUE, PAGE_IN, VERMILLION, figure_width, use_style
+from ..drawing.style import BLUE, PAGE_IN, VERMILLION, figure_width, is_wide, use_style
 from ..measures import claims_designs, claims_runs
 from ..measures.coverage import DESIGN, HEADINGS_DEG
 from ..measures.design_features import describe_designs
@@ -63,7 +63,7 @@ MARKS: dict[str, dict[str, Any]] = {
     UNKNOWN: {"marker": "o", "mfc": "none", "mec": "0.4"},
 }
 SIZE, LINE_IN, GAP_IN = 7.0, 0.125, 0.05  # font [pt], height of a line, room between rows
-PER_IN = 17.5  # characters of this size in an inch
+PER_IN = 16.5  # characters of this size in an inch
 BOLD_PER_IN = 15.0
 WIDE = {"measure": 1.85, "measured [95%]": 1.05, "n": 0.28, "against": 0.77, "verdict": 1.05}
 WIDE[""] = 2.0
@@ -141,7 +141,7 @@ def draw_claims(table: pd.DataFrame, width: float = PAGE_IN) -> Figure:
 
     ``width`` is in inches.
     """
-    columns = WIDE if width >= PAGE_IN else NARROW
+    columns = WIDE if is_wide(width) else NARROW
     scale = width / sum(columns.values())
     sizes = {name: size * scale for name, size in columns.items()}
     rows = _rows(table, sizes, width)

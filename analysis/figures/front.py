@@ -43,13 +43,13 @@ def draw_front(study: Study, found: Front) -> Figure:
     with use_style():
         sheet = Sheet(PAGE_IN, 1, [], [HEIGHT_IN], bottom=0.0)
         figure = sheet.make_figure()
-        axes = sheet.add_box(figure, (0.55, 0.42), (PLOT_IN, HEIGHT_IN - 0.6))
+        axes = sheet.add_box(figure, (0.68, 0.42), (PLOT_IN, HEIGHT_IN - 0.6))
         points = front[[x.column, y.column]].to_numpy(float)
         chosen = sorted(choose_apart(points, DESIGNS))
         _draw_points(axes, candidates, points, x, y)
         for number, row in enumerate(chosen, start=1):
             mark_number(axes, points[row], number, (5.5 * x.sign, 5.5 * y.sign))
-        left, size = 0.55 + PLOT_IN + 0.4, 1.05
+        left, size = 0.68 + PLOT_IN + 0.3, 1.05
         corners = [
             (left + (i % COLUMNS) * (size + 0.04), HEIGHT_IN - 1.35 - (i // COLUMNS) * 1.38)
             for i in range(len(chosen))

@@ -15,14 +15,14 @@ from ..drawing.style import CATEGORIES, COLUMN_IN, use_style
 
 HEADS = {
     "to the rung": (0.0, "left"),
-    "n": (0.42, "right"),
-    "rank correlation": (0.47, "left"),
-    "mean change": (0.76, "left"),
+    "n": (0.33, "right"),
+    "rank correlation": (0.36, "left"),
+    "mean change": (0.67, "left"),
 }
 NAMED = 8
 """Designs that have colours and names; of more, all are grey."""
 _APART = 0.03  # between the dots of two designs, in rungs
-_NAME_LENGTH = 22  # characters of a rung in the table
+_NAME_LENGTH = 17  # characters of a rung in the table
 Row = Mapping[Hashable, Any]
 
 

@@ -2,13 +2,14 @@
 
 import argparse
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.lines import Line2D
 
 from evoros.base.errors import InputError, single_line
 from evoros.base.log import LOGGER
@@ -19,7 +20,8 @@ from ..drawing.companions import draw_companions, make_companion_handles
 from ..drawing.drift import draw_errors, has_estimate
 from ..drawing.mission_map import draw_mission, make_handles
 from ..drawing.readings import draw_readings, measure_height
-from ..drawing.style import PAGE_IN, figure_width, use_style
+from ..drawing.style import PAGE_IN, figure_width, scale_type, use_style
+from ..drawing.words import wrap_all
 from ..product import Product
 from ..tables.certified import describe_rates
 from ..tables.records import Record
@@ -36,7 +38,10 @@ ENDINGS = {
 }
 _PANEL_IN = 1.7  # minimum width of a panel
 _ERRORS_IN = 1.3  # height of a panel of errors
-_WORDS_IN, _LINE_IN = 0.75, 0.15  # height of a panel's title and labels, and of a further line
+_WORDS_IN, _LINE_IN = 0.45, 0.15  # height of a panel's labels, and of a line of its title
+_PER_IN, _SMALL_PER_IN = 13.5, 16.5  # letters of a title, and of a legend
+_HARD_SPACE = "\N{NO-BREAK SPACE}"
+_HANDLE = 6  # letters in whose place an entry of the legend has its mark
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,7 +94,9 @@ def draw_missions(
     effects = robots[""].failure.effects if "" in robots else {}
     tracks = everyone[name_robots(everyone) == ""]
     paths = {name: select_track(tracks, name) for name in worlds}
+    titles: dict[str, list[str]] = {}
     columns = min(len(worlds), max(1, int(width / _PANEL_IN)))
+    room = _PER_IN / scale_type(1.0) * width / columns
     rows = math.ceil(len(worlds) / columns)
     with use_style():
         figure = Figure(layout="constrained")
@@ -107,25 +114,35 @@ def draw_missions(
             draw_mission(axes, world, paths[name], modes, effects)
             others = {agent: select_track(everyone, name, agent) for agent in robots if agent}
             draw_companions(axes, paths[name], others, robots)
-            _label_panel(axes, name, paths[name], others, rates.get(name))
+            titles[name] = _title(name, paths[name], others, rates.get(name))
+            axes.set_title(wrap_all(titles[name], room))
+            axes.set_xlabel("x [m]")
+            axes.tick_params(labelbottom=True)
         for row in grid:
             row[0].set_ylabel("y [m]")
         x_span, y_span = (
             abs(end - begin) for begin, end in (panels[0].get_xlim(), panels[0].get_ylim())
         )
-        words = _WORDS_IN + _LINE_IN * (len([*robots][1:]) + bool(rates))
+        lines = max(len(wrap_all(title, room).splitlines()) for title in titles.values())
+        words = scale_type(_WORDS_IN + _LINE_IN * lines)
         panel = (width - 0.5) / columns * y_span / x_span + words
-        height = rows * panel + (0.0 if free else 0.4 + _LINE_IN * len([*robots][1:]))
+        touched = bool((everyone["contact"] > 0).any())
+        handles = make_handles(tracks, modes, touched, effects)
+        handles += make_companion_handles([*robots][1:])
+        if free and max(len(str(each.get_label())) for each in handles) > room:
+            for axes in free:
+                axes.remove()
+            free = []
+        across = _count_columns(handles, width)
+        legend_lines = -(-len(handles) // across)
+        height = rows * panel + (0.0 if free else scale_type(0.15 + _LINE_IN * legend_lines))
         if stack is not None:
             stack.set_height_ratios((height, *(tall for _, tall in below)))
             for place, (draw_part, tall) in enumerate(below, 1):
                 draw_part(figure.add_subfigure(stack[place]))
                 height += tall
         figure.set_size_inches(width, height)
-        touched = bool((everyone["contact"] > 0).any())
-        handles = make_handles(tracks, modes, touched, effects)
-        handles += make_companion_handles([*robots][1:])
-        _add_legend(upper, free, handles)
+        _add_legend(upper, free, handles, across)
     return figure
 
 
@@ -165,21 +182,24 @@ def _report(record: Record, runs: int) -> str:
     return f"{record.name}: one of {runs} runs, fitness {status['best_fitness']:.3f} recorded{rest}"
 
 
-def _label_panel(
-    axes: Axes,
-    name: str,
-    path: pd.DataFrame,
-    others: Mapping[str, pd.DataFrame],
-    rate: str | None,
-) -> None:
-    """Write the world's name and how the mission of each robot ended above a panel.
-
-    ``rate`` says how often the world was completed.
-    """
+def _title(
+    name: str, path: pd.DataFrame, others: Mapping[str, pd.DataFrame], rate: str | None
+) -> list[str]:
+    """Return the lines above a panel: the world, how each robot's mission ended, and ``rate``."""
     endings = [_ending(path), *(f"{n}: {_ending(other)}" for n, other in others.items())]
-    axes.set_title("\n".join(filter(None, (name, *endings, rate))))
-    axes.set_xlabel("x [m]")
-    axes.tick_params(labelbottom=True)
+    whole = re.sub(r"\[.*\]", lambda match: match[0].replace(" ", _HARD_SPACE), rate or "")
+    return [*filter(None, (name, *endings, whole))]
+
+
+def _count_columns(handles: Sequence[Artist], width: float) -> int:
+    """Return how many columns of the legend fit into a width [in]."""
+    lengths = [len(str(each.get_label())) + _HANDLE for each in handles]
+    for count in range(min(6, len(lengths)), 1, -1):
+        deep = -(-len(lengths) // count)
+        columns = [lengths[i : i + deep] for i in range(0, len(lengths), deep)]
+        if sum(map(max, columns)) <= width * _SMALL_PER_IN / scale_type(1.0):
+            return count
+    return 1
 
 
 def _ending(path: pd.DataFrame) -> str:
@@ -191,7 +211,7 @@ def _ending(path: pd.DataFrame) -> str:
 
 
 def _add_legend(
-    figure: Figure | SubFigure, free: Sequence[Axes], handles: Sequence[Line2D]
+    figure: Figure | SubFigure, free: Sequence[Axes], handles: Sequence[Artist], across: int
 ) -> None:
     """Add the legend in a panel that is left over, else below the panels."""
     for axes in free:
@@ -202,7 +222,7 @@ def _add_legend(
     figure.legend(
         handles=handles,
         loc="outside lower center",
-        ncols=6 if figure.bbox.width > 5 * figure.dpi else 3,
+        ncols=across,
         frameon=False,
         handlelength=1.6,
         columnspacing=1.0,

@@ -29,7 +29,7 @@ from evoros.storage.figure_context import FigureContext
 from ..drawing import robot
 from ..drawing.sheet import Sheet
 from ..drawing.signals import draw_signals, make_signal_handles
-from ..drawing.style import COLUMN_IN, figure_width, use_style
+from ..drawing.style import COLUMN_IN, figure_width, is_wide, use_style
 from ..measures.cones import Window, fit_window, robot_length
 from ..measures.raster import cell_centres, count_coverage, rasterize
 from ..product import Product
@@ -117,7 +117,11 @@ def draw_overlay(
     shades = _shades(int(max([int(numbers.max()), *cover.iloc[:, -1]])))
     markers = robot.assign_markers(placed)
     with use_style():
-        handles = [*robot.make_type_handles(markers), *make_signal_handles(others)]
+        handles = [
+            *robot.make_place_handles(placed),
+            *robot.make_type_handles(markers),
+            *make_signal_handles(others),
+        ]
         lines = 0 if several else len(_describe_fitness(sensors).splitlines())
         page, side_by_side = _lay_out(len(contexts), views, width, bool(handles), lines)
         figure = page.make_figure()
@@ -128,9 +132,10 @@ def draw_overlay(
             axes.set(xlabel=robot.AXES[0], ylabel="" if place[1] else robot.AXES[1])
             shown = cover[(cover.treatment == treatment) & (cover.cut_m == cut)]
             _draw_counts(axes, contexts[treatment], shown, views[view], shades)
+            own = placed[placed.treatment == treatment]
+            alpha = 0.35 if several else 0.8  # dots on each other are darker
+            robot.draw_rays(axes, own, [robot.RAY] * len(own), cut, alpha)
             if view == 0:
-                own = placed[placed.treatment == treatment]
-                alpha = 0.35 if several else 0.8  # dots on each other are darker
                 robot.draw_sensors(axes, own, ["black"] * len(own), markers, 2.5, alpha=alpha)
                 if len(others):
                     mounted = others[others.treatment == treatment]
@@ -223,5 +228,5 @@ def _add_legends(
     bar.ax.tick_params(labelsize="small", length=2)
     bar.ax.minorticks_off()
     if handles:
-        columns = 3 if page.width < 2 * COLUMN_IN else 6
+        columns = 6 if is_wide(page.width) else 3
         figure.legend(handles=handles, loc="lower left", ncols=columns, frameon=False)

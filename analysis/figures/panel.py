@@ -15,7 +15,7 @@ from evoros.storage.figure_context import FigureContext
 from ..drawing import robot
 from ..drawing.sheet import Sheet
 from ..drawing.signals import draw_signals, make_signal_handles
-from ..drawing.style import CATEGORIES, COLUMN_IN, PAGE_IN, figure_width, use_style
+from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, is_wide, use_style
 from ..measures.cones import fit_window, robot_length
 from ..product import Product
 from ..tables.designs import SIGNAL_COLUMNS, read_champion
@@ -77,9 +77,10 @@ def draw_panels(
     view = fit_window(shown, placed, cut)
     markers = robot.assign_markers(placed)
     with use_style():
-        types = [*robot.make_type_handles(markers), *make_signal_handles(others)]
+        headings = robot.make_place_handles(placed)[:1]
+        types = [*headings, *robot.make_type_handles(markers), *make_signal_handles(others)]
         handles = [*_make_colour_handles(placed), *types]
-        columns = 3 if width < PAGE_IN else 6
+        columns = 6 if is_wide(width) else 2
         note = _note(placed, cut, width)
         foot = FOOT_IN + LINE_IN * (math.ceil(len(handles) / columns) + 1 + note.count("\n"))
         certified = "fitness_low" in sensors and sensors.fitness_low.notna().any()
@@ -125,7 +126,7 @@ def _note(placed: pd.DataFrame, cut: float, width: float) -> str:
     ranges = sorted(placed.range_m.unique())
     lengths = " to ".join(f"{range_m:g}" for range_m in dict.fromkeys([*ranges[:1], *ranges[-1:]]))
     cones = [f"cones of {lengths} m cut at {cut:g} m"] if ranges and ranges[-1] > cut else []
-    return ("; " if width >= PAGE_IN else "\n").join([TITLES, *cones])
+    return ("; " if is_wide(width) else "\n").join([TITLES, *cones])
 
 
 def _make_panels(

@@ -34,6 +34,7 @@ ONE_ROBOT = True
 HELP = "where on the robot sensors may be, and where they may face (Fig. 5)"
 FAN = 0.25  # radius of the headings, as a share of the robot's length
 TWINS = "twins are mirrored across the dash-dotted line"
+MINUS = "\N{MINUS SIGN}"
 MAX_FANS = 3  # that are drawn along the line of one region
 PANEL_IN, SINGLE_IN = 2.5, 4.5  # minimum width of a panel, maximum width of a single one
 
@@ -199,5 +200,5 @@ def _write_name(axes: Axes, name: str, area: Area, reach: float) -> None:
     number = ".0f" if area.facing_deg else "g"  # normals of curved outlines have many digits
     ends = list(dict.fromkeys((f"{low:{number}}", f"{high:{number}}")))
     headings = f"{' to '.join(ends)}°"
-    text = f"{name}\n{headings}".replace("-", "\N{MINUS SIGN}")
+    text = f"{name.replace('_', ' ')}\n{headings.replace('-', MINUS)}"
     axes.text(tip[1], tip[0], text, fontsize="small", ha=ha, va=va, zorder=5)

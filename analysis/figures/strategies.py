@@ -4,20 +4,22 @@ Champions are compared with the random designs of generation 0.
 """
 
 import argparse
-import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import MultipleLocator
 
 from evoros.base.arrays import Array
 
 from ..drawing.style import PAGE_IN, assign_colours, figure_width, letter, use_style
+from ..drawing.words import wrap
 from ..measures.coverage import AHEAD_DEG, HEADINGS_DEG
 from ..measures.design_features import ALL, FRONT, SIDE, compare_with_random, describe_designs
 from ..product import Product
@@ -35,10 +37,14 @@ RANDOM = "0.45"
 MARKERS = "os^Dvp"
 PANEL_IN = 1.6  # minimum width of a panel
 NAME_LENGTH = 9  # maximum length of a label below an axis
-_KEY = [
-    Line2D([], [], color="black", lw=1.4, label="champions, mean and 95% interval"),
-    Line2D([], [], color="0.75", lw=0.5, label="each champion"),
-    Line2D([], [], color=RANDOM, lw=1.2, ls=(0, (3, 1.5)), label="random designs"),
+_GREY = "0.88"  # of the boxes of random designs
+_DASHES = (0, (3, 1.5))
+_MIDDLE = Line2D([], [], color=RANDOM, lw=1.2, ls=_DASHES, label="random designs, mean")
+_EACH = "each champion"
+_LOWER_KEY = [
+    Patch(fc=_GREY, ec=RANDOM, lw=0.6, label="random designs: quartiles, 5 % and 95 %"),
+    Line2D([], [], color=RANDOM, lw=1.4, label="random designs: median, or share"),
+    Line2D([], [], color="black", lw=1, marker="_", ms=5, label="champions: mean, 95 % interval"),
 ]
 
 
@@ -85,7 +91,8 @@ def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = P
     across = min(columns, len(treatments))
     above, below = -(-len(treatments) // across), 1 if columns >= 3 else 3
     with use_style():
-        heights = [1.65 * above + 0.25, 1.9 * below]
+        lines = 1 if columns >= 3 else 3
+        heights = [1.65 * above + 0.2 * (lines + (lines > 1)), 1.9 * below + 0.2 * lines]
         figure = Figure(figsize=(width, sum(heights)), layout="constrained")
         parts: Any = figure.subfigures(2, 1, height_ratios=heights)
         grid = parts[0].subplots(above, across, squeeze=False, sharex=True, sharey=True)
@@ -97,13 +104,26 @@ def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = P
         grid[0, 0].set_ylim(bottom=0)
         for row in grid:
             row[0].set_ylabel("sensors that\ncover the heading")
-        key: dict[str, Any] = {"handles": _KEY, "frameon": False, "handlelength": 1.8}
-        parts[0].legend(loc="outside upper center", ncols=3 if columns >= 3 else 2, **key)
+        key: dict[str, Any] = {"frameon": False, "handlelength": 1.8}
+        across_page = 3 if columns >= 3 else 1
+        upper = _make_upper_key(assign_colours(treatments))
+        above_page = 4 if columns >= 3 else 1
+        parts[0].legend(handles=upper, loc="outside upper center", ncols=above_page, **key)
+        parts[1].legend(handles=_LOWER_KEY, loc="outside lower center", ncols=across_page, **key)
         features = parts[1].subplots(below, 3 // below, squeeze=False)
         _draw_ahead(features.flat[0], table, summary)
         _draw_rates(features.flat[1], summary, treatments)
         _draw_lost(features.flat[2], table, summary)
     return figure
+
+
+def _make_upper_key(colours: Mapping[str, str]) -> list[Artist]:
+    """Make the entries of the coverage, in the colour of the treatment if there is one."""
+    colour = next(iter(colours.values()))
+    band = Patch(fc=colour, alpha=0.25, label="95 % interval")
+    each = Line2D([], [], color=colour, lw=0.4, alpha=0.35, label=_EACH)
+    mean = Line2D([], [], color=colour, lw=1.4, label="champions, mean")
+    return [mean, band, each, _MIDDLE]
 
 
 def _shorten(treatments: Sequence[str]) -> dict[str, str]:
@@ -118,7 +138,7 @@ def _title(treatment: str, treatments: Sequence[str], table: pd.DataFrame, room:
     count = int(((table.treatment == treatment) & ~table.random).sum())
     short = _shorten(treatments)[treatment]
     name = treatment if short == treatment else f"{short}: {treatment}"
-    return "\n".join(textwrap.wrap(f"{name} ({count})", max(12, int(room))))
+    return wrap(f"{name} (n = {count})", room, least=12)
 
 
 def _draw_profiles(
@@ -134,7 +154,7 @@ def _draw_profiles(
         _close(rows[name].to_numpy(float)) for name in ("low", "high", "value", "random")
     )
     axes.fill_between(headings, low, high, color=colour, alpha=0.25, lw=0)
-    axes.plot(headings, random, color=RANDOM, lw=1.2, ls=(0, (3, 1.5)))
+    axes.plot(headings, random, color=RANDOM, lw=1.2, ls=_DASHES)
     axes.plot(headings, value, color=colour, lw=1.4)
     axes.set_xlim(_reach(summary), -_reach(summary))  # left is on the left
     axes.xaxis.set_major_locator(MultipleLocator(90))
@@ -173,7 +193,7 @@ def _draw_lost(axes: Axes, table: pd.DataFrame, summary: pd.DataFrame) -> None:
     places = np.arange(len(rows)) + 0.3
     value, errors = _with_errors(rows)
     axes.errorbar(places, value, errors, fmt="_", color="black", lw=1, ms=5)
-    axes.set_ylabel("sensors that a blow to\none of them takes")
+    axes.set_ylabel("sensors that a blow\nto one of them takes")
 
 
 def _with_errors(rows: pd.DataFrame) -> tuple[Array, list[Array]]:
@@ -197,7 +217,7 @@ def _draw_strips(axes: Axes, table: pd.DataFrame, measure: str) -> None:
                 whis=(5, 95),
                 showfliers=False,
                 patch_artist=True,
-                boxprops={"facecolor": "0.88", "edgecolor": RANDOM, "linewidth": 0.6},
+                boxprops={"facecolor": _GREY, "edgecolor": RANDOM, "linewidth": 0.6},
                 medianprops={"color": RANDOM, "lw": 1.2},
                 whiskerprops=line,
                 capprops=line,
@@ -224,7 +244,8 @@ def _draw_rates(axes: Axes, summary: pd.DataFrame, treatments: Sequence[str]) ->
         axes.errorbar(places, value, errors, fmt=marker, **bars)
         random = rows.random.to_numpy(float)
         axes.hlines(random, places - step / 2, places + step / 2, color=RANDOM, lw=1.4, zorder=1)
-    names = [f"{1000 * radius:.0f}\nmm" if radius else "redun-\ndant" for _, radius in groups]
+    names = [f"{1000 * radius:.0f}" if radius else "redundant" for _, radius in groups]
     axes.set_xticks(range(len(groups)), names)
     axes.set_ylim(0, 1.03)
-    axes.set_ylabel("champions with a pair that\nis redundant, or within")
+    axes.set_xlabel("pair: redundant, or within [mm]")
+    axes.set_ylabel("share of champions\nwith such a pair")

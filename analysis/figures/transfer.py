@@ -28,9 +28,9 @@ NUMBERS = ("n", "spearman", "spearman_low", "spearman_high", "change", "change_l
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 HEADS = {
     "group": (0.0, "left"),
-    "n": (0.3, "right"),
+    "n": (0.32, "right"),
     "rank correlation": (0.36, "left"),
-    "mean change": (0.7, "left"),
+    "mean change": (0.67, "left"),
 }
 MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)
 """Designs whose order can be significant: two of n! orders agree or disagree completely."""

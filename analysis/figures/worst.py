@@ -13,6 +13,7 @@ from evoros.failure.case import Case
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.worst_cases import describe_worst_cases, read_worst_cases
 
+from ..drawing.paper import spread
 from ..drawing.robot import (
     AXES,
     assign_markers,
@@ -22,7 +23,8 @@ from ..drawing.robot import (
     frame_axes,
     to_page,
 )
-from ..drawing.style import BLUE, PAGE_IN, VERMILLION, figure_width, use_style
+from ..drawing.style import BLUE, PAGE_IN, VERMILLION, figure_width, is_wide, use_style
+from ..drawing.words import wrap
 from ..measures.cones import outline_part
 from ..measures.worst_cases import (
     count_sets,
@@ -172,12 +174,16 @@ def draw_worst(
     table of an evaluation that looked for worst cases; its finding takes the place of the cases.
     """
     with use_style():
-        figure = Figure(figsize=(width, 0.42 * PAGE_IN), layout="constrained")
-        shares, plan = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
+        if is_wide(width):
+            figure = Figure(figsize=(width, 0.42 * width), layout="constrained")
+            shares, plan = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
+        else:
+            figure = Figure(figsize=(width, 1.65 * width), layout="constrained")
+            shares, plan = figure.subplots(2, 1, height_ratios=(1.0, 1.5))
         _draw_shares(shares, sets)
         failed, title = _find_met(cases) if searched is None else _find_confirmed(searched)
         _draw_plan(plan, sensors, context, failed)
-        plan.set_title(title)
+        plan.set_title(wrap(title, 30))
     return figure
 
 
@@ -225,7 +231,7 @@ def _draw_shares(axes: Axes, sets: pd.DataFrame) -> None:
             fontsize="small",
         )
     axes.set(ylim=(0.0, 1.2), xlabel="failed sensors", ylabel="missions not completed")
-    axes.set_title("numbers: sets with a mission not completed, of those met")
+    axes.set_title(wrap("numbers: sets with a mission not completed, of those met", 40))
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.set_yticks([0.0, 0.25, 0.5, 0.75, 1.0])
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -241,22 +247,33 @@ def _draw_plan(
     colours = [VERMILLION if number in failed else BLUE for number in sensors["sensor"]]
     draw_cones(axes, sensors, colours, REACH_M)
     draw_sensors(axes, sensors, colours, assign_markers(sensors))
-    for row in sensors.to_dict("records"):
-        weight = "bold" if row["sensor"] in failed else "normal"
-        place = row["y_m"], row["x_m"]
-        axes.annotate(
-            str(row["sensor"]),
-            place,
-            (3, 3),
-            textcoords="offset points",
-            fontsize="small",
-            weight=weight,
-            zorder=6,
-        )
     corners = [to_page(outline_part(part)) for part in context.parts]
     reach = max(float(abs(points).max()) for points in corners) + REACH_M
     frame_axes(axes, (-reach, reach, -reach, reach))
+    _number_sensors(axes, sensors, failed, reach)
     axes.set(xlabel=AXES[0], ylabel=AXES[1])
     kinds = [(VERMILLION, "failed"), (BLUE, "works")] if failed else [(BLUE, "sensor")]
     handles = [Patch(fc=colour, alpha=0.6, label=label) for colour, label in kinds]
     axes.legend(handles=handles, frameon=False, loc="lower center", ncols=2)
+
+
+def _number_sensors(
+    axes: Axes, sensors: pd.DataFrame, failed: tuple[int, ...], reach: float
+) -> None:
+    """Write the numbers of the sensors at both sides of the robot, with lines to them."""
+    apart = 0.14 * reach
+    for side in (1.0, -1.0):
+        own = sensors[(sensors["y_m"] >= 0.0) == (side > 0.0)].sort_values("x_m")
+        levels = spread(own["x_m"].tolist(), apart)
+        for row, level in zip(own.to_dict("records"), levels, strict=True):
+            end = side * 0.85 * reach
+            axes.plot([row["y_m"], end], [row["x_m"], level], color="0.3", lw=0.4, zorder=3)
+            axes.text(
+                end,
+                level,
+                f" {row['sensor']} ",
+                fontsize="small",
+                weight="bold" if row["sensor"] in failed else "normal",
+                ha="right" if side > 0 else "left",
+                va="center",
+            )

@@ -38,6 +38,8 @@ def _read_axis(record: "Record", column: str) -> Axis:
     values, choice = record.values, record.choices.get(column, column.partition(".")[2])
     title = str(values.get(f"{column}.title", choice.replace("_", " ")))
     unit = values.get(f"{column}.unit")
+    if choice == "fitness":
+        title, unit = record.context.fitness.title, record.context.fitness.unit
     low, high = map(float, values.get(f"{column}.bounds", (0.0, 1.0)))
     sign = -1.0 if values.get(f"{column}.direction") == "minimize" else 1.0
     return Axis(column, f"{title} [{unit}]" if unit else title, (low, high), sign)

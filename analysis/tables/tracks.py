@@ -26,6 +26,7 @@ COLUMNS = (
     "y_m",
     "yaw_rad",
     "mode",
+    "phase",
     "contact",
     "failed_sensors",
     "failed_by",
@@ -64,7 +65,8 @@ def read_track(run: Run, context: FigureContext, world: str, agent: str = "") ->
     ``ESTIMATE`` and ``TOUCHED`` follow if the trajectory has them. ``TOUCHED`` are the bumpers that
     closed since the previous record, separated by semicolons.
 
-    ``mode`` is the name of the layer that decided. ``failed_sensors`` are the sensors, from 0,
+    ``mode`` is the name of the layer that decided, ``phase`` is 1 until the robot is home for the
+    first time, then 2. ``failed_sensors`` are the sensors, from 0,
     that failed since the previous record, and ``failed_by`` the effects, both separated by
     semicolons; ``ended`` is set in the last row alone. If the mission could not be run, the table
     is empty.
@@ -85,6 +87,8 @@ def read_track(run: Run, context: FigureContext, world: str, agent: str = "") ->
     table = trajectory[["time_s", "x_m", "y_m", "yaw_rad", "contact"]].astype(float)
     table["world"], table["mode"] = world, names[modes]
     table["contact"] = table["contact"].astype(int)
+    goals = len(find_context(context, agent).courses[world].waypoints) + 1  # of the first phase
+    table["phase"] = np.where(trajectory["visited"].to_numpy(int) < goals, 1, 2)
     failed = _failures_by_row(mission, table["time_s"].to_numpy())
     for column, place in (("failed_sensors", 0), ("failed_by", 1)):
         cells = {row: ";".join(pair[place] for pair in pairs) for row, pairs in failed.items()}

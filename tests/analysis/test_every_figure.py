@@ -1,0 +1,92 @@
+"""What any figure of evoros-analyze must keep, in one column and two, and in a journal's style."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from evoros.analysis.drawing.finish import LETTERS, list_panels
+from evoros.analysis.drawing.style import choose_style, save, use_style
+from evoros.analysis.robot_choice import make_product
+from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS, import_subcommand, parse
+from evoros.analysis.tables.study import Study, load_study
+from figure_checks import find_faults
+from helpers import scored, tiny
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from evoros.base.console import DONE
+
+MEASURES = (
+    "+measure@descriptors.front=front_coverage",
+    "+measure@descriptors.side=side_coverage",
+    "+measure@objectives.fitness=fitness",
+    "+measure@objectives.robustness=least_coverage",
+)
+DRAWN = [name for name in SUBCOMMANDS if name not in {"report", "replay", *EXPORTS}]
+JOURNAL = "font.size: 7\nfont.family: serif\nfigure.figsize: 3.4, 2.5\naxes.linewidth: 0.5\n"
+LOOKS = {
+    "page": (["--columns", "2"], ""),
+    "column": (["--columns", "1"], ""),
+    "journal": (["--columns", "1"], JOURNAL),
+}
+SLOW = [name if name == "column" else pytest.param(name, marks=pytest.mark.slow) for name in LOOKS]
+
+
+@pytest.fixture(scope="module")
+def studies(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Study]:
+    """Runs with faults that grow, and evaluations of their designs with other failures."""
+    top = tmp_path_factory.mktemp("figures")
+    drift = ("failure=random", "filter@failure.effect=drift", "failure.latest_s=3.0")
+    assert tiny(top / "study" / "drift", *drift, *MEASURES) == DONE
+    assert tiny(top / "study" / "spatial", "failure=spatial", *MEASURES) == DONE
+    for failure in ("random", "spatial"):
+        scored(top / "pair" / failure, top / "study", f"failure={failure}", "trials=2")
+    return {name: load_study([top / name]) for name in ("study", "pair")}
+
+
+@pytest.fixture(params=SLOW)
+def look(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[list[str]]:
+    options, style = LOOKS[request.param]
+    (tmp_path / "journal.mplstyle").write_text(style)
+    with choose_style(str(tmp_path / "journal.mplstyle") if style else None):
+        yield options
+
+
+def draw(studies: dict[str, Study], name: str, options: list[str]) -> Figure:
+    study = studies["pair" if name in ("transfer", "worst") else "study"]
+    columns = [] if name in ("archive", "front") else options
+    product = make_product(import_subcommand(name), study, parse([name, ".", *columns]))
+    assert isinstance(product.figure, Figure)
+    return product.figure
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_it_can_be_read(
+    name: str, studies: dict[str, Study], look: list[str], tmp_path: Path
+) -> None:
+    figure = draw(studies, name, look)
+    save(figure, tmp_path / "figure.pdf", "pdf")
+    with use_style():
+        assert find_faults(figure) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "first"), zip(["overlay", "mission", "strategies"], LETTERS, strict=True)
+)
+def test_each_panel_has_its_letter(
+    name: str, first: str, studies: dict[str, Study], tmp_path: Path
+) -> None:
+    figure = draw(studies, name, ["--columns", "2"])
+    for _ in range(2):  # a figure that is saved again has no second letter
+        save(figure, tmp_path / "figure.pdf", "pdf", letters=first)
+    letters = [_find_letter(axes) for axes in list_panels(figure)]
+    expected = [
+        first.replace("a", chr(97 + i)).replace("A", chr(65 + i)) for i in range(len(letters))
+    ]
+    assert sorted(letters) == expected
+    with use_style():
+        assert find_faults(figure) == []
+
+
+def _find_letter(axes: Axes) -> str:
+    return axes.get_title(loc="left").split()[0]
