@@ -30,6 +30,7 @@ SUBCOMMANDS: Mapping[str, str] = {
     "failure": ".figures.failure",
     "regions": ".figures.regions",
     "mission": ".figures.mission",
+    "course": ".figures.course",
     "compare": ".figures.compare",
     "factors": ".figures.factors",
     "power": ".figures.power",
@@ -39,14 +40,15 @@ SUBCOMMANDS: Mapping[str, str] = {
     "worst": ".figures.worst",
     "archive": ".figures.archive",
     "front": ".figures.front",
+    "paper": ".paper",
     "report": ".report.page",
     "replay": ".video.replay",
     "deploy": ".deploy.subcommand",
     "bag": ".bags.bag",
 }
 """The module of each subcommand."""
-EXPORTS = frozenset({"deploy", "bag"})
-"""The subcommands that write files for other software, and draw no figure."""
+EXPORTS = frozenset({"deploy", "bag", "paper"})
+"""The subcommands that have no figure of their own: files for other software, figures of others."""
 
 
 class Subcommand(Protocol):

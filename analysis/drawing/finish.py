@@ -51,7 +51,8 @@ def list_panels(figure: Figure) -> list[Axes]:
 
 def _add_letters(figure: Figure, first: str) -> None:
     figure.draw_without_rendering()  # so that all axes have their places
-    for number, axes in enumerate(_sort(list_panels(figure))):
+    panels = _sort(list_panels(figure))
+    for number, axes in enumerate(panels if len(panels) > 1 else []):
         name = chr(ord("a") + number % 26) * (1 + number // 26)
         letter = first.replace("a", name).replace("A", name.upper())
         left = axes.get_title(loc="left")

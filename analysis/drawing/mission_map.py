@@ -35,7 +35,15 @@ _POINT: dict[str, Any] = {"ls": "none", "zorder": 5}
 HOME = {**_POINT, "marker": "*", "color": "black", "ms": 6, "label": "home (arrow: start)"}
 WAYPOINT = {**_POINT, "marker": "o", "mfc": "none", "mec": "0.5", "ms": 7}
 WAYPOINT["label"] = "waypoint (number)"
-END = {**_POINT, "marker": "s", "ms": 4, "mfc": "white", "mec": "black", "mew": 0.9, "label": "end"}
+END = {
+    **_POINT,
+    "marker": "D",
+    "ms": 3.5,
+    "mfc": "white",
+    "mec": "black",
+    "mew": 0.9,
+    "label": "end",
+}
 COLLISION = {**_POINT, "marker": "X", "ms": 7, "mfc": "black", "mec": "white", "mew": 0.6}
 COLLISION["label"] = "collision"
 TOUCH = {**_POINT, "marker": "s", "ms": 9, "mfc": "none", "mec": PURPLE, "mew": 1.2}

@@ -26,8 +26,8 @@ HELP = "a panel for each replicate with its champion's sensors and cones (Figs. 
 CUT = 0.6  # of the robot's length; longer cones leave too little room for the robot
 PANEL_IN, MIN_PANEL_IN = 1.25, 0.8  # width of a panel, and its minimum if the page is full
 PAGE_HEIGHT_IN = 9.2
-SIDE_IN, FOOT_IN, HEADING_IN, TITLE_IN, LINE_IN = 0.5, 0.5, 0.2, 0.2, 0.17
-CERTIFIED_IN = 0.11  # of a title with an interval
+SIDE_IN, FOOT_IN, HEADING_IN, TITLE_IN, LINE_IN = 0.5, 0.5, 0.2, 0.22, 0.17
+CERTIFIED_IN = 0.13  # of a title with an interval
 TITLES = "seed: recorded fitness (validated in the run) [interval of this]"
 
 

@@ -224,9 +224,9 @@ def test_what_imus_odometry_and_bumpers_read_is_drawn_over_time(
     figure = draw_missions(table, worlds, record.context.modes, traces=traces)
     assert len(map_alone.axes) == 1
     axes = {each.get_ylabel(): each for each in figure.axes[1:]}
-    assert list(axes) == ["closed", "[rad/s]", "[m/s²]", "[m/s]"]
+    assert list(axes) == ["closed", "rate\n[rad/s]", "acceleration\n[m/s²]", "speed\n[m/s]"]
     rates = [f"rate_z_{IMU}_radps", f"yaw_rate_{ODOMETRY}_radps"]
-    for line, column in zip(axes["[rad/s]"].lines, rates, strict=False):
+    for line, column in zip(axes["rate\n[rad/s]"].lines, rates, strict=False):
         np.testing.assert_array_equal(line.get_ydata(), trajectory[column].to_numpy(float))
     assert len(axes["closed"].collections) == len(BUMPERS)
     failed = {trace.label for trace in traces["near"] if math.isfinite(trace.failed_s)}

@@ -275,7 +275,7 @@ def test_sensors_without_twins_have_a_colour_each() -> None:
 
 def test_the_cones_of_a_panel_are_those_of_the_table_and_its_title_the_fitness() -> None:
     axes = panels(sensor(0.1, 0.05, 30)).axes[0]
-    (cone, _) = (each for each in axes.collections if isinstance(each, PolyCollection))
+    cone, *_ = (each for each in axes.collections if isinstance(each, PolyCollection))
     (path,) = cone.get_paths()
     tip, *arc = np.asarray(path.vertices)[:-1].tolist()
     assert tip == [0.05, 0.1]

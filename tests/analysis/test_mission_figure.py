@@ -17,6 +17,7 @@ from evoros.analysis.tables.tracks import find_champion_mission, load_champion_w
 from helpers import reseal, tiny
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.text import Annotation
 
 from evoros.base.console import DONE
 from evoros.base.errors import InputError
@@ -108,7 +109,8 @@ def test_failures_are_marked_with_the_numbers_of_their_sensors(worlds: dict[str,
     axes = panel(worlds)
     assert marked(axes, "sensor fails: silence (number)") == [(1.0, 0.0), (4.0, 0.0)]
     assert marked(axes, "sensor fails: stuck (number)") == [(4.0, 0.0)]
-    assert [text.get_text() for text in axes.texts if text.get_text()] == ["3", "0", "2"]
+    notes = [text.get_text() for text in axes.texts if isinstance(text, Annotation)]
+    assert [note for note in notes if note] == ["3", "0", "2"]
 
 
 def test_a_fault_is_drawn_as_what_it_does_to_readings(
@@ -135,6 +137,22 @@ def test_the_title_says_how_the_mission_ended(worlds: dict[str, World]) -> None:
     assert title("time_limit") == "near\ntime limit, 0 s"
     assert title("simulation_failure") == "near\nsimulation failure"
     assert panel(worlds, TABLE[:0]).get_title() == "near\nnot run"
+
+
+def test_phases_and_the_end_are_told_apart(worlds: dict[str, World]) -> None:
+    """The way back is dashed and has arrows of its own, and both meet where the robot is home."""
+    long = TABLE.assign(x_m=8.0 * TABLE["x_m"], mode="navigating", phase=[1, 1, 1, 2, 2, 2])
+    axes = panel(worlds, long)
+    assert marked(axes, "end") == [(40.0, 0.0)]
+    first, second = (item for item in axes.collections if isinstance(item, LineCollection))
+    assert first.get_linestyle() != second.get_linestyle()
+    ends = [np.concatenate(item.get_segments())[[0, -1]].tolist() for item in (first, second)]
+    assert ends == [[[0.0, 0.0], [24.0, 1.0]], [[24.0, 1.0], [40.0, 0.0]]]
+    arrows = (line for line in axes.lines if isinstance(line.get_marker(), tuple))
+    heads = {str(line.get_markerfacecolor()) for line in arrows}
+    assert heads == {"black", "white"}
+    numbers = {text.get_text() for text in axes.texts if not isinstance(text, Annotation)}
+    assert numbers == {str(n + 1) for n in range(len(worlds["near"].course.waypoints))}
 
 
 def test_a_track_is_the_recorded_trajectory(run: Run, setting: FigureContext) -> None:

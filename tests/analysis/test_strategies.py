@@ -434,7 +434,7 @@ def test_the_picture_shows_the_counts_and_the_means(
     figure = draw_strategies(table, numbers, width)
     assert figure.get_figwidth() == width
     panels = [axes for part in figure.subfigs for axes in part.axes]
-    assert [axes.get_title() for axes in panels[:2]] == ["none (8)", "random (6)"]
+    assert [axes.get_title() for axes in panels[:2]] == ["none (n = 8)", "random (n = 6)"]
     assert [text.get_text() for text in panels[2].texts] == ["4 : 4", "0 : 6"]
     mean = panels[0].get_lines()[-1].get_ydata()
     rows = numbers[(numbers.treatment == "none") & (numbers.measure == "coverage")]
