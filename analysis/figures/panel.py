@@ -194,7 +194,7 @@ def lay_out(
 
 def _shrink(page: Sheet) -> Sheet:
     """Make panels smaller and farther apart to fit on one page, down to the minimum width."""
-    room = PAGE_HEIGHT_IN - sum(page.heads) - page.bottom
+    room = PAGE_HEIGHT_IN - sum(page.heads) - page.bottom - 1e-6  # whatever the rounding
     panel = min(max(room / sum(page.ratios), MIN_PANEL_IN), page.panel)
     spare = page.columns * (page.panel - panel)
     return replace(page, gap=page.gap + spare / max(page.columns - 1, 1))

@@ -23,6 +23,9 @@ MEASURES = (
     "+measure@objectives.robustness=least_coverage",
 )
 DRAWN = [name for name in SUBCOMMANDS if name not in {"report", "replay", *EXPORTS}]
+FAILURES = ("random", "spatial")
+NEEDS = {"transfer": "pair", "worst": "pair", "factors": "many", "power": "many"}
+"""The study that a subcommand is drawn from, if it is not that of two runs."""
 JOURNAL = "font.size: 7\nfont.family: serif\nfigure.figsize: 3.4, 2.5\naxes.linewidth: 0.5\n"
 LOOKS = {
     "page": (["--columns", "2"], ""),
@@ -41,7 +44,11 @@ def studies(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Study]:
     assert tiny(top / "study" / "spatial", "failure=spatial", *MEASURES) == DONE
     for failure in ("random", "spatial"):
         scored(top / "pair" / failure, top / "study", f"failure={failure}", "trials=2")
-    return {name: load_study([top / name]) for name in ("study", "pair")}
+    for number in range(12):
+        levels = (f"failure={FAILURES[number % 2]}", f"trials={1 + number // 2 % 2}")
+        more = (f"seed={number}", "optimizer.generations=1")
+        assert tiny(top / "many" / str(number), *levels, *more) == DONE
+    return {name: load_study([top / name]) for name in ("study", "pair", "many")}
 
 
 @pytest.fixture(params=SLOW)
@@ -53,7 +60,7 @@ def look(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[list[str]]:
 
 
 def draw(studies: dict[str, Study], name: str, options: list[str]) -> Figure:
-    study = studies["pair" if name in ("transfer", "worst") else "study"]
+    study = studies[NEEDS.get(name, "study")]
     columns = [] if name in ("archive", "front") else options
     product = make_product(import_subcommand(name), study, parse([name, ".", *columns]))
     assert isinstance(product.figure, Figure)

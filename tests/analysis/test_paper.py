@@ -26,8 +26,9 @@ ALL = {
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("paper")
-    for failure in ("none", "spatial"):
-        assert tiny(folder / failure, f"failure={failure}", "optimizer.generations=1") == DONE
+    calm = ("failure=none", "~failure.earliest_s", "~failure.latest_s")
+    for name, failure in (("none", calm), ("spatial", ("failure=spatial",))):
+        assert tiny(folder / name, *failure, "optimizer.generations=1") == DONE
     return folder
 
 
