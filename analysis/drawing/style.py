@@ -14,6 +14,7 @@ from evoros.base.errors import InputError, single_line
 from evoros.base.resources import expand_home
 
 from .finish import finish_figure
+from .png import DPI, write_png
 
 COLUMN_IN = 3.5  # width of one column of a two-column page
 PAGE_IN = 7.0  # width of both columns
@@ -139,7 +140,10 @@ def save(
     with use_style({"svg.fonttype": "none" if as_text else "path"}):
         finish_figure(figure, letters)
         _fix_layout(figure)
-        figure.savefig(file, format=kind, metadata=metadata, dpi=300)
+        if kind == "png":
+            write_png(figure, file)
+        else:
+            figure.savefig(file, format=kind, metadata=metadata, dpi=DPI)
 
 
 def _fix_layout(figure: Figure) -> None:

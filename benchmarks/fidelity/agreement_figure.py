@@ -7,6 +7,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from evoros.analysis.drawing.png import write_png
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from reliability import spearman
@@ -40,7 +41,7 @@ def figure(means: Mapping[str, Sequence[tuple[str, Array, Array]]]) -> None:
             row[0].set_ylabel("fitness in planar, same draws")
             for axes in row[len(treatments) :]:
                 axes.set_axis_off()
-        canvas.savefig(FOLDER / "agreement.png", dpi=160)
+        write_png(canvas, FOLDER / "agreement.png", dpi=160)
 
 
 def figure_of_pairs(fitness: Mapping[str, Array]) -> None:
@@ -54,7 +55,7 @@ def figure_of_pairs(fitness: Mapping[str, Array]) -> None:
             _panel(axes, colour, fitness[first], fitness[second])
             axes.set_xlabel(f"fitness in {NAMES[first]}")
             axes.set_ylabel(f"fitness in {NAMES[second]}")
-        canvas.savefig(FOLDER / "agreement_engines.png", dpi=160)
+        write_png(canvas, FOLDER / "agreement_engines.png", dpi=160)
 
 
 def _panel(axes: Axes, colour: str, first: Array, second: Array) -> None:

@@ -10,6 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from engine_choices import CHOICES
 from engine_deviations import ITERATIONS, STEPS, TOLERANCE, WHEELS, Row
+from evoros.analysis.drawing.png import write_png
 from matplotlib.axes import Axes
 
 FILE = Path(__file__).parents[2] / "docs" / "img" / "engine.png"
@@ -25,7 +26,7 @@ def figure(rows: Sequence[Row], spent: dict[str, dict[str, float]]) -> None:
     canvas.legend(*lines, ncols=4, fontsize=7, loc="outside lower center", frameon=False)
     _times(right, spent)
     FILE.parent.mkdir(parents=True, exist_ok=True)
-    canvas.savefig(FILE, dpi=300)
+    write_png(canvas, FILE)
 
 
 def _deviations(axes: Axes, rows: Sequence[Row]) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+from evoros.analysis.drawing.png import write_png
 from matplotlib.figure import Figure
 
 from evoros.base.arrays import Array
@@ -89,7 +90,7 @@ def main() -> None:
             cells = [f"{swing(heading(robot, lag, hold)):>24}" for robot in ROBOTS]
             print(f"{lag:4.1f} s {1 / (hold or 0.1):3.0f} Hz   " + "   ".join(cells))
     FIGURE.parent.mkdir(parents=True, exist_ok=True)
-    draw((0.0, 0.4, 0.8, 0.9)).savefig(FIGURE, dpi=300)
+    write_png(draw((0.0, 0.4, 0.8, 0.9)), FIGURE)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from evoros.analysis.drawing.png import write_png
 from matplotlib.figure import Figure
 
 from evoros.base.arrays import COMMAND_SIZE, STATE_SIZE, YAW, Array
@@ -139,7 +140,7 @@ def draw(rows: Mapping[float, Sequence[Circle]]) -> None:
     right.legend(frameon=False, fontsize=7, ncols=3, loc="upper center")
     for axes in (left, right):
         axes.spines[["top", "right"]].set_visible(False)
-    canvas.savefig(FIGURE, dpi=110)
+    write_png(canvas, FIGURE, dpi=110)
 
 
 def make_pybullet(step: float) -> PyBullet:

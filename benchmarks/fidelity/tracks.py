@@ -6,6 +6,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from evoros.analysis.drawing.png import write_png
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from openloop import PERIOD, distances
@@ -43,7 +44,7 @@ def figure(
         handles, labels = upper.axes[0].get_legend_handles_labels()
         canvas.legend(handles, labels, ncols=4, loc="outside upper center", frameon=False)
         file.parent.mkdir(parents=True, exist_ok=True)
-        canvas.savefig(file, dpi=300)
+        write_png(canvas, file)
 
 
 def _tracks(axes: Axes, name: str, tracks: Mapping[str, Array]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from as_run_ranks import DESIGNS, correlation, place_name
 from as_run_report import ORIGINAL, ROOT, TREATMENTS, WORLDS, curves, designs, read
+from evoros.analysis.drawing.png import write_png
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -112,4 +113,4 @@ def main(folder: Path) -> None:
         ("original_runs", draw_runs),
         ("original_ranks", draw_ranks),
     ):
-        draw(folder).savefig(IMAGES / f"{name}.png", dpi=300)
+        write_png(draw(folder), IMAGES / f"{name}.png")

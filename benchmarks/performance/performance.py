@@ -25,6 +25,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import tick_cost
+from evoros.analysis.drawing.png import write_png
 from tick_cost import Point
 
 from evoros.base.rng import generator
@@ -169,7 +170,7 @@ def draw(paces: list[Pace], curves: dict[str, list[Point]]) -> None:
         xlabel="Workers", ylabel="Simulated s/s", yscale="log", xticks=[w for w, _ in rates]
     )
     axes[3].legend(frameon=False)
-    figure.savefig(FIGURE, dpi=200)
+    write_png(figure, FIGURE, dpi=200)
 
 
 def main() -> None:

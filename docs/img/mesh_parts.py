@@ -8,6 +8,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from evoros.analysis.drawing.png import write_png
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from evoros.base.arrays import Array
@@ -59,4 +60,4 @@ if __name__ == "__main__":
     draw(figure.add_subplot(1, 2, 1, projection="3d"), [mesh], f"a mesh of {len(mesh)} triangles")
     draw(figure.add_subplot(1, 2, 2, projection="3d"), parts, f"its {len(parts)} convex parts")
     figure.tight_layout()
-    figure.savefig(HERE / "mesh_parts.png", dpi=90)
+    write_png(figure, HERE / "mesh_parts.png", dpi=90)

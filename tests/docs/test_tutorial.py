@@ -1,15 +1,20 @@
 """The tutorial's commands run as they are written, except for the size of the study."""
 
+import json
 import re
+import runpy
 import shlex
 import struct
 import subprocess
 from pathlib import Path
+from typing import Any
 
+import nbformat
 import pytest
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS
 from helpers import ROOT
+from nbclient import NotebookClient
 
 from evoros.base.console import DONE
 from evoros.cli.evaluate import evaluate
@@ -59,6 +64,42 @@ def test_every_command_runs_in_order_and_leaves_what_the_next_needs(
     drawn = {path.stem for path in (tmp_path / "outputs" / "paper").iterdir()}
     assert drawn >= used
     assert "Traceback" not in capsys.readouterr().err
+
+
+def build_notebook() -> Any:
+    """The notebook of the tutorial, made by its script."""
+    script = runpy.run_path(str(ROOT / "docs" / "notebook.py"))
+    content = json.dumps(script["build_notebook"]())
+    return nbformat.reads(content, as_version=4)  # type: ignore[no-untyped-call]
+
+
+def test_the_notebook_has_all_of_the_page() -> None:
+    notebook = build_notebook()
+    nbformat.validate(notebook)
+    sources = [cell.source for cell in notebook.cells]
+    typed = [line for source in sources for line in source.splitlines()]
+    assert [shlex.split(line) for line in typed if line.split(" ")[0] in COMMANDS] == lines()
+    headings = re.findall(r"^#+ .*$", TUTORIAL, re.M)
+    assert [line for line in typed if re.match("#+ [^T]", line)] == headings[1:]
+    pictures = [name for cell in notebook.cells for name in cell.get("attachments", {})]
+    assert pictures == re.findall(r"\(img/([\w.]+)\)", TUTORIAL)
+
+
+def test_the_notebook_runs(tmp_path: Path) -> None:
+    """The first two sections, with the smaller study; the others run above, by command."""
+    notebook = build_notebook()
+    third = next(i for i, cell in enumerate(notebook.cells) if "## 3." in cell.source)
+    notebook.cells = notebook.cells[:third]
+    for cell in notebook.cells:
+        if cell.cell_type == "code" and cell.source.startswith("%%bash"):
+            first, *typed = cell.source.splitlines()
+            short = [shlex.join([line.split()[0], *smaller(shlex.split(line))]) for line in typed]
+            cell.source = "\n".join([first, *short]).replace("seed=0,1", "seed=0")
+    resources = {"metadata": {"path": str(tmp_path)}}
+    NotebookClient(notebook, timeout=280, kernel_name="python3", resources=resources).execute()
+    assert len(list(tmp_path.glob("outputs/study/*/champion/design.csv"))) == 3
+    drawn = {path.stem for path in (tmp_path / "outputs" / "paper").iterdir()}
+    assert {"overlay", "fitness", "mission", "failure"} <= drawn
 
 
 def test_a_shell_takes_every_line() -> None:

@@ -78,7 +78,8 @@ def copy_source(folder: Path) -> Path:
     execute(["git", "init", "-q"], folder)
     execute(["git", "add", "-A"], folder)
     identity = ["-c", "user.name=Nobody", "-c", "user.email=nobody@example.org"]
-    execute(["git", *identity, "commit", "-q", "-m", "All"], folder)
+    dates = dict.fromkeys(("GIT_AUTHOR_DATE", "GIT_COMMITTER_DATE"), "2026-01-01T00:00:00Z")
+    execute(["git", *identity, "commit", "-q", "-m", "All"], folder, **dates)  # one commit of all
     return folder
 
 
