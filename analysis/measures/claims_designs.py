@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from .clusters import MIN_POINTS
-from .coverage import HEADINGS_DEG
+from .clusters import MIN_POINTS, compare_with_samples
+from .coverage import HEADINGS_DEG, compute_directions
 from .design_features import FRONT, SIDE, cluster_designs
 from .finding import (
     NOT_SUPPORTED,
@@ -14,6 +14,7 @@ from .finding import (
     Claim,
     Finding,
     judge_above,
+    require_beyond_random,
     require_replicates,
 )
 from .spread import mean_distance, pairwise_distances, relative_difference
@@ -50,8 +51,9 @@ def judge_configurations(table: pd.DataFrame) -> Finding:
     """Judge whether mirrored champions fall into two clusters, one of which looks ahead.
 
     ``table`` has the columns of ``describe_designs`` and ``kind``, the failure. Supported: such a
-    silhouette is rare among clouds without clusters (p < 0.05), and there are two clusters, a
-    front array and side mounts. Not supported: there are other clusters, or p is at least 0.5.
+    silhouette is rare among clouds without clusters and among samples of random designs (p <
+    0.05), and there are two clusters, a front array and side mounts. Not supported: there are
+    other clusters, or p is at least 0.5.
     """
     champions = table[~table.random]
     if len(champions) < MIN_POINTS:
@@ -68,6 +70,11 @@ def judge_configurations(table: pd.DataFrame) -> Finding:
         verdict = NOT_SUPPORTED if found.p >= 0.5 else UNKNOWN
     clusters = "1 cluster" if found.count == 1 else f"{found.count} clusters"
     why = f"{clusters}; {front} front arrays and {side} side mounts"
+    pool = compute_directions(table[table.random][HEADINGS_DEG].drop_duplicates())
+    rarity = compare_with_samples(found.silhouette, len(champions), pool)
+    if not np.isnan(rarity):
+        why += f"; p {rarity:.2g} among samples of random designs"
+    verdict, why = require_beyond_random(verdict, why, not rarity >= LEVEL)
     silhouette = Interval(found.silhouette, np.nan, np.nan)
     return CONFIGURATIONS.conclude(
         silhouette, len(champions), verdict, why, found.expected, found.p
@@ -82,30 +89,31 @@ def judge_redundancy(table: pd.DataFrame) -> Finding:
     """
     shares = _compare_shares(table, RANDOM, table.redundant)
     if shares is None:
-        return REDUNDANCY.lack("runs with failure=random")
+        return REDUNDANCY.lack("mirrored runs with failure=random")
     interval, n, rate, p, why = shares
     verdict = UNKNOWN
     if interval.high < REDUNDANT or (p < LEVEL and interval.value < rate):
         verdict = NOT_SUPPORTED
     elif p < LEVEL:
         verdict = SUPPORTED
-    return REDUNDANCY.conclude(interval, n, verdict, why, rate, p)
+    return REDUNDANCY.conclude(interval, n, verdict, why, REDUNDANT, p, rate)
 
 
 def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> Finding:
     """Judge how many champions under spatial failure have two sensors within a radius.
 
-    Supported: the interval is above a half, and not fewer than random designs (p < 0.05). Not
+    Supported: the interval is above a half, and more than random designs (p < 0.05). Not
     supported: the interval is below a half, or fewer than random designs.
     """
     claim = Claim(DAMAGE, f"champions with two sensors within {1000 * radius_m:.0f} mm")
     shares = _compare_shares(table, SPATIAL, table.closest_m <= radius_m)
     if shares is None:
-        return claim.lack("runs with failure=spatial")
+        return claim.lack("mirrored runs with failure=spatial")
     interval, n, rate, p, why = shares
     fewer = p < LEVEL and interval.value < rate
     verdict = NOT_SUPPORTED if fewer else judge_above(interval, 0.5)
-    return claim.conclude(interval, n, verdict, why, rate, p)
+    verdict, why = require_beyond_random(verdict, why, not p >= LEVEL)
+    return claim.conclude(interval, n, verdict, why, 0.5, p, rate)
 
 
 def _compare_shares(

@@ -9,6 +9,7 @@ import pandas as pd
 from ..tables.generations import trace_fitness
 from .claims_designs import RANDOM, SPATIAL
 from .finding import (
+    BUILT_IN,
     DEGREES,
     NOTHING,
     UNKNOWN,
@@ -16,6 +17,7 @@ from .finding import (
     Finding,
     judge_above,
     judge_within,
+    require_beyond_random,
     require_replicates,
 )
 from .statistics import Interval, mean_interval, median_interval, ratio_interval
@@ -63,25 +65,41 @@ def read_gains(record: "Record") -> pd.DataFrame:
 def judge_gain(table: pd.DataFrame, line: str) -> Finding:
     """Judge the share of the total gain that was reached early; ``table``: ``read_gains``.
 
-    Supported: the interval is above the share that a steady gain would have reached. Not
-    supported: it is below. If the interval of the total gain contains 0, there is no verdict.
+    Supported: the interval is above the share that random designs would have reached, whose
+    best grows as the logarithm of their number. Not supported: it is below that of a steady gain.
+    If the interval of the total gain contains 0, there is no verdict.
     """
     claim = GAIN[line]
     names = [f"{line}_{name}" for name in ("first", "early", "last")]
     # Without runs the table has no columns.
     known = table[table["last"] > EARLY].dropna(subset=names) if len(table) else table
     if len(known) < 2:
-        return claim.lack(f"two runs of more than {EARLY} generations, {line}")
+        return claim.lack(_advise(table, line))
     total = (known[f"{line}_last"] - known[f"{line}_first"]).to_numpy(float)
     early = (known[f"{line}_early"] - known[f"{line}_first"]).to_numpy(float)
     steady = float((EARLY / known["last"]).mean())
+    logarithmic = float((np.log(EARLY + 1) / np.log(known["last"] + 1)).mean())
     gain, share = mean_interval(total), ratio_interval(early, total)
     why = f"total {gain.value:.2f} [{gain.low:.2f}, {gain.high:.2f}]"
     if not gain.low > 0:
         why += ": no gain for sure"
-        return claim.conclude(NOTHING, len(known), UNKNOWN, why, steady)
+        return claim.conclude(NOTHING, len(known), UNKNOWN, why, steady, random=logarithmic)
     verdict = require_replicates(judge_above(share, steady), len(known))
-    return claim.conclude(share, len(known), verdict, f"{why}; a steady gain: {steady:.0%}", steady)
+    why += f"; a steady gain: {steady:.0%}, that of random designs: {logarithmic:.0%}"
+    verdict, why = require_beyond_random(verdict, why, share.low > logarithmic)
+    return claim.conclude(share, len(known), verdict, why, steady, random=logarithmic)
+
+
+def _advise(table: pd.DataFrame, line: str) -> str:
+    """Name the runs that a judgement of early gains needs, and what is there."""
+    needed = f"two mirrored runs of {EARLY + 2} generations or more, {line}"
+    if table.empty:
+        return needed
+    longest = int(table["last"].max()) + 1
+    if longest < EARLY + 2:
+        fix = f"resume=FOLDER optimizer.generations={EARLY + 10}"
+        return f"{needed}; the longest has {longest} (evoros {fix})"
+    return f"{needed} (optimizer.validation_trials)" if line == "validated" else needed
 
 
 def judge_approach(table: pd.DataFrame) -> Finding:
@@ -90,7 +108,7 @@ def judge_approach(table: pd.DataFrame) -> Finding:
     Supported: the interval of the last distance is below half of the first. Not supported: above.
     """
     if len(table) < 2:
-        return APPROACH.lack("two runs")
+        return APPROACH.lack("two mirrored runs")
     ratio = ratio_interval(table.gap_last.to_numpy(float), table.gap_first.to_numpy(float))
     negated = Interval(-ratio.value, -ratio.high, -ratio.low)
     verdict = require_replicates(judge_above(negated, -0.5), len(table))
@@ -99,28 +117,32 @@ def judge_approach(table: pd.DataFrame) -> Finding:
     return APPROACH.conclude(ratio, len(table), verdict, why, 0.5)
 
 
-def judge_heading_swing(table: pd.DataFrame) -> Finding:
+def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> Finding:
     """Judge how far the heading swings; ``table`` has ``run`` and ``swing_deg``.
 
     The value is the median over the runs of the median of a run. Supported: the interval is within
-    a quarter of 60 deg. Not supported: it is outside.
+    a quarter of 60 deg. Not supported: it is outside. Neither if the controller weaves by itself:
+    then the swing is ``built_in``.
     """
     if table.empty:
-        return SWING.lack("champions whose heading swings for two periods in a row")
+        return SWING.lack("mirrored runs in which the heading swings for two periods in a row")
     medians = table.groupby("run").swing_deg.median()
     interval = median_interval(medians.to_numpy(float))
     within = judge_within(interval, 0.75 * SWING_DEG, 1.25 * SWING_DEG)
     why = f"{len(table)} swings; 95% of them up to {table.swing_deg.quantile(0.95):.0f} deg"
     verdict = require_replicates(within, len(medians))
+    if built_in:
+        verdict, why = BUILT_IN, f"the controller weaves by itself (navigation=serpentine); {why}"
     return SWING.conclude(interval, len(medians), verdict, why, SWING_DEG)
 
 
-def judge_completion(table: pd.DataFrame) -> Iterator[Finding]:
+def judge_completion(table: pd.DataFrame, drawn: pd.DataFrame | None = None) -> Iterator[Finding]:
     """Judge how many missions with a failed sensor champions completed, by kind and source.
 
     ``table`` has a row a mission: ``kind`` of failure; ``source``, where it was run; ``run``, the
-    champion; ``failed``, whether a sensor had failed; ``completed``. Champions are resampled, not
-    missions. Supported: the interval is above a half. Not supported: it is below.
+    champion; ``failed``, whether a sensor had failed; ``completed``. ``drawn`` has those of random
+    designs, without ``source``. Champions are resampled, not missions. Supported: the interval is
+    above a half, and above the share of random designs. Not supported: it is below a half.
     """
     for kind in (RANDOM, SPATIAL):
         missions = table[table.kind == kind] if len(table) else table
@@ -136,5 +158,16 @@ def judge_completion(table: pd.DataFrame) -> Iterator[Finding]:
             unharmed = int((~rows.failed).sum())
             why = f"{done.sum():.0f} of {total.sum():.0f} missions with a failed sensor"
             why += f"; {unharmed} ended before" if unharmed else ""
+            rate = _random_rate(drawn, kind)
+            why += "" if np.isnan(rate) else f"; random designs: {rate:.0%}"
             verdict = require_replicates(judge_above(share, 0.5), len(total))
-            yield claim.conclude(share, len(total), verdict, why, 0.5)
+            verdict, why = require_beyond_random(verdict, why, not rate >= share.low)
+            yield claim.conclude(share, len(total), verdict, why, 0.5, random=rate)
+
+
+def _random_rate(drawn: pd.DataFrame | None, kind: str) -> float:
+    """Return the share of missions with a failed sensor that random designs completed."""
+    if drawn is None or drawn.empty:
+        return np.nan
+    rows = drawn[(drawn.kind == kind) & drawn.failed]
+    return float(rows.completed.mean()) if len(rows) else np.nan

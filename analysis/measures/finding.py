@@ -1,4 +1,4 @@
-"""A finding on one of the paper's claims: number, interval, and a verdict by a rule."""
+"""A finding on a claim: number, interval, and a verdict by a rule."""
 
 from dataclasses import dataclass
 
@@ -7,6 +7,8 @@ import numpy as np
 from .statistics import Interval
 
 SUPPORTED, NOT_SUPPORTED, UNKNOWN = "supported", "not supported", "cannot be said"
+BUILT_IN = "built in"
+"""The verdict on a claim that the configuration itself makes true."""
 SHARE, DEGREES, NUMBER = "share", "deg", ""
 """Units of the measured values."""
 MIN_REPLICATES = 6
@@ -25,7 +27,8 @@ class Finding:
     low: float  # bounds of the 95 % interval; NaN: there is none
     high: float
     n: int  # number of replicates
-    reference: float  # value of random designs, or another bound of the rule
+    reference: float  # a bound of the rule
+    random: float  # value of random designs; NaN: they have none, or it is not known
     p: float  # of the test in the rule; NaN: there is none
     verdict: str
     why: str
@@ -33,7 +36,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper and the quantity that is measured for it."""
+    """A claim and the quantity that is measured for it."""
 
     text: str
     measure: str
@@ -47,6 +50,7 @@ class Claim:
         why: str,
         reference: float = np.nan,
         p: float = np.nan,
+        random: float = np.nan,
     ) -> Finding:
         """Return the finding; ``why`` mentions a small number of replicates."""
         if not np.isnan(measured.value) and n < MIN_REPLICATES:
@@ -60,6 +64,7 @@ class Claim:
             measured.high,
             n,
             reference,
+            random,
             p,
             verdict,
             why,
@@ -82,6 +87,13 @@ def judge_within(measured: Interval, low: float, high: float) -> str:
     if low <= measured.low and measured.high <= high:
         return SUPPORTED
     return NOT_SUPPORTED if measured.high < low or measured.low > high else UNKNOWN
+
+
+def require_beyond_random(verdict: str, why: str, beyond: bool) -> tuple[str, str]:
+    """Withhold support if random designs meet the claim as well, and say so."""
+    if verdict == SUPPORTED and not beyond:
+        return UNKNOWN, f"{why}; random designs meet it as well"
+    return verdict, why
 
 
 def require_replicates(verdict: str, *counts: int) -> str:

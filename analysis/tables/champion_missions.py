@@ -38,6 +38,26 @@ def list_missions(study: "Study") -> pd.DataFrame:
     return table.drop_duplicates(["source", "run", "draws"], ignore_index=True)
 
 
+def list_random_missions(study: "Study") -> pd.DataFrame:
+    """List the missions of the random designs of generation 0 of each run.
+
+    They were not selected by them, so that luck is no part of the outcome. Columns: ``kind``,
+    ``run``, ``failed`` and ``completed``, as in ``list_missions``, and ``design``.
+    """
+    columns = ["kind", "run", "design", "failed", "completed"]
+    frames = [pd.DataFrame(columns=columns).astype({"failed": bool, "completed": bool})]
+    for record in study.records:
+        table = record.run.generations
+        drawn = set(table[(table.generation == 0) & (table.operator == "initial")].id)
+        missions = record.run.missions
+        first = (missions.purpose == "selection") & (missions.generation == 0)
+        own = missions[first & missions.design.isin(drawn)]
+        marks = {"kind": classify_failure(record), "run": record.name, "design": own.design}
+        outcome = {"failed": own.failed_sensors.notna(), "completed": own.completed.astype(bool)}
+        frames.append(pd.DataFrame({**marks, **outcome}))
+    return pd.concat([frame for frame in frames if len(frame)] or frames, ignore_index=True)
+
+
 def _sources(record: "Record", evaluations: list[Scores]) -> Iterator[tuple[str, pd.DataFrame]]:
     """Yield the missions of a run's champion by their source: the run, then evaluations."""
     missions = record.run.missions

@@ -13,11 +13,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.drawing.claims_table import draw_claims
 from evoros.analysis.drawing.style import PAGE_IN, save
-from evoros.analysis.figures.claims import draw_claims
 from evoros.analysis.measures import claims_designs, claims_runs
 from evoros.analysis.measures.coverage import HEADINGS_DEG
 from evoros.analysis.measures.finding import (
+    BUILT_IN,
     NOT_SUPPORTED,
     SUPPORTED,
     UNKNOWN,
@@ -133,7 +134,7 @@ def test_redundancy_is_what_six_of_ten_and_random_designs_say(
     found = claims_designs.judge_redundancy(table)
     wilson = share_interval(count, 10)
     assert (found.value, found.low, found.high) == (count / 10, wilson.low, wilson.high)
-    assert (found.n, found.reference) == (10, drawn / 100)
+    assert (found.n, found.random) == (10, drawn / 100)
     assert found.p == fisher(count, 10, drawn, 100)
     assert found.verdict == verdict
     assert "3 of 5 without failure" in found.why
@@ -141,7 +142,13 @@ def test_redundancy_is_what_six_of_ten_and_random_designs_say(
 
 @pytest.mark.parametrize(
     ("count", "drawn", "verdict"),
-    [(10, 90, SUPPORTED), (0, 0, NOT_SUPPORTED), (5, 50, UNKNOWN), (6, 100, NOT_SUPPORTED)],
+    [
+        (10, 40, SUPPORTED),
+        (10, 90, UNKNOWN),  # random designs have such pairs as well
+        (0, 0, NOT_SUPPORTED),
+        (5, 50, UNKNOWN),
+        (6, 100, NOT_SUPPORTED),
+    ],
 )
 def test_clusters_within_a_radius(count: int, drawn: int, verdict: str) -> None:
     def closest(near: int, of: int) -> list[float]:
@@ -154,7 +161,8 @@ def test_clusters_within_a_radius(count: int, drawn: int, verdict: str) -> None:
         ]
     )
     found = claims_designs.judge_damage_clusters(table, 0.06)
-    assert (found.value, found.reference, found.verdict) == (count / 10, drawn / 100, verdict)
+    assert (found.value, found.random, found.verdict) == (count / 10, drawn / 100, verdict)
+    assert ("random designs meet it as well" in found.why) == ((count, drawn) == (10, 90))
     assert claims_designs.judge_damage_clusters(table, 0.05).value == 0
 
 
@@ -164,6 +172,12 @@ def test_two_configurations_are_found_where_there_are_two_and_named_apart() -> N
     side = designs("random", at=list(rng.normal(70, 2, 6)))
     found = claims_designs.judge_configurations(pd.concat([front, side], ignore_index=True))
     assert (found.verdict, found.n) == (SUPPORTED, 12)
+    alike = [  # random designs fall into the same clusters
+        designs("none", at=list(rng.normal(at, 2, 20)), random=True) for at in (10, 70)
+    ]
+    also = claims_designs.judge_configurations(pd.concat([front, side, *alike], ignore_index=True))
+    assert (also.verdict, also.value) == (UNKNOWN, found.value)
+    assert "random designs meet it as well" in also.why
     assert "6 front arrays and 6 side mounts" in found.why
     bare = front.assign(strategy=["front array"] * 5 + ["no sensors"])
     found = claims_designs.judge_configurations(pd.concat([bare, side], ignore_index=True))
@@ -198,7 +212,10 @@ def test_what_is_missing_is_said() -> None:
         *(found.why for found in claims_runs.judge_completion(pd.DataFrame())),
     }
     assert all(why.startswith("needs ") for why in needs)
-    assert {"needs runs with failure=random", "needs runs with experiment=free_placement"} <= needs
+    assert {
+        "needs mirrored runs with failure=random",
+        "needs runs with experiment=free_placement",
+    } <= needs
 
 
 # Spread ------------------------------------------------------------------------------------------
@@ -285,6 +302,22 @@ def test_the_gain_that_came_early(early: list[float], verdict: str) -> None:
     assert (found.verdict, found.reference) == (verdict, 0.625)
 
 
+def test_a_gain_that_random_designs_reach_as_well_is_no_support() -> None:
+    """Their best grows with the logarithm of their number: by generation 15, 86 % of 24."""
+    found = claims_runs.judge_gain(progress([3.2, 3.1, 3.3] * 2), "recorded")
+    assert found.random == pytest.approx(math.log(16) / math.log(25))
+    assert found.reference < found.low < found.random
+    assert found.verdict == UNKNOWN
+    assert "random designs meet it as well" in found.why
+
+
+def test_runs_of_seven_generations_are_told_how_to_get_enough() -> None:
+    found = claims_runs.judge_gain(progress([3.5, 3.5], last=6), "recorded")
+    assert "two mirrored runs of 17 generations or more, recorded; the longest has 7" in found.why
+    enough = progress([3.5, 3.5], last=16)  # generations 0 to 16 are 17
+    assert "needs" not in claims_runs.judge_gain(enough, "recorded").why
+
+
 def test_a_gain_that_may_be_none_says_nothing() -> None:
     table = progress([3.5, 3.5, 3.5])
     table["validated_last"] = [14.0, 6, 11]
@@ -363,6 +396,13 @@ def test_the_sweep_is_the_median_of_runs(deg: float, verdict: str) -> None:
     assert (found.value, found.n, found.verdict) == (deg, 9, verdict)
 
 
+def test_a_swing_that_the_controller_makes_is_built_in() -> None:
+    rows = pd.DataFrame([(run, 58.0) for run in "abcdefgh"], columns=["run", "swing_deg"])
+    found = claims_runs.judge_heading_swing(rows, built_in=True)
+    assert found.verdict == BUILT_IN
+    assert "weaves by itself" in found.why
+
+
 def flown(run: str, completed: int, failed: int, before: int = 0) -> pd.DataFrame:
     """So many completed missions of those with a failed sensor, and some that ended before."""
     done = some(completed, failed) + [False] * before
@@ -391,6 +431,17 @@ def test_most_missions_are_completed_or_not(counts: list[int], verdict: str) -> 
     """Sixty missions of which all or none of a champion are completed say little."""
     table = pd.concat([flown(str(i), count, 10) for i, count in enumerate(counts)])
     assert next(iter(claims_runs.judge_completion(table))).verdict == verdict
+
+
+@pytest.mark.parametrize(("drawn", "verdict"), [(4, SUPPORTED), (9, UNKNOWN), (None, SUPPORTED)])
+def test_missions_that_random_designs_complete_as_well_are_no_support(
+    drawn: int | None, verdict: str
+) -> None:
+    champions = pd.concat([flown(str(i), 9, 10) for i in range(8)])
+    random = None if drawn is None else flown("x", drawn, 10, 5)
+    found = next(iter(claims_runs.judge_completion(champions, random)))
+    assert found.verdict == verdict
+    assert math.isnan(found.random) if drawn is None else found.random == drawn / 10
 
 
 # The command -------------------------------------------------------------------------------------
@@ -434,7 +485,7 @@ def test_every_claim_has_a_row_and_what_is_missing_is_said(drawn: Path) -> None:
     missing = table[table.why.str.startswith("needs")]
     assert missing.value.isna().all()
     assert (missing.verdict == UNKNOWN).all()
-    assert "needs runs with failure=spatial" in set(missing.why)
+    assert "needs mirrored runs with failure=spatial" in set(missing.why)
 
 
 def test_kinds_come_from_the_configuration_and_not_from_names(sweep: Path) -> None:
@@ -492,6 +543,13 @@ def test_the_order_of_folders_changes_no_number(sweep: Path, drawn: Path, tmp_pa
     folders = [sweep / "again", *(sweep / "runs" / name for name in ("x2", "free", "x1", "x0"))]
     assert evoros_analyze(["claims", *map(str, folders), "--output", str(tmp_path)]) == DONE
     pd.testing.assert_frame_equal(rows(tmp_path), rows(drawn), rtol=1e-9)
+
+
+def test_unmirrored_runs_alone_have_a_row_for_each_claim(sweep: Path, tmp_path: Path) -> None:
+    free = str(sweep / "runs" / "free")
+    assert evoros_analyze(["claims", free, "--output", str(tmp_path)]) == DONE
+    assert rows(tmp_path).claim.nunique() == 8
+    assert (rows(tmp_path).verdict == UNKNOWN).all()
 
 
 def test_unfinished_and_damaged_runs_are_left_out_in_one_line(

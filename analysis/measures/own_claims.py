@@ -1,0 +1,227 @@
+"""Claims of one's own, judged by the rules of the paper's: replicates, intervals, random designs.
+
+Every run has a value of its champion and, if the measure has one, that of its random designs.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError
+
+from ..tables.candidates import read_generations, read_initial_sensors
+from ..tables.champion_missions import list_missions, list_random_missions
+from ..tables.claims_file import ABOVE, BELOW, OwnClaim
+from ..tables.designs import read_champion
+from ..tables.factors import name_part
+from ..tables.generations import trace_fitness
+from ..tables.records import Record
+from ..tables.study import Study
+from ..tables.validated import validate_champions
+from .design_features import describe_designs
+from .effect_sizes import contrast_interval
+from .finding import (
+    NOTHING,
+    NUMBER,
+    SHARE,
+    Claim,
+    Finding,
+    judge_above,
+    judge_within,
+    require_beyond_random,
+    require_replicates,
+)
+from .statistics import Interval, mean_interval, share_interval
+
+FEATURES = ("sensors", "ahead", "redundant", "closest_m", "lost")
+"""Features of designs, see ``describe_designs``."""
+FITNESS = ("recorded", "validated")
+GAINS = ("gain_recorded", "gain_validated")
+COMPLETED = "completed"
+TITLES = {
+    "recorded": "recorded fitness",
+    "validated": "validated fitness",
+    COMPLETED: "completed missions",
+    "gain_recorded": "gain of recorded fitness",
+    "gain_validated": "gain of validated fitness",
+    "ahead": "share of the cones within 30 deg of ahead",
+    "redundant": "champions with a redundant pair",
+    "closest_m": "least distance of two sensors [m]",
+    "lost": "sensors that a blow takes",
+}
+SHARES = (COMPLETED, "ahead", "redundant")
+NAMED = (*FITNESS, COMPLETED, *GAINS, *FEATURES)
+Near = tuple[float, float]
+"""The thresholds of redundancy [m] and [deg]."""
+
+
+def judge_own(claim: OwnClaim, study: Study, near: Near) -> Finding:
+    """Judge a claim by the finished runs of its treatments.
+
+    The value is the mean over runs, or the difference of two such means, of the champions.
+    Supported: the interval is beyond the threshold, and the champions are beyond their own random
+    designs in the same direction. Not supported: the interval is on the other side.
+
+    Raises:
+        InputError: there is no such measure, factor, level or treatment.
+    """
+    values = measure_runs(claim.measure, study, near, claim.place)
+    groups = [claim.treatments, *([claim.against] if claim.against else [])]
+    sides = []
+    for group in groups:
+        names = [record.name for record in group.select(study, claim.place)]
+        known = values[values.index.isin(names) & values.value.notna()]
+        sides.append(known)
+    about = " less ".join(filter(None, (group.describe() or "all runs" for group in groups)))
+    stated = Claim(
+        claim.text,
+        f"{title_measure(claim.measure)}, {about}",
+        SHARE if claim.measure in SHARES else NUMBER,
+    )
+    if min(map(len, sides)) < 2:
+        return stated.lack(f"two finished runs each with {claim.measure} of {about}")
+    measured = _estimate([_numbers(side.value) for side in sides])
+    verdict = require_replicates(_judge(claim, measured), *map(len, sides))
+    reference = claim.low if claim.low == claim.high else np.nan
+    why = f"{claim.comparison} {_describe_bounds(claim)}"
+    rate, excess = _compare_with_random(sides)
+    if not np.isnan(excess.value):
+        why += f"; against random designs {excess.value:+.2g} [{excess.low:.2g}, {excess.high:.2g}]"
+        verdict, why = require_beyond_random(verdict, why, _is_beyond(claim, excess))
+    return stated.conclude(measured, min(map(len, sides)), verdict, why, reference, random=rate)
+
+
+def title_measure(measure: str) -> str:
+    """Name a measure in words."""
+    return TITLES.get(measure, measure.rpartition(".")[2].replace("_", " "))
+
+
+def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval]:
+    """Return the value of random designs, and by how much champions exceed their own.
+
+    Both are NaN if a run has no such value.
+    """
+    random = [_numbers(side.random) for side in sides]
+    if any(np.isnan(drawn).any() for drawn in random):
+        return np.nan, NOTHING
+    rate = float(random[0].mean() - sum(drawn.mean() for drawn in random[1:]))
+    pairs = zip(sides, random, strict=True)
+    return rate, _estimate([_numbers(side.value) - drawn for side, drawn in pairs], plain=True)
+
+
+def _numbers(column: "pd.Series[float]") -> Array:
+    return np.asarray(column, float)
+
+
+def _estimate(samples: Sequence[Array], plain: bool = False) -> Interval:
+    """Return the mean, or the difference of two, and its interval; Wilson's of yes and no."""
+    if len(samples) == 2:
+        return contrast_interval(samples, [1.0, -1.0])
+    (sample,) = samples
+    if not plain and set(sample) <= {0.0, 1.0}:
+        return share_interval(int(sample.sum()), sample.size)
+    return mean_interval(sample)
+
+
+def _judge(claim: OwnClaim, measured: Interval) -> str:
+    if claim.comparison == ABOVE:
+        return judge_above(measured, claim.high)
+    if claim.comparison == BELOW:
+        return judge_above(Interval(-measured.value, -measured.high, -measured.low), -claim.low)
+    return judge_within(measured, claim.low, claim.high)
+
+
+def _is_beyond(claim: OwnClaim, excess: Interval) -> bool:
+    """Whether champions differ from random designs in the direction of the claim."""
+    above, below = excess.low > 0, excess.high < 0
+    return {ABOVE: above, BELOW: below}.get(claim.comparison, above or below)
+
+
+def _describe_bounds(claim: OwnClaim) -> str:
+    return f"{claim.low:g}" if claim.low == claim.high else f"{claim.low:g} to {claim.high:g}"
+
+
+def measure_runs(measure: str, study: Study, near: Near, place: str) -> pd.DataFrame:
+    """Measure each run: ``value`` of its champion and ``random``, the mean of its random designs.
+
+    The index is the name of the run; NaN: not known.
+
+    Raises:
+        InputError: there is no such measure.
+    """
+    readers: Mapping[str, Callable[[], pd.DataFrame]] = {
+        **dict.fromkeys(FITNESS, lambda: _measure_fitness(measure, study)),
+        **dict.fromkeys(GAINS, lambda: _measure_gain(measure, study)),
+        **dict.fromkeys(FEATURES, lambda: _measure_feature(measure, study, near)),
+        COMPLETED: lambda: _measure_completion(study),
+    }
+    if measure in readers:
+        return readers[measure]()
+    tables = (read_generations(record).select_dtypes("number") for record in study.records)
+    columns = dict.fromkeys(str(name) for table in tables for name in table)
+    if measure not in columns:
+        recorded = [name for name in columns if name.startswith(("objectives.", "descriptors."))]
+        raise InputError(
+            f"{place}: measure must be one of {', '.join((*NAMED, *recorded))}, or another number "
+            f"in the tables of generations, not {measure!r}; correct it"
+        )
+    return _collect(study, lambda record: _read_column(record, measure))
+
+
+def _collect(study: Study, read: Callable[[Record], tuple[float, float]]) -> pd.DataFrame:
+    rows = {record.name: read(record) for record in study.records}
+    return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "random"])
+
+
+def _read_column(record: Record, column: str) -> tuple[float, float]:
+    """Read a column of the generations of the champion, and its mean of the random designs."""
+    table = read_generations(record)
+    if column not in table:
+        return np.nan, np.nan
+    champion = table[table.id == record.run.champion.design.iloc[0]][column]
+    drawn = table[(table.generation == 0) & (table.operator == "initial")][column]
+    return float(champion.iloc[-1]) if len(champion) else np.nan, float(drawn.mean())
+
+
+def _measure_fitness(measure: str, study: Study) -> pd.DataFrame:
+    """Measure fitness; that of random designs is of the best of the first generation."""
+    champions = validate_champions(study).set_index("run")[measure].to_dict()
+
+    def read(record: Record) -> tuple[float, float]:
+        first = trace_fitness(record.run.generations)[measure].iloc[0]
+        return float(champions.get(record.name, np.nan)), float(first)
+
+    return _collect(study, read)
+
+
+def _measure_gain(measure: str, study: Study) -> pd.DataFrame:
+    """Measure the gain of the best from the first generation to the last; nothing is random."""
+
+    def read(record: Record) -> tuple[float, float]:
+        line = trace_fitness(record.run.generations)[measure.removeprefix("gain_")]
+        return float(line.iloc[-1] - line.iloc[0]), np.nan
+
+    return _collect(study, read)
+
+
+def _measure_feature(measure: str, study: Study, near: Near) -> pd.DataFrame:
+    champions, initial = study.gather(read_champion), study.gather(read_initial_sensors)
+    table = describe_designs(champions, initial, study.rings, *near)
+    table = table.assign(value=table[measure].astype(float))
+    best, drawn = (table[table.random == flag].groupby("run").value.mean() for flag in (0, 1))
+    return _collect(study, lambda r: (best.get(r.name, np.nan), drawn.get(r.name, np.nan)))
+
+
+def _measure_completion(study: Study) -> pd.DataFrame:
+    """Measure the share of completed missions on fresh draws, in the simulator of the run."""
+    missions, drawn = list_missions(study), list_random_missions(study)
+
+    def read(record: Record) -> tuple[float, float]:
+        simulator = name_part("simulator", record.values, record.choices)
+        sources = ("validated in the run", f"evaluated in {simulator}")
+        own = missions[(missions.run == record.name) & missions.source.isin(sources)]
+        return float(own.completed.mean()), float(drawn[drawn.run == record.name].completed.mean())
+
+    return _collect(study, read)

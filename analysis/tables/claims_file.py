@@ -1,0 +1,157 @@
+"""Claims of one's own: the file of ``evoros-analyze claims --claims``."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import yaml
+
+from evoros.base.checks import is_number
+from evoros.base.errors import InputError, single_line
+
+from .conditions import Conditions, select_rows
+from .factors import format_level
+
+if TYPE_CHECKING:
+    from .records import Record
+    from .study import Study
+
+ABOVE, BELOW, WITHIN = "above", "below", "within"
+KEYS = ("claim", "measure", "comparison", "threshold", "treatments", "against")
+REQUIRED = ("claim", "measure", "comparison")
+
+
+@dataclass(frozen=True)
+class Group:
+    """Treatments that a claim is about: conditions on factors, or labels."""
+
+    conditions: Conditions
+    labels: tuple[str, ...] = ()
+
+    def select(self, study: "Study", place: str) -> "list[Record]":
+        """Select the finished runs of these treatments.
+
+        Raises:
+            InputError: there is no such factor, level or treatment.
+        """
+        unknown = [label for label in self.labels if label not in study.treatments]
+        if unknown:
+            raise InputError(
+                f"{place}: there must be a treatment {unknown[0]!r}; choose among "
+                f"{'; '.join(study.treatments)}"
+            )
+        rows = select_rows(study.records, self.conditions, place)
+        return [
+            record
+            for record, fits in zip(study.records, rows, strict=True)
+            if fits and (not self.labels or record.treatment in self.labels)
+        ]
+
+    def describe(self) -> str:
+        """Describe the treatments in words; '' if they are all."""
+        parts = [f"{name} {' or '.join(levels)}" for name, levels in self.conditions.items()]
+        return ", ".join([*self.labels, *parts]).replace("_", " ")
+
+
+@dataclass(frozen=True)
+class OwnClaim:
+    """An entry of the file."""
+
+    text: str
+    measure: str
+    comparison: str  # ``ABOVE``, ``BELOW`` or ``WITHIN``
+    low: float  # the threshold; the lower one of ``WITHIN``
+    high: float
+    treatments: Group
+    against: Group | None  # the claim is about the difference to these
+    place: str  # begins error messages
+
+
+def read_claims(path: Path) -> list[OwnClaim]:
+    """Read the claims of a file.
+
+    Raises:
+        InputError: it cannot be read, or an entry is wrong.
+    """
+    try:
+        entries = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(
+            f"{path}: must be a YAML file of claims ({single_line(error)}); correct it"
+        ) from error
+    if not isinstance(entries, list) or not entries:
+        raise InputError(
+            f'{path}: must be a list of claims, each with {", ".join(REQUIRED)}; write "- claim: '
+            f'..." for each'
+        )
+    return [_read(entry, f"{path}, entry {number}") for number, entry in enumerate(entries, 1)]
+
+
+def _read(entry: object, place: str) -> OwnClaim:
+    if not isinstance(entry, dict):
+        raise InputError(f"{place}: must be a mapping with {', '.join(KEYS)}; correct it")
+    for key in entry:
+        if key not in KEYS:
+            raise InputError(
+                f"{place}: must have no key {key!r}, only {', '.join(KEYS)}; remove it"
+            )
+    for key in REQUIRED:
+        if not isinstance(entry.get(key), str) or not entry[key].strip():
+            raise InputError(f"{place}: {key} must be a text, not {entry.get(key)!r}; write it")
+    comparison = entry["comparison"]
+    if comparison not in (ABOVE, BELOW, WITHIN):
+        raise InputError(
+            f"{place}: comparison must be one of {ABOVE}, {BELOW}, {WITHIN}, not {comparison!r}; "
+            f"correct it"
+        )
+    against = _read_group(entry["against"], f"{place}: against") if "against" in entry else None
+    low, high = _read_bounds(entry.get("threshold"), comparison, against is not None, place)
+    return OwnClaim(
+        entry["claim"].strip(),
+        entry["measure"].strip(),
+        comparison,
+        low,
+        high,
+        _read_group(entry.get("treatments", {}), f"{place}: treatments"),
+        against,
+        place,
+    )
+
+
+def _read_bounds(
+    given: object, comparison: str, difference: bool, place: str
+) -> tuple[float, float]:
+    """Read the threshold, or both of ``WITHIN``; that of a difference is 0 if it is left out."""
+    if given is None and difference and comparison != WITHIN:
+        return 0.0, 0.0
+    bounds = given if comparison == WITHIN else [given, given]
+    if (
+        not isinstance(bounds, list)
+        or len(bounds) != 2
+        or not all(map(is_number, bounds))
+        or bounds[0] > bounds[1]
+    ):
+        rule = "two numbers, [low, high]" if comparison == WITHIN else "a number"
+        raise InputError(f"{place}: threshold must be {rule}, not {given!r}; correct it")
+    return float(bounds[0]), float(bounds[1])
+
+
+def _read_group(given: object, place: str) -> Group:
+    """Read levels by factor, or labels."""
+    if isinstance(given, Mapping):
+        pairs = {
+            str(name): tuple(
+                format_level({"": level}, "")
+                for level in (levels if isinstance(levels, list) else [levels])
+            )
+            for name, levels in given.items()
+        }
+        return Group(pairs)
+    labels = [given] if isinstance(given, str) else given
+    if isinstance(labels, list) and labels and all(isinstance(name, str) for name in labels):
+        return Group({}, tuple(labels))
+    raise InputError(
+        f"{place} must be levels by factor, as in {{failure: none}}, or labels of treatments, not "
+        f"{given!r}; correct it"
+    )

@@ -1,0 +1,193 @@
+"""Claims of one's own are judged by the rules of the paper's, and wrong files are one line."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.measures import own_claims
+from evoros.analysis.measures.finding import NOT_SUPPORTED, SUPPORTED, UNKNOWN, Finding
+from evoros.analysis.measures.statistics import mean_interval
+from evoros.analysis.tables.claims_file import read_claims
+from evoros.analysis.tables.study import Study, load_study
+from helpers import tiny, vary
+
+from evoros.base.console import DONE, INPUT
+
+NEAR = (0.05, 15.0)
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Seven runs each of two population sizes, whose recorded fitness differs by two."""
+    folder = tmp_path_factory.mktemp("sweep")
+    assert tiny(folder / "2_0", "optimizer.generations=1", "optimizer.population_size=2") == DONE
+    for size in (2, 3):
+        for seed in range(1, 8):
+            config = {"optimizer.population_size": size, "seed": seed}
+            status = {"best_fitness": 10 + 2 * (size == 3) + 0.1 * seed}
+            vary(folder / "2_0", folder / f"{size}_{seed}", config, status)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def study(sweep: Path) -> Study:
+    found: Study = load_study([sweep / f"{size}_{seed}" for size in (2, 3) for seed in range(1, 8)])
+    return found
+
+
+def write(path: Path, *entries: object) -> Path:
+    path.write_text(yaml.safe_dump(list(entries)))
+    return path
+
+
+def claim(**more: Any) -> dict[str, Any]:
+    return {"claim": "It is so", "measure": "recorded", "comparison": "above", **more}
+
+
+def judge(
+    study: Study,
+    path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    random: float = np.nan,
+    **entry: Any,
+) -> Finding:
+    """Judge a claim; the random designs of all runs have this value."""
+    real = own_claims.measure_runs
+
+    def measure(*given: Any) -> pd.DataFrame:
+        table: pd.DataFrame = real(*given).assign(random=random)
+        return table
+
+    monkeypatch.setattr(own_claims, "measure_runs", measure)
+    (own,) = read_claims(write(path / "claims.yaml", claim(**entry)))
+    found: Finding = own_claims.judge_own(own, study, NEAR)
+    return found
+
+
+TWO, THREE = {"population_size": 2}, {"population_size": 3}
+
+
+@pytest.mark.parametrize(
+    ("entry", "verdict"),
+    [
+        ({"threshold": 10, "treatments": TWO}, SUPPORTED),
+        ({"threshold": 11, "treatments": TWO}, NOT_SUPPORTED),
+        ({"threshold": 10.4, "treatments": TWO}, UNKNOWN),
+        ({"comparison": "below", "threshold": 11, "treatments": TWO}, SUPPORTED),
+        ({"comparison": "below", "threshold": 10, "treatments": TWO}, NOT_SUPPORTED),
+        ({"comparison": "within", "threshold": [10, 11], "treatments": TWO}, SUPPORTED),
+        ({"comparison": "within", "threshold": [12, 13], "treatments": TWO}, NOT_SUPPORTED),
+        ({"treatments": THREE, "against": TWO}, SUPPORTED),
+        ({"treatments": TWO, "against": THREE}, NOT_SUPPORTED),
+        ({"treatments": THREE, "against": TWO, "threshold": 3}, NOT_SUPPORTED),
+        ({"treatments": "population size 3", "threshold": 12}, SUPPORTED),
+    ],
+)
+def test_the_interval_decides(
+    entry: dict[str, Any],
+    verdict: str,
+    study: Study,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = judge(study, tmp_path, monkeypatch, **entry)
+    assert (found.verdict, found.n) == (verdict, 7)
+    if entry.get("treatments") is TWO and "against" not in entry:
+        values = [10 + 0.1 * seed for seed in range(1, 8)]
+        interval = mean_interval(values)
+        assert (found.value, found.low, found.high) == pytest.approx(
+            (interval.value, interval.low, interval.high)
+        )
+
+
+@pytest.mark.parametrize(
+    ("random", "verdict"), [(5.0, SUPPORTED), (10.4, UNKNOWN), (12.0, UNKNOWN)]
+)
+def test_what_random_designs_meet_as_well_is_no_support(
+    random: float, verdict: str, study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = judge(study, tmp_path, monkeypatch, random, threshold=4, treatments=TWO)
+    assert (found.verdict, found.random) == (verdict, random)
+    assert ("random designs meet it as well" in found.why) == (verdict == UNKNOWN)
+
+
+def test_few_replicates_give_no_verdict(
+    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    some = study.keep(study.records[:5])
+    found = judge(some, tmp_path, monkeypatch, threshold=1)
+    assert found.verdict == UNKNOWN
+    assert "5 replicates" in found.why
+    one = judge(study.keep(study.records[:1]), tmp_path, monkeypatch, threshold=1)
+    assert one.why.startswith("needs two finished runs")
+
+
+def test_every_named_measure_can_be_read(study: Study) -> None:
+    known = {}
+    for measure in (*own_claims.NAMED, "fitness"):
+        table = own_claims.measure_runs(measure, study, NEAR, "here")
+        assert list(table.index) == [record.name for record in study.records]
+        known[measure] = table.notna().any()
+    assert all(column["value"] for name, column in known.items() if "validated" not in name)
+    assert all(known[name]["random"] for name in ("recorded", "completed", "sensors", "ahead"))
+
+
+def test_the_command_judges_the_claims_of_a_file(sweep: Path, tmp_path: Path) -> None:
+    file = write(
+        tmp_path / "claims.yaml",
+        claim(threshold=5, treatments=TWO),
+        claim(claim="Designs have sensors", measure="sensors", comparison="above", threshold=0),
+    )
+    given = ["claims", str(sweep), "--claims", str(file), "--output", str(tmp_path / "out")]
+    assert evoros_analyze(given) == DONE
+    table = pd.read_csv(tmp_path / "out" / "claims.csv")
+    assert list(table.claim) == ["It is so", "Designs have sensors"]
+    assert (tmp_path / "out" / "claims.pdf").exists()
+
+
+WRONG: list[tuple[object, str]] = [
+    ({}, "entry 1: claim must be a text"),
+    ("words", "entry 1: must be a mapping"),
+    (claim(), "threshold must be a number, not None"),
+    (claim(threshold="high"), "threshold must be a number"),
+    (claim(threshold=1, colour="red"), "must have no key 'colour'"),
+    (claim(threshold=1, comparison="over"), "comparison must be one of above, below, within"),
+    (claim(threshold=1, comparison="within"), "threshold must be two numbers"),
+    (claim(threshold=[2, 1], comparison="within"), "threshold must be two numbers"),
+    (claim(threshold=1, measure="beauty"), "measure must be one of recorded, validated"),
+    (claim(threshold=1, treatments={"colour": 1}), "their factors: population_size"),
+    (claim(threshold=1, treatments={"population_size": 9}), "must be one of 2, 3, not '9'"),
+    (claim(threshold=1, treatments="mine"), "there must be a treatment 'mine'"),
+    (claim(threshold=1, treatments=7), "must be levels by factor"),
+]
+
+
+@pytest.mark.parametrize(("entry", "said"), WRONG)
+def test_a_wrong_claim_is_one_line(
+    entry: object, said: str, sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = write(tmp_path / "claims.yaml", entry)
+    given = ["claims", str(sweep), "--claims", str(file), "--output", str(tmp_path / "out")]
+    capsys.readouterr()
+    assert evoros_analyze(given) == INPUT
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert said in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_that_cannot_be_read_is_one_line(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for content in ("a: [", "a: 1", None):
+        file = tmp_path / "claims.yaml"
+        if content is None:
+            file.unlink()
+        else:
+            file.write_text(content)
+        assert evoros_analyze(["claims", str(sweep), "--claims", str(file)]) == INPUT
+        assert capsys.readouterr().err.count("\n") == 1
