@@ -11,6 +11,19 @@ LABEL_LENGTH = 60  # characters, beyond which levels that follow from others are
 LEVEL_LENGTH = 24  # characters of a level in a label
 UNITS = {"m": "m", "s": "s", "deg": "deg", "rad": "rad", "mps": "m/s", "kg": "kg"}
 """Units by the ends of keys."""
+OWN_NAMES = {
+    "cat_cma": "CatCMA",
+    "cma_es": "CMA-ES",
+    "cma_mae": "CMA-MAE",
+    "ga": "GA",
+    "map_elites": "MAP-Elites",
+    "mujoco": "MuJoCo",
+    "nsga2": "NSGA-II",
+    "pybullet": "PyBullet",
+    "sobol": "Sobol'",
+    "tpe": "TPE",
+}
+"""How the field writes what a choice has to write in small letters."""
 
 
 def label_treatments(
@@ -90,7 +103,7 @@ def _describe(factor: Factor, level: str, inside: bool) -> str:
 
 
 def _shorten(level: str) -> str:
-    text = level.replace("_", " ")
+    text = OWN_NAMES.get(level, level.replace("_", " "))
     return text if len(text) <= LEVEL_LENGTH else text[: LEVEL_LENGTH - 3] + "..."
 
 
