@@ -85,7 +85,8 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     subparsers = parser.add_subparsers(dest="subcommand", metavar="SUBCOMMAND", required=True)
     for name in chosen or SUBCOMMANDS:
         module = import_subcommand(name)
-        subparser = subparsers.add_parser(name, help=module.HELP, description=module.HELP)
+        text = module.HELP.replace("%", "%%")  # argparse formats the help of a subcommand
+        subparser = subparsers.add_parser(name, help=text, description=module.HELP)
         _add_common_arguments(subparser, getattr(module, "OUTPUT", "figures"))
         _add_formats(subparser, getattr(module, "FORMATS", KINDS), KINDS)
         if getattr(module, "ONE_ROBOT", False):

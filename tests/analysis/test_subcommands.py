@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from documents import table, text
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS
+from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS, import_subcommand
 from helpers import TINY, everything, tiny
 
 from evoros.base.console import DONE, INPUT
@@ -109,3 +109,14 @@ def test_an_unfinished_run_alone_is_one_line(
     if status == INPUT:
         assert 1 <= err.count("\n") <= 2
         assert not (tmp_path / "out").exists()
+
+
+def test_help_lists_every_subcommand_as_it_describes_itself(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        evoros_analyze(["--help"])
+    assert ended.value.code in (0, None)
+    shown = " ".join(capsys.readouterr().out.split())
+    for name in SUBCOMMANDS:
+        assert f"{name} {' '.join(import_subcommand(name).HELP.split())}" in shown
