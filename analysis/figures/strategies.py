@@ -54,6 +54,11 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     study = study.select_finished(read_champion, read_initial_sensors)
     champions, near = study.gather(read_champion), (options.near_m, options.near_deg)
     table = describe_designs(champions, study.initial, study.rings, *near)
+    # In the order of the runs, in which other figures assign colours and letters.
+    table = table.sort_values(
+        "treatment", key=lambda t: t.map(study.treatments.index), kind="stable"
+    )
+    table = table.reset_index(drop=True)
     summary = compare_with_random(table, study.rings)
     figure = draw_strategies(table, summary, figure_width(options.columns, 2))
     repeated = report_repeated((r.name, r.treatment, r.seed) for r in study.records)

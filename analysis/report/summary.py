@@ -10,6 +10,7 @@ from evoros.base.log import LOGGER
 
 from ..tables.records import EvaluationRecord, Record
 from ..tables.study import Study
+from ..tables.treatments import describe_factor
 
 HASH_LENGTH = 12  # characters of a hash that are shown
 
@@ -39,7 +40,13 @@ def label_runs(records: Sequence[Record]) -> dict[str, str]:
 
 def tabulate_runs(records: Sequence[Record]) -> pd.DataFrame:
     """List a row for each run: its progress, best fitness, missions and pace."""
-    return pd.DataFrame([_run_row(record) for record in records])
+    table = pd.DataFrame([_run_row(record) for record in records])
+    place = 1 + list(table.columns).index("treatment") if len(table) else 0
+    for factor in dict.fromkeys(name for record in records for name in record.levels):
+        levels = [record.levels.get(factor, "") for record in records]
+        table.insert(place, describe_factor(factor), levels, allow_duplicates=True)
+        place += 1
+    return table
 
 
 def _run_row(record: Record) -> dict[str, Any]:
