@@ -39,12 +39,17 @@ class Layout:
         return self.width / self._columns, self.table
 
     def make_figure(self) -> tuple[Figure, list[tuple[SubFigure, SubFigure]]]:
-        """Make an empty figure with the subfigures of each panel and its table."""
+        """Make an empty figure with the subfigures of each panel and its table.
+
+        Without tables, both are the same.
+        """
         rows = ceil(self.count / self._columns)
         height = (self.panel + self.table) * rows
         figure = Figure(figsize=(self.width, height), layout="constrained")
         cells = figure.subfigures(rows, self._columns, squeeze=False).ravel()
-        ratios = [self.panel, self.table or 1e-6]
+        if not self.table:
+            return figure, [(cell, cell) for cell in cells[: self.count]]
+        ratios = [self.panel, self.table]
         halves = [
             cell.subfigures(2, 1, squeeze=False, height_ratios=ratios).ravel()
             for cell in cells[: self.count]

@@ -24,8 +24,8 @@ _GAP_PT = 2.0  # between the labels of two ticks
 _ROUNDS = 8  # of thinning ticks out
 
 
-def finish_figure(figure: Figure, letters: str = "") -> None:
-    """Finish a figure, once; ``letters`` is one of ``LETTERS``, or empty for none."""
+def prepare_figure(figure: Figure, letters: str = "") -> None:
+    """Give a figure what its layout must know; ``letters`` is one of ``LETTERS``, or empty."""
     if letters and not getattr(figure, "_lettered", False):
         _add_letters(figure, letters)
         figure._lettered = True  # type: ignore[attr-defined]  # it may be saved again
@@ -35,6 +35,13 @@ def finish_figure(figure: Figure, letters: str = "") -> None:
     for part in [figure, *figure.findobj(SubFigure)]:
         for legend in part.legends:
             _spell([*legend.get_texts(), legend.get_title()])
+
+
+def fit_text(figure: Figure) -> None:
+    """Thin out ticks and move notes until none is on another, in a figure that is laid out.
+
+    The layout is not repeated: its solver is not made for that.
+    """
     _thin_ticks(figure)
     _part_numbers(figure)
 
@@ -50,7 +57,6 @@ def list_panels(figure: Figure) -> list[Axes]:
 
 
 def _add_letters(figure: Figure, first: str) -> None:
-    figure.draw_without_rendering()  # so that all axes have their places
     panels = _sort(list_panels(figure))
     for number, axes in enumerate(panels if len(panels) > 1 else []):
         name = chr(ord("a") + number % 26) * (1 + number // 26)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from evoros.base.errors import InputError, single_line
 from evoros.base.resources import expand_home
 
-from .finish import finish_figure
+from .finish import fit_text, prepare_figure
 from .png import DPI, write_png
 
 COLUMN_IN = 3.5  # width of one column of a two-column page
@@ -134,12 +134,13 @@ def save(
     """Write a figure as ``svg``, ``pdf`` or ``png``; equal figures give equal bytes.
 
     The letters of an SVG are outlines or, with ``as_text``, text in the viewer's fonts. Panels are
-    numbered by ``letters``, as ``finish_figure`` describes.
+    numbered by ``letters``, as ``prepare_figure`` describes.
     """
     metadata = {_DATES[kind]: None} if kind in _DATES else {}
     with use_style({"svg.fonttype": "none" if as_text else "path"}):
-        finish_figure(figure, letters)
+        prepare_figure(figure, letters)
         _fix_layout(figure)
+        fit_text(figure)
         if kind == "png":
             write_png(figure, file)
         else:
@@ -156,7 +157,7 @@ def _fix_layout(figure: Figure) -> None:
     parts = [*figure.subfigs]
     for part in parts:
         parts += part.subfigs
-        part.bbox_relative.set_points(np.round(part.bbox_relative.get_points(), 6))
+        part.bbox_relative.set_points(np.round(part.bbox_relative.get_points(), 4))
     for axes in figure.axes:
-        x, y, width, height = np.round(axes.get_position(original=True).bounds, 6).tolist()
+        x, y, width, height = np.round(axes.get_position(original=True).bounds, 4).tolist()
         axes.set_position((x, y, width, height))

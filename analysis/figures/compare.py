@@ -1,7 +1,6 @@
 """Treatments side by side: every replicate, boxes, and tests of each pair."""
 
 import argparse
-import textwrap
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -14,11 +13,13 @@ from matplotlib.ticker import MaxNLocator
 from evoros.base.arrays import Array
 
 from ..drawing.columns import SMALL, Layout, table_height, write_table
-from ..drawing.style import COLUMN_IN, assign_colours, figure_width, letter, use_style
+from ..drawing.style import COLUMN_IN, assign_colours, figure_width, letter, scale_type, use_style
+from ..drawing.words import wrap
 from ..measures.comparison import compare_treatments
 from ..measures.statistics import LEVEL, median_interval, minimum_replicates
 from ..product import Product
 from ..tables.matching import find_differences, select_conditions
+from ..tables.quantities import FITNESS, label_fitness
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
 from ..tables.validated import BY_EVALUATION, BY_RUN
@@ -34,6 +35,7 @@ LINE_LENGTH = 20
 BOX, DOTS = (-0.22, 0.24), (0.18, 0.3)
 """Position of boxes and dots in a treatment's row: from its middle, and height."""
 ROW_IN = 0.36
+KEY = "box: quartiles, bar: median, dots: runs"
 GOLDEN = 0.6180339887498949
 HEADS = {
     "treatments": (0.0, "left"),
@@ -46,6 +48,9 @@ HEADS = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the option for common conditions."""
     add_conditions(parser)
+    parser.add_argument(
+        "--without-tables", action="store_true", help="leave out the tests below the picture"
+    )
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
@@ -58,7 +63,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         known = int(runs[measure].notna().sum())
         messages = [f"fitness {measure} is known for {known} of {len(runs)} champions"]
     table = compare_treatments(runs, measures)
-    figure = draw_comparison(runs, table, figure_width(options.columns))
+    width, label = figure_width(options.columns), label_fitness(study.records)
+    figure = draw_comparison(runs, table, width, label, not options.without_tables)
     repeated = report_repeated(
         runs[["run", "treatment", "seed"]].itertuples(index=False, name=None)
     )
@@ -119,10 +125,17 @@ def _report_conditions(study: Study) -> Iterator[str]:
         )
 
 
-def draw_comparison(runs: pd.DataFrame, table: pd.DataFrame, width: float = COLUMN_IN) -> Figure:
+def draw_comparison(
+    runs: pd.DataFrame,
+    table: pd.DataFrame,
+    width: float = COLUMN_IN,
+    label: str = FITNESS,
+    with_tests: bool = True,
+) -> Figure:
     """Draw a panel for each measure: a dot for each run below a box, then the tests.
 
-    ``table`` is that of ``compare_treatments`` for ``runs``; ``width`` is in inches. Boxes are
+    ``table`` is that of ``compare_treatments`` for ``runs``; ``width`` is in inches. ``label`` is
+    what the fitness is called. Boxes are
     quartiles, and whiskers end at the last value within 1.5 times the box. Beside each box are the
     median, its bootstrap interval and n.
     """
@@ -130,16 +143,21 @@ def draw_comparison(runs: pd.DataFrame, table: pd.DataFrame, width: float = COLU
     labels = _labels(_shorten(names))
     measures = list(dict.fromkeys(table["measure"]))
     tests = {name: table[(table["measure"] == name) & (table["b"] != "")] for name in measures}
-    written = {name: rows for name, rows in tests.items() if 0 < len(rows) <= MAX_TESTS}
+    most = MAX_TESTS if with_tests else 0
+    written = {name: rows for name, rows in tests.items() if 0 < len(rows) <= most}
     row_in = max(ROW_IN, *(0.11 * (label.count("\n") + 1.5) for label in labels))
     heights = (table_height(len(rows), note=True) for rows in written.values())
-    layout = Layout(len(measures), width, row_in * len(names) + 0.45, max(heights, default=0.0))
+    layout = Layout(
+        len(measures), width, row_in * len(names) + scale_type(0.65), max(heights, default=0.0)
+    )
     with use_style():
         figure, parts = layout.make_figure()
         for (top, bottom), measure in zip(parts, measures, strict=True):
             axes = top.subplots()
             axes.set_yticks(range(len(labels)), labels, fontsize=SMALL)
             _draw_panel(axes, runs, measure, names)
+            axes.set_xlabel(title_measure(measure, label))
+            top.suptitle(KEY, fontsize="small")
             if measure in written:
                 rows = _table_rows(written[measure], _shorten(names))
                 note = _note(written[measure])
@@ -156,7 +174,7 @@ def _shorten(names: list[str]) -> dict[str, str]:
 
 def _labels(letters: Mapping[str, str]) -> list[str]:
     full = [name if short == name else f"{short}: {name}" for name, short in letters.items()]
-    return ["\n".join(textwrap.wrap(label, LINE_LENGTH)) for label in full]
+    return [wrap(label, LINE_LENGTH) for label in full]
 
 
 def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[str]) -> None:
@@ -168,7 +186,7 @@ def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[st
             _draw_box(axes, row + BOX[0], values)
             _draw_dots(axes, row + DOTS[0], values, colours[name])
             _write_median(axes, row, values)
-    axes.set(xlabel=title_measure(measure), ylim=(len(names) - 0.45, -0.45))
+    axes.set(ylim=(len(names) - 0.45, -0.45))
     axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)

@@ -5,6 +5,7 @@ import argparse
 import pandas as pd
 
 from ..measures.comparison import MEASURES
+from ..tables.quantities import FITNESS
 from ..tables.study import Study
 from ..tables.validated import score_under, validate_champions
 
@@ -30,6 +31,6 @@ def score_runs(study: Study, under: str | None) -> tuple[pd.DataFrame, list[str]
     return score_under(study, under), [f"under {under}"]
 
 
-def title_measure(measure: str) -> str:
-    """Name a column of ``score_runs``."""
-    return f"{measure} fitness" if measure in MEASURES else f"fitness {measure}"
+def title_measure(measure: str, label: str = FITNESS) -> str:
+    """Name a column of ``score_runs``; ``label`` is what the fitness is called."""
+    return f"{measure} {label}" if measure in MEASURES else f"{label} {measure}"

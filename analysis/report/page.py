@@ -15,6 +15,7 @@ from ..product import Product
 from ..subcommands import EXPORTS, SUBCOMMANDS
 from ..tables.records import Record
 from ..tables.study import Study
+from .findings import list_findings
 from .map_missions import Missions, collect_missions
 from .maps import TITLES, DesignMap, make_maps
 from .outline import common_choices, outline, tabulate_differences
@@ -106,6 +107,17 @@ def _render_sections(
 ) -> Iterator[tuple[str, Markup]]:
     """Yield the title and the content of each section."""
     runs, evaluations = study.records, study.evaluations
+    findings, missing = list_findings(study)
+    yield "Findings", render("findings.html", findings=findings, missing=missing)
+    own = {*OWN_SECTION, *maps}
+    drawn = {name: render_section(name, study, options, name in own) for name in FIGURES}
+    yield OWN_SECTION["compare"], drawn["compare"]
+    yield "Figures", Markup("\n").join(drawn[n] for n in FIGURES if n not in own)
+    for name, each in maps.items():
+        yield TITLES[name], Markup("\n").join((missions.render(each), drawn[name]))
+    others = sum(record.finished for record in runs) - len(playbacks)
+    yield "Replay", render("player.html", played=len(playbacks), others=others)
+    yield OWN_SECTION["claims"], drawn["claims"]
     yield (
         "Summary",
         render(
@@ -118,15 +130,6 @@ def _render_sections(
     groups: dict[str, Sequence[Record]] = {"Runs": runs, "Evaluations": evaluations}
     configured = {name: _configure(records) for name, records in groups.items() if records}
     yield "Configuration", render("configuration.html", groups=configured)
-    others = sum(record.finished for record in runs) - len(playbacks)
-    yield "Replay", render("player.html", played=len(playbacks), others=others)
-    own = {*OWN_SECTION, *maps}
-    drawn = {name: render_section(name, study, options, name in own) for name in FIGURES}
-    for name, each in maps.items():
-        yield TITLES[name], Markup("\n").join((missions.render(each), drawn[name]))
-    yield "Figures", Markup("\n").join(drawn[n] for n in FIGURES if n not in own)
-    for name, title in OWN_SECTION.items():
-        yield title, drawn[name]
     versions = format_table(tabulate_versions(study))
     yield "Made with", render("versions.html", versions=versions)
 

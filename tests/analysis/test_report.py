@@ -126,12 +126,13 @@ def test_every_section_is_there_and_names_every_run(report: Path) -> None:
     page = Elements(report.read_text())
     headings = page.texts["h2"]
     assert [text for text in headings if text.strip()] == [
+        "Findings",
+        "Statistics",
+        "Figures",
+        "Replay",
+        "Claims",
         "Summary",
         "Configuration",
-        "Replay",
-        "Figures",
-        "Statistics",
-        "Claims",
         "Made with",
     ]
     cells = page.texts["td"]
@@ -218,7 +219,7 @@ def test_runs_and_evaluations_are_configured_apart(sweep: Path, tmp_path: Path) 
     given = [*TINY, "executor=serial", f"designs={run}", "failure=random", "trials=2"]
     assert evaluate([*given, f"hydra.run.dir={scored}"]) == 0
     page = page_of(run, scored, into=tmp_path / "out")
-    begin, end = (page.index(f'<section id="{name}">') for name in ("configuration", "replay"))
+    begin, end = (page.index(f'<section id="{name}">') for name in ("configuration", "made-with"))
     first, second = page[begin:end].split("<h3>Evaluations</h3>")
     assert "config.yaml of spatial" in first
     assert "SpatialFailure" in first

@@ -1,4 +1,4 @@
-// Sorts a table by the column whose heading is clicked.
+// Sorts a table by the column whose heading is clicked, and shows where a table goes on.
 
 function sortBy(table, column, descending) {
   const keyOf = (row) => row.cells[column].textContent;
@@ -23,4 +23,33 @@ document.querySelectorAll("table.sortable").forEach((table) => {
       sortBy(table, column, descending);
     });
   });
+});
+
+// Fades the edges behind which a table or a figure goes on, and says so below it.
+function showMore(box) {
+  const wide = box.scrollWidth - box.clientWidth;
+  const tall = box.scrollHeight - box.clientHeight;
+  const sides = {
+    left: box.scrollLeft > 1,
+    right: wide - box.scrollLeft > 1,
+    down: tall - box.scrollTop > 1,
+  };
+  const more = Object.keys(sides).filter((side) => sides[side]);
+  if (more.length) box.dataset.more = more.join(" ");
+  else delete box.dataset.more;
+  const parts = [...(wide > 1 ? ["columns"] : []), ...(tall > 1 ? ["rows"] : [])];
+  const hint = box.nextElementSibling;
+  hint.hidden = !parts.length;
+  const figure = box.classList.contains("paper");
+  hint.textContent = figure ? "Scroll the figure to see all." : `Scroll the table for more ${parts.join(" and ")}.`;
+}
+
+const observer = new ResizeObserver((entries) => entries.forEach((entry) => showMore(entry.target)));
+document.querySelectorAll(".table, .paper").forEach((box) => {
+  const hint = document.createElement("p");
+  hint.className = "more quiet";
+  box.after(hint);
+  box.addEventListener("scroll", () => showMore(box), { passive: true });
+  observer.observe(box);
+  showMore(box);
 });

@@ -1,0 +1,74 @@
+"""What a study has found, in sentences: which treatment is better, and how sure that is."""
+
+from collections.abc import Iterator
+
+import pandas as pd
+
+from evoros.base.errors import InputError, single_line
+
+from ..figures.compare import conclude
+from ..figures.scores import score_runs
+from ..measures.comparison import compare_treatments
+from ..measures.statistics import median_interval
+from ..tables.quantities import FITNESS, label_fitness
+from ..tables.study import Study
+
+VALIDATED, RECORDED = "validated", "recorded"
+
+
+def list_findings(study: Study) -> tuple[list[str], str]:
+    """Return the findings of the runs, and why there are none, which is empty if there are some."""
+    if not study.records:
+        return (
+            [],
+            "There are no runs to compare: give their folders besides the evaluations.",
+        )
+    try:
+        runs, measures = score_runs(study, None)
+        measure = next(name for name in (VALIDATED, RECORDED) if name in measures)
+        if runs[VALIDATED].isna().all():
+            measure = RECORDED
+        table = compare_treatments(runs, [measure])
+        lines = [*_describe_treatments(runs, measure), *conclude(table)]
+    except InputError as error:
+        return [], single_line(error)
+    return [*lines, *_describe_best(study), *_describe_scale(study, measure)], ""
+
+
+def _describe_treatments(runs: pd.DataFrame, measure: str) -> Iterator[str]:
+    """Yield the median of each treatment with its interval, the best first."""
+    by = runs.dropna(subset=measure).groupby("treatment", sort=False)[measure]
+    for treatment in by.median().sort_values(ascending=False).index:
+        values = by.get_group(treatment).to_numpy(float)
+        median = median_interval(values)
+        bounds = f" [{median.low:.2f}, {median.high:.2f}]" if median.low <= median.high else ""
+        runs_of = f"{values.size} run" + "s" * (values.size > 1)
+        yield f"{treatment}: median {measure} fitness {median.value:.2f}{bounds} of {runs_of}"
+
+
+def _describe_best(study: Study) -> Iterator[str]:
+    """Yield the best design, with the interval of its fitness and the chance of a better one."""
+    try:
+        best = study.ranked[0]
+    except InputError:
+        return
+    status = best.run.status
+    value, low, high = (
+        status.get(name) for name in ("best_validated_fitness", "fitness_low", "fitness_high")
+    )
+    scores = f"recorded fitness {status['best_fitness']:.2f}"
+    if value is not None:
+        scores = f"validated fitness {value:.2f}"
+        scores += "" if low is None else f" [{low:.2f}, {high:.2f}]"
+    yield f"the best design is of {best.name} ({best.treatment}, seed {best.seed}): {scores}"
+    chance = status.get("chance_of_better")
+    if chance is not None:
+        yield f"the chance that another design of that run is better: {100 * chance:.0f} %"
+
+
+def _describe_scale(study: Study, measure: str) -> Iterator[str]:
+    label = label_fitness(study.records)
+    if label != FITNESS:
+        yield f"compared is the {label}; brackets are 95 % intervals"
+    if measure == RECORDED:
+        yield "recorded fitness is on the draws that selected a design: luck is part of it"

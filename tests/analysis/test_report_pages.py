@@ -1,0 +1,137 @@
+"""The page of a report in a browser at three widths, light and dark: its begin, and what fits."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browser import chromium
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.report.findings import list_findings
+from evoros.analysis.tables.study import load_study
+from helpers import tiny
+from selenium.webdriver import Chrome
+
+from evoros.base.console import DONE
+
+LONG = "a_treatment_whose_name_is_longer_than_any_card_of_a_page_on_a_telephone_can_be_wide"
+WIDTHS = (400, 800, 1400)
+SCHEMES = ("light", "dark")
+MEASURES = ("+measure@descriptors.front=front_coverage", "+measure@descriptors.side=side_coverage")
+
+OUTSIDE = """
+const found = [], cards = "header, nav, .player, .chooser, .findings, .bar, dl";
+for (const card of document.querySelectorAll(cards)) {
+  const edge = card.getBoundingClientRect();
+  for (const part of card.querySelectorAll("*")) {
+    const box = part.getBoundingClientRect();
+    if (box.width && part.tagName !== "OPTION" && box.right > edge.right + 1)
+      found.push(`${card.className || card.tagName}: ${part.tagName} ${box.right - edge.right}`);
+  }
+}
+return found;
+"""
+TABLES = """
+const boxes = [...document.querySelectorAll(".table, .paper")].filter((box) => box.clientWidth);
+return boxes.map((box) => ({
+  scrolls: box.scrollWidth - box.clientWidth > 1 || box.scrollHeight - box.clientHeight > 1,
+  wide: box.scrollWidth - box.clientWidth > 1,
+  more: box.dataset.more || "",
+  told: !box.nextElementSibling.hidden && box.nextElementSibling.textContent,
+}));
+"""
+CONTRAST = """
+const light = (text) => {
+  const [r, g, b] = text.match(/[\\d.]+/g).map(Number).map((v) => v / 255)
+    .map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+};
+const paper = light(getComputedStyle(document.body).backgroundColor);
+return [...document.querySelectorAll("p, li, h1, h2, h3, td, th, a, summary, .quiet, .missing")]
+  .map((part) => light(getComputedStyle(part).color))
+  .map((ink) => (Math.max(ink, paper) + 0.05) / (Math.min(ink, paper) + 0.05));
+"""
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pages") / LONG
+    for failure in ("random", "spatial"):
+        assert tiny(folder / f"{LONG}_{failure}", f"failure={failure}", *MEASURES) == DONE
+    return folder
+
+
+@pytest.fixture(scope="module")
+def browser(study: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
+    into = tmp_path_factory.mktemp("report")
+    assert evoros_analyze(["report", str(study), "--output", str(into)]) == DONE
+    with chromium(tmp_path_factory.mktemp("profile")) as browser:
+        browser.get((into / "report.html").as_uri())
+        browser.execute_script(
+            "document.querySelectorAll('details').forEach((each) => { each.open = true; })"
+        )
+        yield browser
+
+
+@pytest.fixture(params=[(width, scheme) for width in WIDTHS for scheme in SCHEMES], ids=str)
+def page(browser: Chrome, request: pytest.FixtureRequest) -> Chrome:
+    """The page on a screen of a width, light or dark, once it is laid out."""
+    width, scheme = request.param
+    screen: dict[str, Any] = {"height": 1400, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {**screen, "width": width})
+    media = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+    browser.execute_async_script(
+        "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(done));"
+    )
+    assert browser.execute_script("return innerWidth") == width
+    return browser
+
+
+def test_nothing_is_wider_than_the_page_or_than_its_card(page: Chrome) -> None:
+    assert page.execute_script("return document.documentElement.scrollWidth - innerWidth") <= 0
+    assert page.execute_script(OUTSIDE) == []
+
+
+def test_a_table_that_scrolls_shows_and_says_so(page: Chrome) -> None:
+    tables = page.execute_script(TABLES)
+    assert tables
+    for table in tables:
+        assert bool(table["more"]) == bool(table["told"]) == table["scrolls"]
+        assert ("right" in table["more"].split()) == table["wide"]
+    assert any(table["wide"] for table in tables) or page.execute_script("return innerWidth") > 400
+
+
+def test_all_text_can_be_read(page: Chrome) -> None:
+    assert min(page.execute_script(CONTRAST)) >= 4.5  # as WCAG 2 asks for text of this size
+
+
+def test_a_table_shows_its_other_side_when_it_is_scrolled(browser: Chrome) -> None:
+    screen = {"width": 400, "height": 1400, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+    more = browser.execute_async_script(
+        "const done = arguments[0];"
+        "const box = [...document.querySelectorAll('.table')]"
+        "  .find((each) => each.scrollWidth > each.clientWidth + 1);"
+        "box.scrollLeft = box.scrollWidth;"
+        "requestAnimationFrame(() => requestAnimationFrame(() => done(box.dataset.more)));"
+    )
+    assert "left" in more.split()
+    assert "right" not in more.split()
+
+
+def test_the_page_opens_with_what_is_better_and_how_sure(browser: Chrome, study: Path) -> None:
+    first = browser.find_element("css selector", "main section")
+    assert first.get_attribute("id") == "findings"
+    expected, missing = list_findings(load_study([study]))
+    items = first.find_elements("css selector", "li")
+    shown = [str(item.get_property("textContent")) for item in items]
+    assert (shown, missing) == (expected, "")
+    assert any("against" in line for line in shown)
+    assert sum("median" in line for line in shown) == 2
+    order = browser.execute_script(
+        "const at = (rule) => [...document.querySelectorAll('main section')]"
+        "  .findIndex((each) => each.matches(rule));"
+        "return ['#findings', '#figures', '#summary'].map(at)"
+    )
+    assert order == sorted(order)
