@@ -20,7 +20,7 @@ from ..measures.statistics import LEVEL, holm
 from ..product import Product
 from ..tables.factors import follows
 from ..tables.study import Study
-from ..tables.treatments import describe_factor, report_repeated
+from ..tables.treatments import describe_factor, describe_level, report_repeated
 from .compare import format_p
 from .scores import add_conditions, score_runs, title_measure
 
@@ -227,9 +227,9 @@ def _draw_means(axes: Axes, cells: Mapping[Cell, Array], names: Sequence[str], t
             axes.plot([x, x], [interval.low, interval.high], color=colours[other], lw=1.2)
             places.append(x)
             means.append(interval.value)
-        label = f"{describe_factor(names[1])} {other}".replace("_", " ") if others else None
+        label = f"{describe_factor(names[1])} {describe_level(other)}" if others else None
         axes.plot(places, means, "o-", color=colours[other], ms=4, lw=0.9, label=label)
-    axes.set_xticks(range(len(first)), [level.replace("_", " ") for level in first])
+    axes.set_xticks(range(len(first)), list(map(describe_level, first)))
     axes.set(xlabel=describe_factor(names[0]), ylabel=title, xlim=(-0.5, len(first) - 0.5))
     if others:
         axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)

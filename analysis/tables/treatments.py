@@ -71,7 +71,7 @@ def label_levels(factors: Sequence[Factor], count: int) -> list[str]:
 
 def _join(factors: Sequence[Factor], count: int) -> list[str]:
     if len(factors) == 1 and factors[0].named and all(factors[0].levels):
-        return [_shorten(level) for level in factors[0].levels]
+        return [describe_level(level) for level in factors[0].levels]
     keys = [factor.key for factor in factors]
     inner = [any(f.key.startswith(f"{key}.") for key in keys) for f in factors]
     pairs = list(zip(factors, inner, strict=True))
@@ -99,10 +99,11 @@ def _describe(factor: Factor, level: str, inside: bool) -> str:
     words, unit = _split(factor.name)
     if not level:
         return "" if inside else f"no {words}"
-    return f"{words} {_shorten(level)}" + (f" {unit}" if unit else "")
+    return f"{words} {describe_level(level)}" + (f" {unit}" if unit else "")
 
 
-def _shorten(level: str) -> str:
+def describe_level(level: str) -> str:
+    """Describe a level in words, as the field writes it; a long one is cut."""
     text = OWN_NAMES.get(level, level.replace("_", " "))
     return text if len(text) <= LEVEL_LENGTH else text[: LEVEL_LENGTH - 3] + "..."
 

@@ -61,7 +61,8 @@ def test_every_command_runs_in_order_and_leaves_what_the_next_needs(
         assert COMMANDS[words[0]](smaller(words)) == DONE, (words, capsys.readouterr().err)
     used = {words[1] for words in lines() if words[0] == "evoros-analyze"}
     assert used == set(SUBCOMMANDS) - EXPORTS
-    drawn = {path.stem for path in (tmp_path / "outputs" / "paper").iterdir()}
+    folders = [tmp_path / "outputs" / name for name in ("paper", "network_paper")]
+    drawn = {path.stem for folder in folders for path in folder.iterdir()}
     assert drawn >= used
     assert "Traceback" not in capsys.readouterr().err
 
@@ -97,9 +98,9 @@ def test_the_notebook_runs(tmp_path: Path) -> None:
             cell.source = "\n".join([first, *short]).replace("seed=0,1", "seed=0")
     resources = {"metadata": {"path": str(tmp_path)}}
     NotebookClient(notebook, timeout=280, kernel_name="python3", resources=resources).execute()
-    assert len(list(tmp_path.glob("outputs/study/*/champion/design.csv"))) == 3
-    drawn = {path.stem for path in (tmp_path / "outputs" / "paper").iterdir()}
-    assert {"overlay", "fitness", "mission", "failure"} <= drawn
+    assert len(list(tmp_path.glob("outputs/network/*/champion/design.csv"))) == 2
+    drawn = {path.stem for path in (tmp_path / "outputs" / "network_paper").iterdir()}
+    assert {"fitness", "mission"} <= drawn
 
 
 def test_a_shell_takes_every_line() -> None:
