@@ -1,11 +1,9 @@
 """Figures of a run with two robots show both, and take the first one's columns for its own."""
 
-import io
 import json
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from bag_readers import read_mcap
 from evoros.analysis.figures.mission import draw_missions
@@ -127,7 +125,7 @@ def test_figures_of_one_robot_show_the_first_one_or_the_named_one_and_say_so(
     assert other.messages == ["oncoming alone, without the first robot"]
     for product, name in ((first, ""), (other, "oncoming")):
         own = rows[rows[AGENT].fillna("") == name]
-        table = pd.read_csv(io.BytesIO(product.files["overlay_sensors.csv"]))
+        table = product.tables["overlay_sensors.csv"]
         assert table["yaw_deg"].to_numpy() == pytest.approx(own["yaw_deg"].to_numpy())
         assert product.figure is not None
         title = product.figure.axes[0].get_title(loc="left")
