@@ -29,7 +29,8 @@ _WORDS = {
 }
 _WEDGE: dict[str, Any] = {"color": ORANGE, "alpha": 0.45}
 _WIDEST_PT = 6.0  # of the band along the path while a fault grows
-_GROWN_S = 60.0  # after which the band has its full width
+GROWN_S = 60.0
+"""Seconds after which an error that grows is drawn in full."""
 _STRETCHES = 60  # of a band, which widen
 
 
@@ -69,7 +70,7 @@ def _draw_growth(axes: Axes, path: pd.DataFrame, begin: int) -> None:
     pairs = list(pairwise(cuts))
     if not pairs:
         return
-    widths = [_WIDEST_PT * min(1.0, (time_s[b] - time_s[0]) / _GROWN_S) for _, b in pairs]
+    widths = [_WIDEST_PT * min(1.0, (time_s[b] - time_s[0]) / GROWN_S) for _, b in pairs]
     lines = [places[a : b + 1] for a, b in pairs]
     band = LineCollection(lines, linewidths=widths, zorder=2.2, capstyle="butt", **_WEDGE)
     axes.add_collection(band, autolim=False)

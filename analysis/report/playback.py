@@ -6,7 +6,7 @@ which keeps the numbers short.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,13 @@ from markupsafe import Markup
 
 from evoros.base.arrays import Array
 from evoros.geometry.footprint import project_shape, top_height
+from evoros.storage.fault_effects import ENDS, GROWS
 from evoros.storage.figure_context import FigureContext
 from evoros.world.course import Course
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
+from ..drawing.faults import GROWN_S
 from ..tables.readings import find_nearest, group_ranges, merge_sectors
 from ..tables.records import Record
 from ..tables.robots import select_trajectory
@@ -136,16 +138,22 @@ def _encode_mission(
         "goals": len(course.route(True)),
         **(ground if grounds is None else {"ground": mission.ground}),
         "extent": _extent(np.concatenate(paths), course, obstacles),
-        "failed": [
-            {"sensor": sensor, "at_s": round(time, 3), "by": effect}
-            for sensor, time, effect in list_failures(row)
-        ],
+        "failed": list(_encode_faults(row, context.failure.effects)),
         "reached": list(_encode_waypoints(trajectory, course)),
         "collisions": list(_encode_collisions(trajectory)),
         "agents": [encode_poses(other.iloc[rows]) for other in others],
         **_encode_columns(trajectory.iloc[rows], bearings),
         "signals": encode_signals(trajectory.iloc[rows], shown.signals, context),
     }
+
+
+def _encode_faults(row: "pd.Series[str]", effects: Mapping[str, str]) -> Iterator[Json]:
+    """Encode when sensors failed, by what, and in how many seconds the error is shown in full."""
+    for sensor, time, effect in list_failures(row):
+        kind = effects.get(effect, ENDS)
+        grown_s = GROWN_S if kind == GROWS else 0.0
+        fault = {"sensor": sensor, "at_s": round(time, 3), "by": effect}
+        yield {**fault, "kind": kind, "grown_s": grown_s}
 
 
 def _encode_columns(trajectory: pd.DataFrame, bearings_deg: Sequence[Sequence[float]]) -> Json:

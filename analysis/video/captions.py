@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
-from ..drawing.style import BLUE, VERMILLION
+from ..drawing.style import BLUE, PURPLE, VERMILLION
 
 Colour = tuple[int, int, int]
 
@@ -17,6 +17,7 @@ def _rgb(name: str) -> Colour:
 
 
 CLEAR, NEAR, FAILED = _rgb(BLUE), _rgb(VERMILLION), (70, 70, 70)
+ERRING = _rgb(PURPLE)
 _INK, _PAPER, _OPACITY = (30, 30, 30), (255, 255, 255), 0.8
 
 

@@ -1,7 +1,7 @@
 """How a mission is shown: times of the pictures, cameras and captions."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -13,11 +13,13 @@ from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_whole, one_of
 from evoros.base.errors import InputError
 from evoros.sensor.protocol import CONTACT
+from evoros.storage.fault_effects import ENDS
 from evoros.storage.figure_context import FigureContext
 from evoros.world.model import World
 
 from .camera import Camera, chase_camera, overhead_camera
-from .captions import CLEAR, FAILED, NEAR, Caption
+from .captions import CLEAR, ERRING, FAILED, NEAR, Caption
+from .faults import ShownFault
 from .motion import Motion
 
 CAMERAS = ("chase", "above")
@@ -88,11 +90,14 @@ def make_captions(
     world: World,
     context: FigureContext,
     options: RenderOptions,
+    faults: Sequence[ShownFault] = (),
 ) -> Iterator[Caption]:
     """Yield the caption of each picture, without the states of the sensors."""
     touches = any(signal.measures == CONTACT for signal in context.signals.values())
     near = "near, touched" if touches else "near"
-    key = ((CLEAR, "clear"), (NEAR, near), (FAILED, "failed or silent"))
+    key = [(CLEAR, "clear"), (NEAR, near), (FAILED, "failed or silent")]
+    if any(fault.kind != ENDS for fault in faults):
+        key.append((ERRING, "the more, the greater its error"))
     end, goals = float(trajectory["time_s"].iloc[-1]), len(world.course.route(True))
     contacts = trajectory.get("contact", pd.Series(0, trajectory.index)).to_numpy() > 0
     modes = ("none", *context.modes)

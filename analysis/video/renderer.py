@@ -1,7 +1,7 @@
 """Pictures of a mission: robot and obstacles from PyBullet, ground and fans around them."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -20,13 +20,13 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 from .camera import Camera, Floats, Pixels
-from .captions import CLEAR, FAILED, NEAR, Colour
+from .captions import CLEAR, ERRING, FAILED, NEAR, Colour
 from .fans import Fan, blend_fan
+from .faults import Flags
 from .ground import GOAL, RING, Ground
 from .motion import Motion
 from .sensors import ShownSensor, to_matrix
 
-Flags = NDArray[np.bool_]
 CUT_M = 0.6
 """Obstacles are shown up to this height [m]; higher ones would hide the robot."""
 FIXED, MOVABLE = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42)
@@ -51,7 +51,8 @@ class Renderer:
     scene: Scene  # with the robot of ``motion`` first, then the others
     motion: Motion
     sensors: Sequence[ShownSensor]
-    failed: Flags  # (n, sensors) whether it has failed
+    ended: Flags  # (n, sensors) whether its readings have ended
+    errors: Array  # (n, sensors) how far its error is shown, 0 to 1
     goals: Array  # (n, 2) [m] of the next waypoint; NaN: none
     context: FigureContext
     ground: Ground
@@ -64,23 +65,29 @@ class Renderer:
             frame = _frame(motion, number)
             joints = {name: float(angles[number]) for name, angles in motion.joints.items()}
             robot.move(frame.position, frame.quaternion, joints)
-        states = self.classify_readings(number)
-        for sensor, colour in zip(self.sensors, states, strict=True):
+        for sensor, colour in zip(self.sensors, self.colour_sensors(number), strict=True):
             red, green, blue = (part / 255 for part in colour)
             self.scene.robots[0].paint(sensor.link, (red, green, blue))
         self._extend_track(number, camera)
         floor = self._project_floor(number, camera)
         picture, depth = self._render_solids(floor, camera)
-        for fan in self._make_fans(number, to_matrix(_frame(self.motion, number)), states):
+        for fan in self._make_fans(number, to_matrix(_frame(self.motion, number))):
             blend_fan(picture, depth, camera, fan)
         return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
-    def classify_readings(self, number: int) -> list[Colour]:
-        """Return the colour of each sensor's state at a time."""
-        failed = self.failed[number]
+    def colour_sensors(self, number: int) -> list[Colour]:
+        """Return the colour of each sensor at a time: that of its state, mixed with its error's."""
+        states = self._classify_readings(number)
         return [
-            FAILED if has_failed else sensor.classify(number)
-            for sensor, has_failed in zip(self.sensors, failed, strict=True)
+            _mix(state, ERRING, float(share))
+            for state, share in zip(states, self.errors[number], strict=True)
+        ]
+
+    def _classify_readings(self, number: int) -> list[Colour]:
+        """Return the colour of the state of each sensor's readings at a time."""
+        return [
+            FAILED if has_ended else sensor.classify(number)
+            for sensor, has_ended in zip(self.sensors, self.ended[number], strict=True)
         ]
 
     def _extend_track(self, number: int, camera: Camera) -> None:
@@ -90,18 +97,20 @@ class Renderer:
         width = max(_TRACK_M, _TRACK_PX * depth / camera.pixels_per_radian)
         self.ground.extend_track(points, width)
 
-    def _make_fans(self, number: int, robot: Array, states: Sequence[Colour]) -> list[Fan]:
+    def _make_fans(self, number: int, robot: Array) -> list[Fan]:
         """Make the fans in the order of drawing, the most important ones last."""
-        fans = []
-        for sensor, colour in zip(self.sensors, states, strict=True):
+        fans: list[tuple[int, Fan]] = []
+        states, colours = self._classify_readings(number), self.colour_sensors(number)
+        for sensor, state, colour in zip(self.sensors, states, colours, strict=True):
             if sensor.view is None:
                 continue
             ranges, view = sensor.readings[number], sensor.view
             silent = np.isnan(ranges)
             reach = np.where(silent, min(_SILENT_M, view.range_m), ranges)
             range_m = _SILENT_M if silent.all() else view.range_m
-            fans.append(Fan(robot @ view.frame, view.half_rad, reach, range_m, colour))
-        return sorted(fans, key=lambda fan: (CLEAR, FAILED, NEAR).index(fan.colour))
+            fan = Fan(robot @ view.frame, view.half_rad, reach, range_m, colour)
+            fans.append(((CLEAR, FAILED, NEAR).index(state), fan))
+        return [fan for _, fan in sorted(fans, key=lambda pair: pair[0])]
 
     def _project_floor(self, number: int, camera: Camera) -> Image.Image:
         """Return the ground with the robots' shadows and the goal, and the sky."""
@@ -196,7 +205,7 @@ def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array
     return np.vstack([route, [[np.nan, np.nan]]])[np.clip(visited, 0, len(route))]
 
 
-def flag_failures(times: Array, count: int, failed: Mapping[int, float]) -> Flags:
-    """Return (n, count) whether each sensor has failed; ``failed`` has times [s] by sensor."""
-    since = np.array([failed.get(number, np.inf) for number in range(count)])
-    return np.asarray(times[:, None] >= since[None])
+def _mix(one: Colour, other: Colour, share: float) -> Colour:
+    """Return a colour between two, with a share (0 to 1) of the other."""
+    red, green, blue = (round(a + share * (b - a)) for a, b in zip(one, other, strict=True))
+    return red, green, blue

@@ -18,6 +18,7 @@ from evoros.base.errors import InputError
 from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.tree import read_tree
 from evoros.simulator.engines.pybullet_viewer import open_scene
+from evoros.storage.fault_effects import ENDS
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.layout import ROBOT_AS_LOADED
 from evoros.storage.verification import read_text
@@ -33,6 +34,7 @@ from ..tables.tracks import load_champion_world, read_track
 from .camera import Pixels
 from .captions import write_caption
 from .encoding import encode_gif, encode_mp4
+from .faults import ShownFault, flag_ends, measure_errors
 from .motion import check_poses, interpolate
 from .render_options import CAMERAS, RenderOptions, make_captions, place_cameras, sample_times
 from .renderer import (
@@ -40,7 +42,6 @@ from .renderer import (
     Renderer,
     cut_obstacles,
     find_goals,
-    flag_failures,
     paint_ground,
 )
 from .sensors import make_views
@@ -126,7 +127,7 @@ class _Mission:
     urdf: str
     world: World
     context: FigureContext
-    failed: Mapping[int, float]  # times [s] by sensor
+    faults: Sequence[ShownFault]
     near_m: float | None
     others: Sequence[OtherRobot]
 
@@ -144,7 +145,7 @@ def _read_mission(record: Record, world: str | None) -> _Mission:
         _read_urdf(record),
         load_champion_world(record.run, context, name),
         adapt_context(record),
-        _failure_times(read_track(record.run, context, name)),
+        list(_list_faults(read_track(record.run, context, name), record.context.failure.effects)),
         float(near_m) if isinstance(near_m, int | float) else None,
         [
             OtherRobot(_read_trajectory(each, name), _read_urdf(each), each.context)
@@ -165,14 +166,13 @@ def _read_urdf(record: Record) -> str:
     return read_text(path)
 
 
-def _failure_times(track: pd.DataFrame) -> dict[int, float]:
-    """Return the time [s] at which each failed sensor failed, by the records of its track."""
-    return {
-        int(sensor): float(time)
-        for time, sensors in zip(track["time_s"], track["failed_sensors"], strict=True)
-        for sensor in str(sensors).split(";")
-        if sensor
-    }
+def _list_faults(track: pd.DataFrame, effects: Mapping[str, str]) -> Iterator[ShownFault]:
+    """List the faults of a mission, by the records of its track; ``effects`` tell their kinds."""
+    columns = ("time_s", "failed_sensors", "failed_by")
+    for time, sensors, names in zip(*(track[name] for name in columns), strict=True):
+        for sensor, name in zip(str(sensors).split(";"), str(names).split(";"), strict=True):
+            if sensor:
+                yield ShownFault(int(sensor), float(time), effects.get(name, ENDS))
 
 
 def _show_progress(mission: _Mission, options: RenderOptions) -> Iterator[Pixels]:
@@ -184,7 +184,7 @@ def _show_progress(mission: _Mission, options: RenderOptions) -> Iterator[Pixels
         mission.world,
         mission.context,
         options,
-        mission.failed,
+        mission.faults,
         mission.near_m,
         mission.others,
     )
@@ -202,15 +202,15 @@ def replay(
     world: World,
     context: FigureContext,
     options: RenderOptions | None = None,
-    failed: Mapping[int, float] | None = None,
+    faults: Sequence[ShownFault] = (),
     near_m: float | None = None,
     others: Sequence[OtherRobot] = (),
 ) -> Iterator[Pixels]:
     """Yield the pictures (h, w, 3) of a mission.
 
     ``trajectory`` is a table as ``champion/trajectory_WORLD.csv`` or ``evoros.replay`` has it,
-    ``urdf`` the robot that ran it, with its sensors. ``failed`` has the times [s] at which sensors
-    failed. Readings below ``near_m`` are marked; None stands for half the sensor's range.
+    ``urdf`` the robot that ran it, with its sensors. ``faults`` are those of its sensors.
+    Readings below ``near_m`` are marked; None stands for half the sensor's range.
     ``others`` are the other robots of the mission.
 
     Raises:
@@ -224,7 +224,7 @@ def replay(
     motion = interpolate(trajectory, times, robot)
     places = trajectory[["x_m", "y_m"]].to_numpy(float)
     goals = find_goals(world, places, trajectory["visited"].to_numpy(int))
-    captions = make_captions(trajectory, motion, world, context, options)
+    captions = make_captions(trajectory, motion, world, context, options, faults)
     cameras = list(place_cameras(motion, world, places, options))
     urdfs = [urdf, *(other.urdf for other in others)]
     with open_scene(urdfs, cut_obstacles(world)) as scene:
@@ -232,7 +232,8 @@ def replay(
             scene,
             motion,
             list(make_views(robot, recorded, motion.record, near_m)),
-            flag_failures(motion.time_s, len(recorded), failed or {}),
+            flag_ends(motion.time_s, len(recorded), faults),
+            measure_errors(motion.time_s, len(recorded), faults),
             goals[motion.record],
             context,
             paint_ground(world, places),
@@ -240,7 +241,7 @@ def replay(
         )
         for number, (camera, caption) in enumerate(zip(cameras, captions, strict=True)):
             picture = Image.fromarray(renderer.render(number, camera))
-            write_caption(picture, caption._replace(states=renderer.classify_readings(number)))
+            write_caption(picture, caption._replace(states=renderer.colour_sensors(number)))
             yield np.asarray(picture)
 
 

@@ -104,6 +104,8 @@ def test_failures_are_those_of_the_champions_mission_and_silent_from_then_on(stu
         "sensor": int(row["failed_sensors"]),
         "at_s": round(float(row["failed_at_s"]), 3),
         "by": "silence",
+        "kind": "ends",
+        "grown_s": 0.0,
     }
     silent = record.run.trajectory("far")[f"range_{failed['sensor']}_m"].isna()
     readings = np.array(summed(mission["readings"][failed["sensor"]]))

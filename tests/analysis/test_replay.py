@@ -16,14 +16,18 @@ import numpy as np
 import pandas as pd
 import pytest
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.drawing.faults import GROWN_S
 from evoros.analysis.video.camera import Camera, Pixels, chase_camera, overhead_camera
-from evoros.analysis.video.captions import CLEAR, FAILED, NEAR
+from evoros.analysis.video.captions import CLEAR, ERRING, FAILED, NEAR
 from evoros.analysis.video.encoding import encode_gif, encode_mp4
+from evoros.analysis.video.faults import ShownFault, flag_ends, measure_errors
 from evoros.analysis.video.motion import interpolate
 from evoros.analysis.video.render_options import RenderOptions
 from evoros.analysis.video.renderer import CUT_M, cut_obstacles, find_goals
 from evoros.analysis.video.replay import OtherRobot, replay
 from helpers import ROOT, USER_PARTS, reseal, tiny
+from hypothesis import given
+from hypothesis import strategies as st
 from PIL import Image
 
 from evoros.base.arrays import Array
@@ -35,6 +39,7 @@ from evoros.geometry.footprint import top_height
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.simulator.engines.pybullet_viewer import Picture, open_scene
 from evoros.simulator.pybullet import import_pybullet
+from evoros.storage.fault_effects import ALTERS, ENDS, GROWS
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run, load_run
 from evoros.world.course import Course
@@ -222,14 +227,14 @@ def test_a_fan_ends_at_the_reading_and_is_gone_when_the_sensor_is_silent(
 
 @pytest.mark.parametrize(
     ("more", "expected"),
-    [({"near_m": 1.0}, CLEAR), ({"near_m": 2.0}, NEAR), ({"failed": {0: 0.0}}, FAILED)],
+    [({"near_m": 1.0}, CLEAR), ({"near_m": 2.0}, NEAR), ({"ended": True}, FAILED)],
 )
 def test_a_fan_has_the_colour_of_its_state(
     more: dict[str, Any], expected: tuple[int, int, int], urdf: str, setting: FigureContext,
     rover: Urdf, sensor: int,
 ) -> None:  # fmt: skip
-    if "failed" in more:
-        more = {"failed": {sensor: 0.0}}
+    if "ended" in more:
+        more = {"faults": [ShownFault(sensor, 0.0)]}
     seen = [1.5 if i == sensor else math.nan for i in range(6)]
     picture, camera = shown(urdf, setting, seen, **more)
     found = colour(picture, camera, ahead(rover, sensor, 1.0))
@@ -239,6 +244,47 @@ def test_a_fan_has_the_colour_of_its_state(
     )
     assert 0.2 < share < 0.8
     assert found == pytest.approx(floor + share * (np.array(expected) - floor), abs=12)
+
+
+def test_an_error_colours_a_fan_the_more_the_longer_it_grows(
+    urdf: str, setting: FigureContext, rover: Urdf, sensor: int
+) -> None:
+    seen = [1.5 if i == sensor else math.nan for i in range(6)]
+    place = ahead(rover, sensor, 1.0)
+    purple = np.array(ERRING) - np.array(CLEAR)
+    shares = []
+    for fault in (None, ShownFault(sensor, -30.0, GROWS), ShownFault(sensor, -30.0, ALTERS)):
+        faults = [] if fault is None else [fault]
+        picture, camera = shown(urdf, setting, seen, near_m=1.0, faults=faults)
+        shares.append(float(colour(picture, camera, place) @ purple))
+    assert shares[0] < shares[1] < shares[2]
+
+
+@given(
+    faults=st.lists(
+        st.builds(
+            ShownFault, st.integers(0, 3), st.floats(0, 100), st.sampled_from([ENDS, ALTERS, GROWS])
+        ),
+        max_size=6,
+        unique_by=lambda fault: fault.sensor,
+    )
+)
+def test_ends_are_sudden_and_errors_never_shrink(faults: list[ShownFault]) -> None:
+    times = np.linspace(0.0, 200.0, 41)
+    ended, errors = flag_ends(times, 4, faults), measure_errors(times, 4, faults)
+    kinds = {fault.sensor: fault for fault in faults}
+    for sensor in range(4):
+        fault = kinds.get(sensor, ShownFault(sensor, math.inf))
+        begun = times >= fault.at_s
+        assert (ended[:, sensor] == (begun & (fault.kind == ENDS))).all()
+        assert (np.diff(errors[:, sensor]) >= 0).all()
+        assert (errors[~begun, sensor] == 0).all()
+        if fault.kind == ENDS:
+            assert (errors[:, sensor] == 0).all()
+        if fault.kind == ALTERS:
+            assert (errors[begun, sensor] == 1).all()
+        if fault.kind == GROWS:
+            assert errors[-1, sensor] == pytest.approx(min(1.0, (200.0 - fault.at_s) / GROWN_S))
 
 
 def test_a_fan_is_hidden_behind_an_obstacle(

@@ -37,7 +37,7 @@ function startMap(root) {
     const view = viewOf(canvas, 0, 0, 3.2 * content.reach);
     const sensors = content.designs[chosen].sensors.map((sensor) =>
       ({ ...sensor, range: Math.min(sensor.range, content.reach) }));
-    const seen = ({ range }) => ({ reading: 0.97 * range, sectors: null, failed: false });
+    const seen = ({ range }) => ({ reading: 0.97 * range, sectors: null, fault: null, failed: false });
     drawGrid(context, canvas, view, 0.5, look.grid);
     sensors.forEach((each) => drawCone(context, view, pose, each, seen(each), look, ratio));
     drawRobot(context, view, pose, content.parts, look, ratio);

@@ -56,20 +56,34 @@ function poseAt(mission, last, time) {
   return { x: between(mission.x), y: between(mission.y), yaw: between(mission.yaw) };
 }
 
-/** Returns whether the sensor of a number has failed. */
-function hasFailed(now, number) {
-  const failure = now.mission.failed.find((entry) => entry.sensor === number);
-  return failure !== undefined && failure.at_s <= now.time;
+/** Returns the fault of the sensor of a number, and how far it has grown, from 0 to 1; or null. */
+function faultOf(now, number) {
+  const fault = now.mission.failed.find((entry) => entry.sensor === number);
+  if (fault === undefined || fault.at_s > now.time) return null;
+  const share = fault.grown_s > 0 ? Math.min(1, (now.time - fault.at_s) / fault.grown_s) : 1;
+  return { ...fault, share };
 }
 
-/** Returns a sensor's reading at the last record, and whether it has failed. */
+/** Returns whether a fault, if there is one, has ended the readings. */
+function endsReadings(fault) {
+  return fault !== null && fault.kind === "ends";
+}
+
+/** Describes a fault in words. */
+function describeFault({ sensor, at_s, by, kind }) {
+  const verb = { ends: "failed at", alters: "errs since", grows: "errs more and more since" }[kind];
+  return `sensor ${sensor} ${verb} ${at_s.toFixed(1)} s (${by})`;
+}
+
+/** Returns a sensor's reading at the last record, its fault, and whether that ended its readings. */
 function stateOf(now, sensor) {
   const reading = now.mission.readings[sensor][now.last];
   const known = (value) => (Number.isNaN(value) ? null : value);
-  const sectors = now.mission.sectors[sensor];
+  const sectors = now.mission.sectors[sensor], fault = faultOf(now, now.run.sensors[sensor].number);
   return {
     reading: known(reading), // the nearest
     sectors: sectors && sectors.map((each) => known(each[now.last])), // from right to left
-    failed: hasFailed(now, now.run.sensors[sensor].number),
+    fault,
+    failed: endsReadings(fault),
   };
 }

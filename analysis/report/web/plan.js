@@ -198,9 +198,25 @@ function drawSensor(context, view, pose, sensor, state, look, ratio) {
   context.stroke();
 }
 
-/** Crosses out a failed sensor. */
-function drawFailure(context, view, pose, sensor, look, ratio) {
+/** Crosses out a sensor whose readings have ended; puts a ring around one that errs. */
+function markFault(context, px, py, size, fault, look, ratio) {
+  if (fault === null) return;
+  if (endsReadings(fault)) {
+    drawCross(context, px, py, size, look.paper, 5 * ratio);
+    drawCross(context, px, py, size, look.ink, 2.5 * ratio);
+    return;
+  }
+  for (const [colour, line] of [[look.paper, 4], [look.hit, 2]]) {
+    context.beginPath();
+    context.arc(px, py, size * (0.6 + 0.6 * fault.share), 0, 2 * Math.PI);
+    context.strokeStyle = colour;
+    context.lineWidth = line * ratio;
+    context.stroke();
+  }
+}
+
+/** Marks a fault at the place of its sensor. */
+function drawFault(context, view, pose, sensor, fault, look, ratio) {
   const [px, py] = view.at(...toWorld(pose, sensor.x, sensor.y));
-  drawCross(context, px, py, 7 * ratio, look.paper, 5 * ratio);
-  drawCross(context, px, py, 7 * ratio, look.ink, 2.5 * ratio);
+  markFault(context, px, py, 7 * ratio, fault, look, ratio);
 }

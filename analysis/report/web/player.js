@@ -76,8 +76,8 @@ function startPlayer(root) {
         signalState(now, i), now.run.parts, look, ratio()));
       now.run.sensors.forEach((sensor, i) =>
         drawSensor(context, view, pose, sensor, states[i], look, ratio()));
-      now.run.sensors.filter((_, i) => states[i].failed).forEach((sensor) =>
-        drawFailure(context, view, pose, sensor, look, ratio()));
+      now.run.sensors.forEach((sensor, i) =>
+        drawFault(context, view, pose, sensor, states[i].fault, look, ratio()));
     }
     for (const { at_s, x, y } of mission.collisions) {
       if (at_s > now.time) continue;
@@ -121,9 +121,7 @@ function startPlayer(root) {
     parts.clock.textContent = `${now.time.toFixed(1)} / ${end.toFixed(1)} s`;
     const words = [mode, `${visited} of ${mission.goals} waypoints`];
     if (touching) words.push("touches an obstacle");
-    for (const { sensor, at_s, by } of failures) {
-      words.push(`sensor ${sensor} failed at ${at_s.toFixed(1)} s (${by})`);
-    }
+    words.push(...failures.map(describeFault));
     parts.status.textContent = words.join(" · ");
     Object.assign(root.dataset, {
       run: now.run.run, design: now.run.design, world: mission.world, playing: now.playing, mode, visited, touching,

@@ -23,7 +23,7 @@ function drawReadings(canvas, now, look, ratio) {
     const top = i * row + 3 * ratio, tall = row - 6 * ratio, middle = top + tall / 2;
     context.fillStyle = colour;
     context.fillRect(0, middle - 5 * ratio, 10 * ratio, 10 * ratio);
-    if (state.failed) drawCross(context, 5 * ratio, middle, 6 * ratio, look.ink, 2 * ratio);
+    markFault(context, 5 * ratio, middle, 5 * ratio, state.fault, look, 0.8 * ratio);
     context.fillStyle = look.ink;
     context.fillText(`${sensor.number}  ${formatHeading(sensor)}`, 18 * ratio, middle);
     context.fillStyle = look.soft;
@@ -82,8 +82,9 @@ function drawTimeline(canvas, now, look, ratio) {
       band.tall);
     i = j;
   }
-  for (const { at_s } of mission.failed) {
-    drawCross(context, at(at_s), 4 * ratio, 3.5 * ratio, look.ink, 1.5 * ratio);
+  for (const fault of mission.failed) {
+    markFault(context, at(fault.at_s), 4 * ratio, 3 * ratio, { ...fault, share: 0 }, look,
+      0.6 * ratio);
   }
   for (const { at_s } of mission.collisions) {
     context.fillStyle = look.hit;

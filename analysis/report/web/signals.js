@@ -7,12 +7,14 @@ function signalRows(run) {
   return run.signals.flatMap((signal, i) => signal.channels.map((_, k) => ({ signal, i, k })));
 }
 
-/** Returns the last values of a sensor by channel, and whether it has failed. */
+/** Returns the last values of a sensor by channel, its fault, and whether that ended its readings. */
 function signalState(now, i) {
   const values = now.mission.signals[i].map((channel) => channel[now.last]);
+  const fault = faultOf(now, now.run.signals[i].number);
   return {
     values: values.map((value) => (Number.isNaN(value) ? null : value)),
-    failed: hasFailed(now, now.run.signals[i].number),
+    fault,
+    failed: endsReadings(fault),
   };
 }
 
@@ -46,7 +48,7 @@ function drawSignal(context, view, pose, signal, state, parts, look, ratio) {
   context.lineWidth = ratio;
   context.strokeStyle = look.paper;
   context.strokeRect(px - size, py - size, 2 * size, 2 * size);
-  if (state.failed) drawFailure(context, view, pose, signal, look, ratio);
+  drawFault(context, view, pose, signal, state.fault, look, ratio);
 }
 
 function writeUnit(unit) {
@@ -70,7 +72,7 @@ function drawSignalReadings(context, now, rows, box, look, ratio) {
     const largest = data.reduce((most, each) => Math.max(most, Math.abs(each) || 0), 1e-3);
     context.fillStyle = colour;
     context.fillRect(0, middle - 5 * ratio, 10 * ratio, 10 * ratio);
-    if (state.failed) drawCross(context, 5 * ratio, middle, 6 * ratio, look.paper, 2 * ratio);
+    markFault(context, 5 * ratio, middle, 5 * ratio, state.fault, look, 0.8 * ratio);
     context.fillStyle = look.ink;
     const name = signal.touches ? signal.type : signal.channels[k][0].replaceAll("_", " ");
     context.fillText(`${signal.number}  ${name}`, 18 * ratio, middle, box.left - 22 * ratio);
