@@ -23,7 +23,7 @@ function drawReadings(canvas, now, look, ratio) {
     const top = i * row + 3 * ratio, tall = row - 6 * ratio, middle = top + tall / 2;
     context.fillStyle = colour;
     context.fillRect(0, middle - 5 * ratio, 10 * ratio, 10 * ratio);
-    markFault(context, 5 * ratio, middle, 5 * ratio, state.fault, look, 0.8 * ratio);
+    markFault(context, 5 * ratio, middle, 4 * ratio, state.fault, look, 0.7 * ratio);
     context.fillStyle = look.ink;
     context.fillText(`${sensor.number}  ${formatHeading(sensor)}`, 18 * ratio, middle);
     context.fillStyle = look.soft;

@@ -72,7 +72,7 @@ function drawSignalReadings(context, now, rows, box, look, ratio) {
     const largest = data.reduce((most, each) => Math.max(most, Math.abs(each) || 0), 1e-3);
     context.fillStyle = colour;
     context.fillRect(0, middle - 5 * ratio, 10 * ratio, 10 * ratio);
-    markFault(context, 5 * ratio, middle, 5 * ratio, state.fault, look, 0.8 * ratio);
+    markFault(context, 5 * ratio, middle, 4 * ratio, state.fault, look, 0.7 * ratio);
     context.fillStyle = look.ink;
     const name = signal.touches ? signal.type : signal.channels[k][0].replaceAll("_", " ");
     context.fillText(`${signal.number}  ${name}`, 18 * ratio, middle, box.left - 22 * ratio);
