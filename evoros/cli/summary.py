@@ -87,7 +87,19 @@ def _describe_chance(certificate: Mapping[str, Any]) -> str:
     led = sum(rival["led"] for rival in certificate["rivals"])
     others = len(certificate["rivals"]) - led
     kinds = [f"{led} that led a generation"] * (led > 0) + [f"{others} next best"] * (others > 0)
-    return f"chance {chance:.2f}, among {' and '.join(kinds)}, on the same draws"
+    return (
+        f"chance {chance:.2f}, among {' and '.join(kinds)}, on the same draws"
+        f"{_describe_better(certificate)}"
+    )
+
+
+def _describe_better(certificate: Mapping[str, Any]) -> str:
+    """The rival that scores more than the champion on all of its draws, if there is one."""
+    champion, trials = certificate["validated_fitness"], certificate["validated_trials"]
+    best = max(certificate["rivals"], key=lambda rival: rival["fitness"])
+    if best["trials"] != trials or best["fitness"] <= champion:
+        return ""
+    return f"; design {best['design']} scores {best['fitness'] - champion:.3f} more"
 
 
 def _describe_loss(status: Mapping[str, Any]) -> str:

@@ -107,6 +107,18 @@ def test_the_summary_says_which_designs_the_chance_covers(
     assert said in line
 
 
+@pytest.mark.parametrize(("gain", "fewer"), [(0.125, 0), (-0.125, 0), (0.125, 1)])
+def test_the_summary_says_by_how_much_a_rival_is_better_on_all_of_the_same_draws(
+    gain: float, fewer: int, run: Path, tmp_path: Path
+) -> None:
+    folder, known = copied(run, tmp_path / "run"), certificate(run)
+    trials = known["validated_trials"] - fewer
+    rival = {"design": 77, "trials": trials, "fitness": known["validated_fitness"] + gain}
+    changed = {**known, "rivals": [{**rival, "chance": 0.5, "led": True}], "chance_of_better": 0.5}
+    (folder / "champion" / "certificate.json").write_text(json.dumps(changed))
+    assert ("; design 77 scores 0.125 more" in summarize_run(folder)) == (gain > 0 and not fewer)
+
+
 def test_the_same_bytes_after_a_cut_and_in_processes(run: Path, tmp_path: Path) -> None:
     size = len((run / "missions.csv").read_bytes())
     for share in (0.5, 0.9):
