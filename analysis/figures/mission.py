@@ -94,18 +94,12 @@ def draw_missions(
     effects = robots[""].failure.effects if "" in robots else {}
     tracks = everyone[name_robots(everyone) == ""]
     paths = {name: select_track(tracks, name) for name in worlds}
-    titles: dict[str, list[str]] = {}
     columns = min(len(worlds), max(1, int(width / _PANEL_IN)))
     room = _PER_IN / scale_type(1.0) * width / columns
     rows = math.ceil(len(worlds) / columns)
     with use_style():
         figure = Figure(layout="constrained")
-        below: list[tuple[Callable[[SubFigure], None], float]] = []
-        if has_estimate(tracks):
-            below.append((partial(draw_errors, paths=paths, columns=columns), rows * _ERRORS_IN))
-        if traces and any(traces.values()):
-            draw = partial(draw_readings, traces=traces, columns=columns)
-            below.append((draw, measure_height(traces, columns)))
+        below = _list_parts_below(tracks, paths, traces or {}, columns)
         stack = figure.add_gridspec(1 + len(below), 1) if below else None
         upper = figure if stack is None else figure.add_subfigure(stack[0])
         grid = upper.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
@@ -114,18 +108,12 @@ def draw_missions(
             draw_mission(axes, world, paths[name], modes, effects)
             others = {agent: select_track(everyone, name, agent) for agent in robots if agent}
             draw_companions(axes, paths[name], others, robots)
-            titles[name] = _title(name, paths[name], others, rates.get(name))
-            axes.set_title(wrap_all(titles[name], room))
-            axes.set_xlabel("x [m]")
+            title = _title(name, paths[name], others, rates.get(name))
+            axes.set(title=wrap_all(title, room), xlabel="x [m]")
             axes.tick_params(labelbottom=True)
         for row in grid:
             row[0].set_ylabel("y [m]")
-        x_span, y_span = (
-            abs(end - begin) for begin, end in (panels[0].get_xlim(), panels[0].get_ylim())
-        )
-        lines = max(len(wrap_all(title, room).splitlines()) for title in titles.values())
-        words = scale_type(_WORDS_IN + _LINE_IN * lines)
-        panel = (width - 0.5) / columns * y_span / x_span + words
+        panel = _measure_panel(panels, (width - 0.5) / columns)
         touched = bool((everyone["contact"] > 0).any())
         handles = make_handles(tracks, modes, touched, effects)
         handles += make_companion_handles([*robots][1:])
@@ -144,6 +132,31 @@ def draw_missions(
         figure.set_size_inches(width, height)
         _add_legend(upper, free, handles, across)
     return figure
+
+
+def _list_parts_below(
+    tracks: pd.DataFrame,
+    paths: Mapping[str, pd.DataFrame],
+    traces: Mapping[str, Sequence[Trace]],
+    columns: int,
+) -> list[tuple[Callable[[SubFigure], None], float]]:
+    """List what is drawn below the maps, with its height [in]."""
+    parts: list[tuple[Callable[[SubFigure], None], float]] = []
+    if has_estimate(tracks):
+        height = math.ceil(len(paths) / columns) * _ERRORS_IN
+        parts.append((partial(draw_errors, paths=paths, columns=columns), height))
+    if any(traces.values()):
+        draw = partial(draw_readings, traces=traces, columns=columns)
+        parts.append((draw, measure_height(traces, columns)))
+    return parts
+
+
+def _measure_panel(panels: Sequence[Axes], width: float) -> float:
+    """Return the height [in] of a panel of this width, with its words."""
+    limits = (panels[0].get_xlim(), panels[0].get_ylim())
+    x_span, y_span = (abs(end - begin) for begin, end in limits)
+    lines = max(len(axes.get_title().splitlines()) for axes in panels)
+    return width * y_span / x_span + scale_type(_WORDS_IN + _LINE_IN * lines)
 
 
 def _read(
