@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import yaml
-
 from evoros.base.checks import is_number
-from evoros.base.errors import InputError, single_line
+from evoros.base.errors import InputError
 
 from .conditions import Conditions, select_rows
+from .entries import read_entries
 from .factors import format_level
 
 if TYPE_CHECKING:
@@ -74,17 +73,7 @@ def read_claims(path: Path) -> list[OwnClaim]:
     Raises:
         InputError: it cannot be read, or an entry is wrong.
     """
-    try:
-        entries = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(
-            f"{path}: must be a YAML file of claims ({single_line(error)}); correct it"
-        ) from error
-    if not isinstance(entries, list) or not entries:
-        raise InputError(
-            f'{path}: must be a list of claims, each with {", ".join(REQUIRED)}; write "- claim: '
-            f'..." for each'
-        )
+    entries = read_entries(path, "claims", ", ".join(REQUIRED), "- claim: ...")
     return [_read(entry, f"{path}, entry {number}") for number, entry in enumerate(entries, 1)]
 
 

@@ -10,12 +10,11 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import yaml
-
-from evoros.base.errors import InputError, single_line
+from evoros.base.errors import InputError
 from evoros.base.treatment import describe_problem
 
 from .conditions import Conditions, find_record_factors, match_levels, require_levels
+from .entries import read_entries
 from .factors import format_level
 from .treatments import label_levels
 
@@ -44,17 +43,7 @@ def read_treatments(path: Path) -> list[NamedTreatment]:
     Raises:
         InputError: it cannot be read, or an entry is wrong.
     """
-    try:
-        entries = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(
-            f"{path}: must be a YAML file of treatments ({single_line(error)}); correct it"
-        ) from error
-    if not isinstance(entries, list) or not entries:
-        raise InputError(
-            f"{path}: must be a list of treatments, each with name and where or folders; write "
-            f'"- name: ..." for each'
-        )
+    entries = read_entries(path, "treatments", "name and where or folders", "- name: ...")
     named = [_read_entry(entry, f"{path}, entry {i}") for i, entry in enumerate(entries, 1)]
     names = [entry.name for entry in named]
     for name in names:

@@ -1,0 +1,30 @@
+"""Reads YAML files of the user that are lists of entries."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import yaml
+
+from evoros.base.errors import InputError, single_line
+
+
+def read_entries(path: Path, content: str, keys: str, begin: str) -> Sequence[object]:
+    """Read the entries of a file.
+
+    ``content`` is what the entries are, ``keys`` what each must have, and ``begin`` how the first
+    line of one begins; they are for messages.
+
+    Raises:
+        InputError: it cannot be read, or is no list of at least one entry.
+    """
+    try:
+        entries = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(
+            f"{path}: must be a YAML file of {content} ({single_line(error)}); correct it"
+        ) from error
+    if not isinstance(entries, list) or not entries:
+        raise InputError(
+            f'{path}: must be a list of {content}, each with {keys}; write "{begin}" for each'
+        )
+    return entries
