@@ -76,7 +76,13 @@ def _read_style(name: str) -> Mapping[Any, Any]:
     if name in style.library and not path.exists():
         return dict(style.library[name])
     try:
-        path.read_text()  # matplotlib would also look on the internet
+        # matplotlib would also look on the internet, and go on without a key that it does not know.
+        for line in path.read_text().splitlines():
+            key = line.partition("#")[0].partition(":")[0].strip()
+            if key and key not in mpl.rcParams:
+                raise InputError(
+                    f"--style {name}: the key {key!r} is none of matplotlib's; correct or remove it"
+                )
         return dict(mpl.rc_params_from_file(path, fail_on_error=True, use_default_template=False))
     except (OSError, ValueError, KeyError) as error:
         raise InputError(

@@ -19,6 +19,7 @@ from ..measures.factorial import Cell, Contrast, EffectTest, list_contrasts, per
 from ..measures.statistics import LEVEL, holm
 from ..product import Product
 from ..tables.factors import follows
+from ..tables.quantities import FITNESS, label_fitness
 from ..tables.study import Study
 from ..tables.treatments import describe_factor, describe_level, report_repeated
 from .compare import format_p
@@ -27,7 +28,7 @@ from .scores import add_conditions, score_runs, title_measure
 HELP = "the effects of one or two factors and their interaction, with 95 % intervals"
 TESTS = ("measure", "effect", "df", "df_error", "f", "p", "p_holm")
 EFFECTS = ("measure", "effect", "contrast", "difference", "low", "high")
-HEADS = {"effect": (0.0, "left"), "F": (0.72, "right"), "p": (0.84, "right")}
+HEADS = {"effect": (0.0, "left"), "F": (0.66, "right"), "p": (0.78, "right")}
 HEADS["p (Holm)"] = (1.0, "right")
 CROSS, TIMES = " x ", " \N{MULTIPLICATION SIGN} "
 """Between the factors of an interaction, in tables and in figures."""
@@ -66,8 +67,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
         effects += [_describe_contrast(measure, contrast) for contrast in contrasts]
     table = pd.DataFrame(tests, columns=list(TESTS))
     differences = pd.DataFrame(effects, columns=list(EFFECTS))
-    figure = draw_factors(cells, names, table, figure_width(options.columns))
-    messages = [*repeated, *conclude(table, differences)]
+    label = label_fitness(study.records)
+    figure = draw_factors(cells, names, table, figure_width(options.columns), label)
+    messages = [*repeated, *conclude(table, differences, label)]
     return Product(table, figure, messages, {"factors_effects.csv": differences})
 
 
@@ -161,8 +163,11 @@ def _describe_contrast(measure: str, contrast: Contrast) -> dict[str, object]:
     return dict(zip(EFFECTS, (*cells, found.high), strict=True))
 
 
-def conclude(tests: pd.DataFrame, effects: pd.DataFrame) -> Iterator[str]:
-    """Yield a conclusion for each effect, with its differences and their intervals."""
+def conclude(tests: pd.DataFrame, effects: pd.DataFrame, label: str = FITNESS) -> Iterator[str]:
+    """Yield a conclusion for each effect, with its differences and their intervals.
+
+    ``label`` is what the fitness is called.
+    """
     for row in tests.to_dict("records"):
         rows = effects[(effects.measure == row["measure"]) & (effects.effect == row["effect"])]
         shown = "; ".join(
@@ -173,7 +178,7 @@ def conclude(tests: pd.DataFrame, effects: pd.DataFrame) -> Iterator[str]:
         words = " and ".join(map(describe_factor, str(row["effect"]).split(CROSS)))
         kind = "interaction of " if CROSS in str(row["effect"]) else ""
         yield (
-            f"{title_measure(str(row['measure']))}, {kind}{words}: {verdict}: "
+            f"{title_measure(str(row['measure']), label)}, {kind}{words}: {verdict}: "
             f"{format_p(row['p_holm'])} (Holm); differences of means with 95 % intervals: {shown}"
         )
 
@@ -183,18 +188,20 @@ def draw_factors(
     names: Sequence[str],
     tests: pd.DataFrame,
     width: float = COLUMN_IN,
+    label: str = FITNESS,
 ) -> Figure:
     """Draw a panel for each measure, with its tests below: replicates, means and intervals.
 
     ``cells`` has the values of each combination of levels by measure, ``names`` those of the
-    factors; ``width`` is in inches. Levels of the first factor are along the axis, those of the
-    second have colours, and lines between means are parallel if there is no interaction.
+    factors; ``width`` is in inches, ``label`` what the fitness is called. Levels of the first
+    factor are along the axis, those of the second have colours, and lines between means are
+    parallel if there is no interaction.
     """
     layout = Layout(len(cells), width, PANEL_IN, table_height(len(names) * 2 - 1, note=True))
     with use_style():
         figure, parts = layout.make_figure()
         for (top, bottom), (measure, values) in zip(parts, cells.items(), strict=True):
-            _draw_means(top.subplots(), values, names, title_measure(measure))
+            _draw_means(top.subplots(), values, names, title_measure(measure, label))
             rows = [
                 (
                     TIMES.join(map(describe_factor, str(row["effect"]).split(CROSS))),

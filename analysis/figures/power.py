@@ -28,6 +28,7 @@ from .scores import add_conditions, score_runs, title_measure
 HELP = "how many replicates detect a given difference, simulated from the runs at hand"
 USUAL = (0.5, 1.0, 1.5)
 """Differences, in standard deviations, if none is given."""
+BAR_STEP = 0.03  # of the chance, between the bars of two differences
 POINTS = 14
 """Numbers of replicates at which a curve is computed."""
 
@@ -165,7 +166,10 @@ def draw_power(
             label = f"{plan['difference']:.3g} ({plan['in_sd']:.2g} SD)"
             axes.plot(rows["replicates"], rows["power"], color=colour, lw=1.2, label=label)
             low, high = (min(plan[f"replicates_{side}"], end) for side in ("low", "high"))
-            axes.plot([low, high], [power, power], color=colour, lw=2.5, alpha=0.4)
+            y = power + BAR_STEP * ((len(plans) - 1) / 2 - i)  # beside each other, to be told apart
+            axes.plot([low, high], [y, y], color=colour, lw=1.2)
+            if plan["replicates_high"] > end:
+                axes.plot(high, y, ">", color=colour, ms=4, clip_on=False)
             if plan["replicates"] <= end:
                 axes.plot(plan["replicates"], power, "o", color=colour, ms=4.5)
         axes.set(xlabel="replicates of each treatment", ylabel="chance to detect the difference")

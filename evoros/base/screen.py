@@ -60,8 +60,8 @@ class Surface(Protocol):
         """Show the line as it is now."""
         ...
 
-    def close(self) -> None:
-        """Leave the place to others."""
+    def close(self, line: Line) -> None:
+        """Leave the place to others; the line is what it is at the end."""
         ...
 
 
@@ -101,7 +101,7 @@ class Screen:
             while self._is_due():
                 self._show()
         finally:
-            self.surface.close()
+            self.surface.close(self.line)
 
     def _is_due(self) -> bool:
         """Wait until the line is due; whether it is still wanted then."""
@@ -171,7 +171,7 @@ class Terminal:
         text = line(self._console.width - 1)
         self._live.update(Text(text, no_wrap=True, overflow="ellipsis"), refresh=True)
 
-    def close(self) -> None:
+    def close(self, line: Line) -> None:
         """Remove the line."""
         self._live.stop()
         self._stack.close()
@@ -204,8 +204,9 @@ class Notebook:
         """Replace the line."""
         self._handle.update({"text/plain": line(NOTEBOOK_WIDTH)}, raw=True)
 
-    def close(self) -> None:
-        """Leave the line as it is."""
+    def close(self, line: Line) -> None:
+        """Show the line as it ended; it stays there."""
+        self.show(line)
 
 
 class Pipe:
@@ -222,5 +223,5 @@ class Pipe:
         with suppress(OSError, ValueError):
             print(line(shutil.get_terminal_size().columns - 1), file=sys.stderr, flush=True)
 
-    def close(self) -> None:
+    def close(self, line: Line) -> None:
         """Leave what is written."""

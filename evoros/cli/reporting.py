@@ -1,6 +1,8 @@
 """How commands report the ends of jobs: messages, summaries and exit statuses."""
 
 import shlex
+import sysconfig
+import traceback
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +11,7 @@ from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED, print_result
 from evoros.base.disk import exists, explain_rights
 from evoros.base.errors import EvorosError, InputError, RunStopped, single_line
 from evoros.base.log import LOGGER
+from evoros.base.resources import PACKAGE
 from evoros.cli.signals import Signals
 
 if TYPE_CHECKING:
@@ -38,16 +41,30 @@ def explain_end(
         message, status = signals.explain()
         return JobResult(status, message + hint)
     if isinstance(error, EvorosError):
-        shown = hint if isinstance(error, RunStopped) else ""
-        return JobResult(status_of(error), f"{error}{shown}")
+        if not isinstance(error, RunStopped):
+            return JobResult(status_of(error), str(error))
+        cause, log = error.__cause__, folder / LOG
+        in_part = cause is not None and not isinstance(cause, EvorosError) and exists(log)
+        shown = f" (traceback in {log})" if in_part else ""
+        return JobResult(status_of(error), f"{error}{shown}{hint}")
     rights = explain_rights(error)
     if rights:
         return JobResult(STOPPED, f"{rights}{hint}")
     # An error in the user's own part, a full disk, or a bug of evoros.
     message = single_line(f"{type(error).__name__}: {error}")
     log = folder / LOG
-    traceback = f" (traceback in {log})" if exists(log) else ""
-    return JobResult(STOPPED, f"{message}{traceback}{hint}")
+    if exists(log):
+        return JobResult(STOPPED, f"{message} (traceback in {log}){hint}")
+    return JobResult(STOPPED, f"{_locate(error)}{message}{hint}")
+
+
+def _locate(error: BaseException) -> str:
+    """Name the place where an error was raised, the last one that is the user's if there is any."""
+    frames = traceback.extract_tb(error.__traceback__)
+    installed = (str(PACKAGE), *map(sysconfig.get_path, ("stdlib", "purelib", "platlib")))
+    own = [frame for frame in frames if not frame.filename.startswith(installed)]
+    place = next(iter([*reversed(own), *reversed(frames)]), None)
+    return "" if place is None else f"{place.filename}, line {place.lineno}, in {place.name}: "
 
 
 def _resume_hint(folder: Path, config_dir: str | None) -> str:

@@ -8,7 +8,13 @@ from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.config.recorded import flatten_recorded
-from evoros.session.file_differences import NOTHING, compare_missions, find_difference, tell
+from evoros.session.file_differences import (
+    FIGURES,
+    NOTHING,
+    compare_missions,
+    find_difference,
+    tell,
+)
 from evoros.storage.discovery import folders_below
 from evoros.storage.layout import CONFIG, MANIFEST, STATUS, read_json
 from evoros.storage.verification import verify_folder
@@ -25,8 +31,6 @@ COMPARED = (
     "figures/*",
 )
 """Files that follow from the configuration, after the missions, in the order in which they do."""
-FIGURES = "figures/"
-"""They can be drawn at any time, so that one folder may have more of them."""
 FREE = ("executor", "figures")
 """Keys, or first parts of keys, on which no result depends."""
 OWN_HASHES = "configuration"

@@ -12,6 +12,8 @@ from evoros.storage.layout import MISSIONS
 
 KEYS = (("generation", "design", "world", "trial"), ("source", "design", "world", "trial"))
 """Columns that identify a mission of a run, and of an evaluation."""
+FIGURES = "figures/"
+"""Where figures are; they can be drawn at any time, so that one folder may have more of them."""
 NUMBERS = ("generation", "trial")
 SHOWN = 60  # characters of a value
 NOTHING = "nothing"
@@ -75,9 +77,19 @@ def find_difference(one: Path, other: Path, name: str) -> str:
         texts = first.decode(), second.decode()
     except UnicodeDecodeError:
         return f"{name}: {_find_byte(first, second)} differs between {one} and {other}"
+    if name.startswith(FIGURES) and name.endswith(".csv"):
+        pairs = zip((one, other), texts, strict=True)
+        if len({tuple(_read_unnamed(text, folder)) for folder, text in pairs}) == 1:
+            return ""
     find = {".csv": _find_cell, ".json": _find_key}.get(Path(name).suffix, _find_line)
     what, value, other_value = find(*texts)
     return f"{name}: {tell(what, one, value, other, other_value)}"
+
+
+def _read_unnamed(text: str, folder: Path) -> Iterator[tuple[str, ...]]:
+    """Yield the rows of a figure's table without the name of the folder that it was drawn in."""
+    for row in csv.reader(text.splitlines()):
+        yield tuple("" if cell == folder.resolve().name else cell for cell in row)
 
 
 def tell(what: str, one: Path, first: object, other: Path, second: object) -> str:

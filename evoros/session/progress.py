@@ -79,8 +79,10 @@ class Progress:
             self._totals.append(self.missions)
 
     def line(self, width: int) -> str:
-        """The progress in one line of at most ``width`` characters."""
+        """The progress in one line of at most ``width`` characters; at the end, what was done."""
         elapsed = _elapsed(self.since)
+        if self.ended:
+            return fit([*self._describe_end(elapsed)], width)
         last = self._generations - 1
         parts = [
             (0, self.activity),
@@ -92,6 +94,12 @@ class Progress:
             (4, self._describe_time(elapsed)),
         ]
         return fit(parts, width)
+
+    def _describe_end(self, elapsed: float) -> Iterator[tuple[int, str]]:
+        yield 0, f"ended after {_clock(_elapsed(self._created))}"
+        yield 1, "" if self.best is None else f"best {self.best:.3f}"
+        yield 2, f"missions {self.missions}" if self.missions else ""
+        yield 3, _speed(self.simulated, elapsed) if self.missions else ""
 
     def _describe_time(self, elapsed: float) -> str:
         """The time left, or, as long as nothing tells, the time that has passed."""

@@ -2,6 +2,7 @@
 
 import io
 import json
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -175,7 +176,7 @@ def _read(path: Path, reader: Callable[[Path], Any]) -> Any:
         command = Run(run).manifest.get("command", "evoros") if run != path else "evoros"
         raise InputError(
             f"{path}: must exist; the run is not finished, or the file was deleted; type: "
-            f"{command} resume={run}"
+            f"{command} resume={shlex.quote(str(run))}"
         ) from error
     except (ValueError, OSError) as error:
         raise InputError(f"{path}: cannot be read ({error}); restore the file") from error

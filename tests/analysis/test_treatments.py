@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 import yaml
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.drawing.style import choose_style
 from evoros.analysis.product import Product
 from evoros.analysis.robot_choice import make_product
 from evoros.analysis.tables.conditions import parse_conditions, select_rows
@@ -306,3 +307,22 @@ def test_every_table_has_the_levels_of_its_rows(sweep: Path) -> None:
     assert made.tables["other"].equals(tables["other"])
     assert list(made.tables["all"]["effect"]) == ["", *levels["effect"]]
     assert list(tables["main"].columns) == ["run", "treatment"]  # not changed
+
+
+def test_a_tab_in_the_file_is_named_by_its_line(tmp_path: Path) -> None:
+    (tmp_path / "names.yaml").write_text("- name: a\n\twhere: {seed: 1}\n")
+    with pytest.raises(
+        InputError, match=r"names\.yaml: must be a YAML file of treatments \(line 2: "
+    ):
+        read_treatments(tmp_path / "names.yaml")
+
+
+def test_a_key_of_a_style_that_matplotlib_does_not_know_is_named(tmp_path: Path) -> None:
+    (tmp_path / "own.mplstyle").write_text("font.size: 7 # pt\n\n# a comment\nfont.sise: 8\n")
+    with (
+        pytest.raises(
+            InputError, match=r"--style .*own\.mplstyle: the key 'font\.sise' is none of"
+        ),
+        choose_style(str(tmp_path / "own.mplstyle")),
+    ):
+        pass

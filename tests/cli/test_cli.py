@@ -231,6 +231,7 @@ def test_an_exception_in_a_worker_stops_the_run_which_can_be_resumed(
     last = err.strip().splitlines()[-1]
     assert "in far, generation 0, trial 0: ZeroDivisionError: the planar fault" in last
     assert f"evoros resume={run} {OPTION}" in last
+    assert f"(traceback in {run / 'evoros.log'})" in last
     assert "Traceback" not in err
     assert "planar.py" in (run / "evoros.log").read_text()
     assert json.loads((run / "status.json").read_text())["state"] == "stopped"

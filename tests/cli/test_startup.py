@@ -84,7 +84,7 @@ def test_warnings_of_the_readers_are_on_the_terminal_and_in_the_log(
 @pytest.mark.parametrize(
     ("error", "status", "said"),
     [
-        (ZeroDivisionError("no\nluck"), STOPPED, "evoros: ZeroDivisionError: no luck\n"),
+        (ZeroDivisionError("no\nluck"), STOPPED, ", in failing: ZeroDivisionError: no luck\n"),
         (KeyboardInterrupt(), INTERRUPTED, "evoros: interrupted\n"),
     ],
 )
@@ -96,12 +96,15 @@ def test_nothing_is_promised_of_a_run_that_never_began(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Neither a traceback in a log nor a folder to resume, for there is none."""
+    """Neither a traceback in a log nor a folder to resume, for there is none; but the place."""
 
     def failing(*_: object) -> None:
         raise error
 
     monkeypatch.setattr("evoros.session.run.manifest", failing)
     assert cli.evoros([*TINY, "executor=serial", f"hydra.run.dir={tmp_path / 'run'}"]) == status
-    assert capsys.readouterr().err == said
+    err = capsys.readouterr().err
+    assert err.endswith(said)
+    assert err.startswith("evoros: interrupted" if status == INTERRUPTED else f"evoros: {__file__}")
+    assert err.count("\n") == 1
     assert everything(tmp_path) == {}

@@ -9,6 +9,7 @@ from helpers import content, copied, cut, everything, reseal, resume, scored, ti
 
 from evoros.base.console import DONE, INPUT
 from evoros.cli.compare import DIFFERENT, evoros_compare
+from evoros.session.file_differences import find_difference
 
 ALL = ("record=all", "optimizer.generations=2")
 
@@ -164,6 +165,19 @@ def test_any_byte_that_differs_is_told(
             check_told(name, compared(run, folder, capsys))
         (folder / name).write_bytes(whole)
     assert compared(run, folder, capsys)[0] == DONE
+
+
+def test_a_table_of_a_figure_may_name_the_folder_that_it_was_drawn_in(tmp_path: Path) -> None:
+    """A reproduced run has another folder; the tables of other files name none."""
+    one, other = folders = [tmp_path / name for name in ("one", "other")]
+    for folder, value in zip(folders, (1, 1), strict=True):
+        for part in ("figures", "champion"):
+            (folder / part).mkdir(parents=True)
+            (folder / part / "a.csv").write_text(f"run,value\n{folder.name},{value}\n")
+    assert find_difference(one, other, "figures/a.csv") == ""
+    assert "run is one in" in find_difference(one, other, "champion/a.csv")
+    (other / "figures" / "a.csv").write_text("run,value\nother,2\n")
+    assert find_difference(one, other, "figures/a.csv").startswith("figures/a.csv: line 2: ")
 
 
 def check_told(name: str, answer: tuple[int, str]) -> None:
