@@ -1,6 +1,7 @@
 """Treatments side by side: every replicate, boxes, and tests of each pair."""
 
 import argparse
+import shlex
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -22,7 +23,7 @@ from ..tables.matching import find_differences, select_conditions
 from ..tables.quantities import FITNESS, label_fitness
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
-from ..tables.validated import BY_EVALUATION, BY_RUN
+from ..tables.validated import BY_EVALUATION, BY_RUN, list_unused
 from .scores import add_conditions, score_runs, title_measure
 
 HELP = "treatments side by side: recorded and validated fitness, tests, effect sizes, intervals"
@@ -57,7 +58,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the comparison; its tables are the tests and the values of each run."""
     runs, measures = score_runs(study, options.under)
     if options.under is None:
-        messages = [*_report_sources(runs), *_report_conditions(study)]
+        messages = [*_report_sources(runs), *_report_unused(study), *_report_conditions(study)]
     else:
         (measure,) = measures
         known = int(runs[measure].notna().sum())
@@ -109,6 +110,15 @@ def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
         yield (
             "for a validation on more trials, score the champions under the conditions of their "
             "runs and give that folder, too: evoros-evaluate designs=SWEEP trials=40 ..."
+        )
+
+
+def _report_unused(study: Study) -> Iterator[str]:
+    """Report the evaluations that validate no run."""
+    for name, parts in list_unused(study).items():
+        yield (
+            f"{name} validates no run: it was made with another {' and '.join(parts)}; --under "
+            f"{shlex.quote(name)} compares all runs in it"
         )
 
 

@@ -84,12 +84,32 @@ def read_evaluations(study: "Study") -> list[Scores]:
 
 
 def validates(evaluation: "EvaluationRecord", record: "Record") -> bool:
-    """Whether the conditions of an evaluation are those of a run, for the run's champion.
+    """Whether the conditions of an evaluation are those of a run, for the run's champion."""
+    return not _list_differences(evaluation, record)
+
+
+def _list_differences(evaluation: "EvaluationRecord", record: "Record") -> list[str]:
+    """List the keys in which the conditions of an evaluation and a run differ.
 
     Values that evolve belong to the design, whatever the two configurations contain.
     """
+    evolved = read_champion_genes(record)
     differences = find_differences(select_conditions(evaluation), select_conditions(record))
-    return set(differences) <= set(read_champion_genes(record))
+    return [key for key in differences if key not in evolved]
+
+
+def list_unused(study: "Study") -> dict[str, list[str]]:
+    """List the parts in which each evaluation that validates no run differs from the nearest one.
+
+    The names of evaluations are the keys.
+    """
+    unused = {}
+    runs = [record for record in study.records if record.finished]
+    for evaluation in study.evaluations:
+        nearest = min((_list_differences(evaluation, run) for run in runs), key=len, default=[])
+        if nearest:
+            unused[evaluation.name] = list(dict.fromkeys(key.split(".")[0] for key in nearest))
+    return unused
 
 
 def _require_finished(record: "Record") -> None:

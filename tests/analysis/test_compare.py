@@ -22,7 +22,7 @@ from evoros.analysis.measures.effect_sizes import a12_interval
 from evoros.analysis.measures.statistics import holm, mann_whitney, median_interval
 from evoros.analysis.tables.matching import identify_champion
 from evoros.analysis.tables.study import load_study
-from evoros.analysis.tables.validated import validate_champions, validates
+from evoros.analysis.tables.validated import list_unused, validate_champions, validates
 from helpers import reseal, scored, texts, tiny
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -210,6 +210,18 @@ def test_all_champions_can_be_compared_under_the_same_conditions(
         assert value == means[str(study / "runs" / run)]
     assert evoros_analyze([*arguments, "--under", "nothing"]) == INPUT
     assert "--under: must be the label" in capsys.readouterr().err
+
+
+def test_an_evaluation_that_validates_no_run_is_told_with_what_it_differs_in(
+    study: Path, copied: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert list_unused(load_study([study])) == {}  # some runs suffice
+    scored(copied / "a fast one", copied / "runs", "simulator.time_step=0.1")
+    assert list_unused(load_study([copied])) == {"a fast one": ["simulator"]}
+    assert evoros_analyze(["compare", str(copied), "--output", str(copied / "out")]) == DONE
+    out = capsys.readouterr().out.splitlines()
+    (line,) = (each for each in out if each.startswith("a fast one validates no run: "))
+    assert "it was made with another simulator; --under 'a fast one' compares" in line
 
 
 def test_an_evaluation_of_none_of_the_champions_compares_nothing(
