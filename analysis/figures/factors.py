@@ -1,6 +1,7 @@
 """Two factors: what each does, and whether one changes what the other does."""
 
 import argparse
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 
@@ -171,7 +172,7 @@ def conclude(tests: pd.DataFrame, effects: pd.DataFrame, label: str = FITNESS) -
     for row in tests.to_dict("records"):
         rows = effects[(effects.measure == row["measure"]) & (effects.effect == row["effect"])]
         shown = "; ".join(
-            f"{r.contrast}: {r.difference:.2f} [{r.low:.2f}, {r.high:.2f}]"
+            f"{_spell_contrast(r.contrast)}: {r.difference:.2f} [{r.low:.2f}, {r.high:.2f}]"
             for r in rows.itertuples()
         )
         verdict = "an effect" if row["p_holm"] < LEVEL else "no effect shown at the 5 % level"
@@ -181,6 +182,11 @@ def conclude(tests: pd.DataFrame, effects: pd.DataFrame, label: str = FITNESS) -
             f"{title_measure(str(row['measure']), label)}, {kind}{words}: {verdict}: "
             f"{format_p(row['p_holm'])} (Holm); differences of means with 95 % intervals: {shown}"
         )
+
+
+def _spell_contrast(text: str) -> str:
+    """Write the levels of a contrast as they are written in the figure."""
+    return re.sub(r"\w+", lambda match: describe_level(match[0]), text)
 
 
 def draw_factors(

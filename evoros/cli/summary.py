@@ -18,6 +18,7 @@ def summarize_run(folder: Path) -> str:
         + ("" if validated is None else f", {validated:.3f} validated on fresh draws"),
         f"generations       {status['generations_done']}",
         _describe_missions(status),
+        *_describe_final_choice(folder),
         *_describe_certificate(folder),
         f"champion          {folder / 'champion'}",
         f"run folder        {folder}",
@@ -58,9 +59,26 @@ def _describe_missions(status: Mapping[str, Any]) -> str:
     )
 
 
+def _read_certificate(folder: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((folder / "champion" / "certificate.json").read_text())
+    return content
+
+
+def _describe_final_choice(folder: Path) -> list[str]:
+    """What the recorded fitness is the mean of, if the champion was chosen at the end."""
+    certificate = _read_certificate(folder)
+    finalists, trials = len(certificate["finalists"]), certificate["recorded_trials"]
+    if not finalists:
+        return []
+    return [
+        f"final choice      design {certificate['design']} of {finalists} finalists; its recorded "
+        f"fitness is the mean of {trials} trials"
+    ]
+
+
 def _describe_certificate(folder: Path) -> list[str]:
     """The champion's fitness and success on fresh draws, with their intervals, and its rivals."""
-    certificate = json.loads((folder / "champion" / "certificate.json").read_text())
+    certificate = _read_certificate(folder)
     trials, percent = certificate["validated_trials"], f"{100 * certificate['confidence']:g} %"
     if not trials:
         return []

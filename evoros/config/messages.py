@@ -64,9 +64,11 @@ def describe_build_error(error: InstantiationException) -> str:
         )
     if isinstance(cause, OmegaConfBaseException | OSError | yaml.YAMLError):
         return where + describe_error(cause)
+    if isinstance(cause, SyntaxError):
+        return f"{where}{cause.filename}, line {cause.lineno}: {cause.msg}; correct the code"
     if isinstance(cause, InstantiationException):  # Hydra itself refuses the class
         return f"{where}{_flat(cause)}; correct _target_"
-    return f"{where}{type(cause).__name__}: {_flat(cause)}; correct the values"
+    return f"{where}{type(cause).__name__}: {_flat(cause)}; correct the values, or the code"
 
 
 def find_unresolved(config: DictConfig | ListConfig, above: str = "") -> str:

@@ -171,6 +171,11 @@ class Evaluator:
         self, designs: Sequence[Design], generation: int
     ) -> tuple[list[list[Mission]], dict[MissionKey, Outcome]]:
         """The missions of each design, and the outcomes of all."""
+        if isinstance(designs, str | Path):
+            raise InputError(
+                f"designs: must be a list of designs, not {designs}; to score those of a folder "
+                f"use evoros-evaluate designs=FOLDER"
+            )
         if self._pool is None:
             raise InputError(
                 "Evaluator: must be open; use it as `with Evaluator(...) as evaluator:`"
