@@ -18,7 +18,7 @@ from evoros.storage.figure_context import FigureContext
 
 from ..drawing.robot import AXES, aspect_ratio, draw_robot, frame_axes, to_page
 from ..drawing.sheet import Sheet
-from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, use_style
+from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, scale_type, use_style
 from ..measures.cones import (
     CONE,
     Window,
@@ -131,7 +131,7 @@ def draw_regions(
 def _fit_window(contexts: Mapping[str, FigureContext], reach: float) -> Window:
     """Return the window of the robots and fans, with room for names beside and before them."""
     corners = [
-        (x, y, 0.0, 360.0, (2.8 if area.facing_deg else 1.8) * reach)
+        (x, y, 0.0, 360.0, scale_type(3.4 if area.facing_deg else 2.4) * reach)
         for context in contexts.values()
         for area in context.regions.values()
         for x, y in area.corners
