@@ -74,9 +74,23 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def conclude(table: pd.DataFrame) -> list[str]:
-    """Return a conclusion, one sentence, for each row of ``compare_treatments``."""
-    pairs = table.groupby("measure").size()
-    return [_conclude_pair(row, int(pairs[row["measure"]])) for row in table.to_dict("records")]
+    """Return a conclusion, one sentence, for each row of ``compare_treatments``.
+
+    If no pair of a measure has enough replicates, one sentence says so of all.
+    """
+    said: list[str] = []
+    for measure, rows in table.groupby("measure", sort=False):
+        pairs = rows.to_dict("records")
+        if len(pairs) > 1 and (rows["least_p_holm"] >= LEVEL).all():
+            counts = [row[name] for row in pairs for name in ("n_a", "n_b")]
+            said.append(
+                f"{title_measure(str(measure))}, {len(pairs)} pairs: too few replicates "
+                f"({min(counts)} to {max(counts)}) for any conclusion: at least "
+                f"{minimum_replicates(len(pairs))} in each are needed"
+            )
+        else:
+            said += [_conclude_pair(row, len(pairs)) for row in pairs]
+    return said
 
 
 def _conclude_pair(row: Mapping[Hashable, Any], pairs: int) -> str:

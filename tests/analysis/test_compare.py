@@ -318,7 +318,10 @@ def test_each_conclusion_is_one_plain_sentence() -> None:
 def test_too_few_replicates_are_said() -> None:
     few = {name: values[:3] for name, values in FIVE.items()}
     said = conclude(compare_treatments(runs_of(few)))
-    assert all("too few replicates (3 and 3) for any conclusion: at least 5" in s for s in said)
+    assert [line.partition(":")[0] for line in said] == [
+        f"{kind} fitness, 3 pairs" for kind in ("recorded", "validated")
+    ]
+    assert all("too few replicates (3 to 3) for any conclusion: at least 5" in s for s in said)
     two = {name: values[:4] for name, values in list(FIVE.items())[:2]}
     (four, _) = conclude(compare_treatments(runs_of(two)))
     assert '"high" is higher: p = 0.029' in four
