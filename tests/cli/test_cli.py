@@ -82,7 +82,7 @@ def test_bad_input_is_one_clear_line_and_leaves_no_folder(
     ("file", "text", "said"),
     [
         ("simulator/mine.yaml", "a: [1\nb: 2", "mine.yaml"),
-        ("simulator/mine.yaml", "_target_: broken.Broken", "SyntaxError"),
+        ("simulator/mine.yaml", "_target_: broken.Broken", "broken.py, line 1: invalid syntax"),
         ("simulator/mine.yaml", "_target_: failing.Failing", "ZeroDivisionError"),
         (
             "simulator/mine.yaml",
