@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evoros.base.errors import InputError
+from evoros.base.log import LOGGER
 from evoros.base.treatment import describe_problem
 
 from .conditions import Conditions, find_record_factors, match_levels, require_levels
@@ -85,7 +86,7 @@ def _read_entry(entry: object, place: str) -> NamedTreatment:
 def name_treatments(
     records: "Sequence[Record]", entries: Sequence[NamedTreatment], path: Path
 ) -> "tuple[Record, ...]":
-    """Give each record the name of the one entry that fits it.
+    """Give each record the name of the one entry that fits it; report entries that fit none.
 
     Raises:
         InputError: no entry fits a record, or several do.
@@ -104,6 +105,9 @@ def name_treatments(
                 f"{path}: each treatment must have one entry, and of {about}, {problem}; {fix}"
             )
         named.append(replace(record, given=own[0].given))
+    for entry, rows in zip(entries, fitting, strict=True):
+        if not any(rows):
+            LOGGER.warning("%s: %r fits no run; is a level or a folder misspelt?", path, entry.name)
     return tuple(named)
 
 

@@ -224,6 +224,16 @@ def test_a_file_names_the_treatments_of_folders(sweep: Path, tmp_path: Path) -> 
     assert [record.given["name"] for record in names] == ["t", "t", "s", "s"]
 
 
+def test_an_entry_that_fits_no_run_is_told(
+    sweep: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    idle = {"name": "idle", "where": {"effect": "stucky"}}
+    study = load_study([sweep], (), write(tmp_path / "names.yaml", [*ENTRIES, idle]))
+    assert len(study.records) == 4
+    (message,) = caplog.messages
+    assert "names.yaml: 'idle' fits no run" in message
+
+
 WRONG: list[tuple[object, str]] = [
     (ENTRIES[:1], "no entry fits it; add an entry"),
     ([*ENTRIES, {"name": "all", "folders": "*"}], "it is both 'few' and 'all'"),
