@@ -161,11 +161,16 @@ def _list_residents(home: str) -> Iterator[int]:
 
 
 def _receive(control: socket.socket, sockets: int = 0) -> tuple[dict[str, Any], list[int]]:
-    """Receive a line of news, with as many descriptors at most; empty if the keeper has ended."""
+    """Receive a line of news, with as many descriptors at most; empty if the keeper has ended.
+
+    The next news stays in the socket: a command may have ended by the time its start is read.
+    """
     data, descriptors = b"", []
     while not data.endswith(b"\n"):
         try:
-            more, files, _, _ = socket.recv_fds(control, 4096, max(1, sockets))
+            ready = control.recv(4096, socket.MSG_PEEK)
+            length = len(ready.split(b"\n", 1)[0]) + 1
+            more, files, _, _ = socket.recv_fds(control, length, max(1, sockets))
         except ConnectionResetError:
             break
         if not more:

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -185,6 +186,25 @@ for isolate in (True, False):
         "No space left on device); set controller.isolate=false, or allow user namespaces",
         "runs",
     ], result.stderr
+
+
+def test_news_that_arrive_together_are_read_one_by_one() -> None:
+    """As when the command has ended before its start is read, in a busy machine."""
+    ours, theirs = socket.socketpair()
+    reader, writer = os.pipe()
+    with ours, theirs, open(reader, "rb"), open(writer, "wb"):
+        theirs.sendall(b'{"started": []}\n{"ended": 0}\n{"cut"')
+        socket.send_fds(theirs, [b': 1}\n{"last": 2}\n'], [writer])
+        theirs.close()
+        assert process_module._receive(ours) == ({"started": []}, [])
+        assert process_module._receive(ours) == ({"ended": 0}, [])
+        news, descriptors = process_module._receive(ours, 1)
+        assert news == {"cut": 1}
+        (descriptor,) = descriptors
+        assert os.fstat(descriptor).st_ino == os.fstat(writer).st_ino
+        os.close(descriptor)
+        assert process_module._receive(ours) == ({"last": 2}, [])
+        assert process_module._receive(ours) == ({}, [])
 
 
 def test_macos_is_told_before_anything_starts(monkeypatch: pytest.MonkeyPatch) -> None:
