@@ -87,9 +87,13 @@ def find_difference(one: Path, other: Path, name: str) -> str:
 
 
 def _read_unnamed(text: str, folder: Path) -> Iterator[tuple[str, ...]]:
-    """Yield the rows of a figure's table without the name of the folder that it was drawn in."""
-    for row in csv.reader(text.splitlines()):
-        yield tuple("" if cell == folder.resolve().name else cell for cell in row)
+    """Yield the rows of a figure's table; the folder that it was drawn in has no name as a run."""
+    rows, own = csv.reader(text.splitlines()), folder.resolve().name
+    header = next(rows, [])
+    yield tuple(header)
+    for row in rows:
+        pairs = zip_longest(header, row, fillvalue="")
+        yield tuple("" if (name, cell) == ("run", own) else cell for name, cell in pairs)
 
 
 def tell(what: str, one: Path, first: object, other: Path, second: object) -> str:

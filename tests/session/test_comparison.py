@@ -178,6 +178,9 @@ def test_a_table_of_a_figure_may_name_the_folder_that_it_was_drawn_in(tmp_path: 
     assert "run is one in" in find_difference(one, other, "champion/a.csv")
     (other / "figures" / "a.csv").write_text("run,value\nother,2\n")
     assert find_difference(one, other, "figures/a.csv").startswith("figures/a.csv: line 2: ")
+    for folder in (one, other):  # a name in another column is a value as any other
+        (folder / "figures" / "a.csv").write_text(f"run,value\n{folder.name},{folder.name}\n")
+    assert find_difference(one, other, "figures/a.csv").startswith("figures/a.csv: line 2: ")
 
 
 def check_told(name: str, answer: tuple[int, str]) -> None:
