@@ -7,9 +7,9 @@ import argparse
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, Protocol, cast
+from typing import TYPE_CHECKING, Protocol, cast
 
-from evoros.base.errors import InputError
+from evoros.base.arguments import CommandParser
 from evoros.base.origin import read_origin
 
 if TYPE_CHECKING:
@@ -66,11 +66,6 @@ class Subcommand(Protocol):
         ...
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message}; see {self.prog} --help")
-
-
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
     """Parse a subcommand and its options.
 
@@ -80,7 +75,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     from .drawing.style import KINDS
 
     chosen = [name for name in SUBCOMMANDS if name in arguments[:1]]
-    parser = _Parser(NAME, description=ABOUT, formatter_class=argparse.RawTextHelpFormatter)
+    parser = CommandParser(NAME, description=ABOUT, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--version", action="version", version=f"{NAME} {read_origin().version}")
     subparsers = parser.add_subparsers(dest="subcommand", metavar="SUBCOMMAND", required=True)
     for name in chosen or SUBCOMMANDS:

@@ -5,10 +5,11 @@ from collections.abc import Sequence
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
+from evoros.base.arguments import CommandParser
 from evoros.base.console import DONE, print_result, run_main
-from evoros.base.errors import EvorosError, InputError
+from evoros.base.errors import EvorosError
 from evoros.base.log import log_everything, log_to_terminal
 from evoros.base.origin import read_origin
 from evoros.base.resources import expand_home
@@ -99,13 +100,8 @@ def _report(folder: Path, result: JobResult) -> None:
         report_error(NAME, f"{folder}: {result.message}", result.status)
 
 
-class _Parser(ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message}; see {NAME} --help")
-
-
 def _parser() -> ArgumentParser:
-    parser = _Parser(
+    parser = CommandParser(
         NAME,
         description=ABOUT,
         epilog=STATUSES,

@@ -5,8 +5,8 @@ import time
 from argparse import ArgumentParser
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
+from evoros.base.arguments import CommandParser
 from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result, run_main
 from evoros.base.errors import EvorosError, InputError, single_line
 from evoros.base.log import LOGGER, log_to_terminal
@@ -71,13 +71,8 @@ def _look(folder: Path) -> tuple[str, bool]:
     return format_folders(folder, overviews), any(each.state == RUNNING for each in overviews)
 
 
-class _Parser(ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message}; see {NAME} --help")
-
-
 def _parser() -> ArgumentParser:
-    parser = _Parser(
+    parser = CommandParser(
         NAME,
         description="Shows the state of all runs and evaluations below a folder, and follows them "
         "on a terminal until none runs any more.",

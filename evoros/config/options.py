@@ -3,8 +3,9 @@
 from argparse import Action, ArgumentParser
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any
 
+from evoros.base.arguments import CommandParser
 from evoros.base.errors import InputError
 
 
@@ -32,11 +33,6 @@ def parse_options(arguments: Sequence[str]) -> Options:
     )
 
 
-class _Parser(ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message}; see evoros --help")
-
-
 class _Refuse(Action):
     """An option of Hydra that evoros does not have."""
 
@@ -48,7 +44,7 @@ class _Refuse(Action):
 
 def _parser() -> ArgumentParser:
     """Hydra's options; those that Hydra itself handles are parsed again by it (``help.py``)."""
-    parser = _Parser(add_help=False)
+    parser = CommandParser("evoros", add_help=False)
     parser.add_argument("overrides", nargs="*")
     parser.add_argument("--multirun", "-m", action="store_true")
     parser.add_argument("--config-dir", "-cd")

@@ -1,0 +1,18 @@
+"""Arguments of commands."""
+
+from argparse import ArgumentParser
+from typing import NoReturn
+
+from evoros.base.errors import InputError
+
+
+class CommandParser(ArgumentParser):
+    """A parser whose errors are those of evoros, which commands report in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the arguments.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(f"{message}; see {self.prog} --help")
