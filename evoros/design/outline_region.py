@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated
 
@@ -13,6 +13,7 @@ from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, TEXT, checked, one_of
 from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, Interval, bounds
+from evoros.design.free_places import FreePlaces, find_free_places
 from evoros.design.protocol import Area, Range, SensorPose, check_link
 from evoros.design.region import ELEVATION, HEADING, check_height
 from evoros.design.side import SIDES, SideLine, trace_side
@@ -66,7 +67,9 @@ class OutlineRegion:
             "yaw_deg": bounds(self.yaw_deg),
             "pitch_deg": bounds(pitch),
         }
-        return BoundOutlineRegion(link, ranges, frame, lines)
+        whole = BoundOutlineRegion(link, ranges, frame, lines)
+        free = find_free_places(robot, link, ranges, whole.place, sensors, mirrored)
+        return replace(whole, free=free)
 
     def _check_link(self, link: str, robot: Robot, mirrored: bool, key: str) -> None:
         check_link(link, robot, mirrored, key)
@@ -114,9 +117,15 @@ class BoundOutlineRegion:
     ranges: Mapping[str, Range]
     frame: tuple[float, float, float, float]  # of the link: x, y, z [m], yaw [rad]
     lines: tuple[tuple[float, SideLine], ...]  # with the height above the ground up to which it is
+    free: FreePlaces | None = None  # None: all places
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
-        """Return the pose at a share of the way along the side, from right to left."""
+        """Return the pose at a share of the way along the side, from right to left.
+
+        Where places are left out, it is at the same share of the free ones.
+        """
+        if self.free is not None:
+            values = self.free.adapt(values)
         line = self._line(values["z_m"] + self.frame[2])
         (x, y), normal = line.at(values["arc"])
         x0, y0, _, yaw = self.frame

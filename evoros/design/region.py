@@ -9,6 +9,7 @@ from evoros.base import elementary
 from evoros.base.checks import NOT_NEGATIVE, TEXT, Rule, checked
 from evoros.base.errors import InputError
 from evoros.base.intervals import INTERVAL, Interval, bounds
+from evoros.design.free_places import FreePlaces, find_free_places
 from evoros.design.protocol import ANGLES, Area, Range, SensorPose, check_link
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Sensor
@@ -62,7 +63,9 @@ class Region:
         bound._check_height(link, robot, key)
         ranges = {name: bounds(getattr(bound, name)) for name in (*COORDINATES, *ANGLES)}
         x, y, _, yaw = robot.sensor_links[link]
-        return BoundRegion(link, ranges, (x, y, yaw))
+        whole = BoundRegion(link, ranges, (x, y, yaw))
+        free = find_free_places(robot, link, ranges, whole.place, sensors, mirrored)
+        return replace(whole, free=free)
 
     def _check_link(self, link: str, robot: Robot, mirrored: bool, key: str) -> None:
         check_link(link, robot, mirrored, key)
@@ -120,9 +123,15 @@ class BoundRegion:
     link: str
     ranges: Mapping[str, Range]
     frame: tuple[float, float, float]  # of the link: x, y [m], yaw [rad] in the robot's frame
+    free: FreePlaces | None = None  # None: all places
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
-        """Return the pose with these values, which are the coordinates and angles themselves."""
+        """Return the pose with these values, which are the coordinates and angles themselves.
+
+        Where places are left out, it is at the same share of the free ones.
+        """
+        if self.free is not None:
+            values = self.free.adapt(values)
         x, y, z, yaw, pitch = (values[name] for name in (*COORDINATES, *ANGLES))
         return SensorPose((x, y, z), yaw, pitch)
 

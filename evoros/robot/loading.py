@@ -9,14 +9,18 @@ from evoros.base.errors import InputError
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.formats.urdf import expansion
 from evoros.formats.urdf.document import UrdfDocument
-from evoros.formats.urdf.solids import MISSING_MESHES
+from evoros.formats.urdf.solids import MISSING_MESHES, read_visual_solids
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.footprint import top_height
+from evoros.geometry.shapes import Shape
 from evoros.robot.adaptation import AdaptedRobot, adapt
 from evoros.robot.exposure import find_exposed, rolling_shapes
 from evoros.robot.model import Robot, VisibleShape
 from evoros.robot.mounting import MountDefaults, fit_mount
+from evoros.robot.occlusion import find_occluders
 from evoros.robot.outline import SolidShape, compute_outline
+
+COLLISIONS, VISUALS = "collisions", "visuals"
 
 
 def load_robot(
@@ -29,6 +33,7 @@ def load_robot(
     environment: Mapping[str, Any] | None = None,
     missing_meshes: str = "error",
     wheels_touch: bool = True,
+    self_occlusion: str = COLLISIONS,
 ) -> Robot:
     """Load the robot that a xacro or URDF file describes.
 
@@ -37,6 +42,8 @@ def load_robot(
     ``ignored_packages`` are left out. ``environment`` has the variables of ``$(env)``. A missing
     ``mount`` is chosen for the robot. ``missing_meshes`` is ``error`` or ``box``. If
     ``wheels_touch``, obstacles can touch the wheels and casters that stick out of the body.
+    ``self_occlusion`` is ``collisions`` or ``visuals``, the shapes by which the body hides from its
+    own sensors what they would see.
 
     Raises:
         InputError: the file cannot be used, or ``drive`` or ``mount`` do not fit it.
@@ -47,15 +54,28 @@ def load_robot(
     if missing_meshes not in MISSING_MESHES:
         choices = " or ".join(MISSING_MESHES)
         raise InputError(f"robot.missing_meshes: must be {choices}, not {missing_meshes!r}; set it")
+    if self_occlusion not in (COLLISIONS, VISUALS):
+        raise InputError(
+            f"robot.self_occlusion: must be {COLLISIONS} or {VISUALS}, not {self_occlusion!r}; "
+            f"set it"
+        )
     file, root = expansion.read(description, options)
     adapted = adapt(root, str(file), drive, missing_meshes)
-    return _build_robot(root, adapted, mount, wheels_touch)
+    visuals = read_visual_solids(root, missing_meshes) if self_occlusion == VISUALS else None
+    return _build_robot(root, adapted, mount, wheels_touch, visuals)
 
 
 def _build_robot(
-    root: Element, adapted: AdaptedRobot, mount: MountDefaults, wheels_touch: bool
+    root: Element,
+    adapted: AdaptedRobot,
+    mount: MountDefaults,
+    wheels_touch: bool,
+    visuals: Mapping[str, Sequence[Shape]] | None,
 ) -> Robot:
-    """Build the robot of a ``<robot>`` and of what it was adapted to."""
+    """Build the robot of a ``<robot>`` and of what it was adapted to.
+
+    Its sensors see the ``visuals`` of its links, or the collision shapes if these are None.
+    """
     urdf, drive = adapted.urdf, adapted.drive.fit(adapted.urdf)
     solids = _find_body(urdf, drive, adapted.exposed_casters)
     exposed = _find_exposed_links(adapted, drive, solids, wheels_touch)
@@ -81,6 +101,7 @@ def _build_robot(
         visuals=tuple(_visible_shapes(urdf, drive)),
         reserved_names=frozenset(urdf.poses) | frozenset(urdf.joints),
         exposed_links=exposed,
+        occluders=find_occluders(urdf, drive, adapted.exposed_casters, visuals),
     )
     if default.link not in places:
         raise robot.link_error(default.link)

@@ -20,6 +20,7 @@ from evoros.drive.protocol import Drive
 from evoros.formats.urdf.document import UrdfDocument
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.mounting import level_pitch
+from evoros.robot.occlusion import Occluders
 from evoros.robot.outline import SolidShape
 from evoros.robot.sensor_elements import sensor_elements
 from evoros.sensor.protocol import SIGNAL_SIZES, Mount, Sensor, is_signal_sensor, sees
@@ -65,6 +66,7 @@ class Robot:
     engine_urdf: UrdfDocument | None = None
     """What engines load, if it is not ``base_urdf``: with the joints beside the drive held, wheels
     as cylinders, convex parts for meshes, and masses for what moves; the root is on the ground."""
+    occluders: Occluders = field(default_factory=Occluders)  # what its own sensors see of it
     mounts: tuple[Mount, ...] = ()  # those of one sensor type are contiguous
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
 

@@ -191,3 +191,20 @@ def _box_of_inertia(link: Element) -> Shape | None:
     squares = 6.0 / mass * (moments.sum() - 2.0 * moments)
     size = tuple(np.sqrt(np.clip(squares, 1e-6, 1.0)).tolist())
     return Shape("box", size, read_origin(inertial) @ Pose.from_matrix((0.0, 0.0, 0.0), axes))
+
+
+def read_visual_solids(robot: Element, missing_meshes: str) -> dict[str, tuple[Shape, ...]]:
+    """Read the solids that each link shows, in its own frame; a mesh becomes convex parts.
+
+    Raises:
+        InputError: a geometry is of an unknown kind, or a mesh cannot be read.
+    """
+    reader = SolidsReader(missing_meshes)
+    return {
+        str(link.get("name")): tuple(
+            shape
+            for visual in link.findall("visual")
+            for shape in reader.read(link, visual, hull=False)
+        )
+        for link in robot.findall("link")
+    }

@@ -67,6 +67,7 @@ class Parts(NamedTuple):
     servos: NDArray[np.intp]  # of the steering, in ``ctrl``
     rotors: NDArray[np.intp]  # of the wheels, in ``qvel``
     wheels: NDArray[np.intp]  # their angles, in ``qpos``
+    steering: NDArray[np.intp]  # the angles of the steering joints, in ``qpos``
     visible: NDArray[np.intp]  # the shapes that other robots see
 
 
@@ -163,12 +164,14 @@ def _find_parts(model: Any, robot: Robot, prefix: str) -> Parts:
     rotors = [model.joint(rotor_of(prefix + name)).dofadr[0] for name in drive.wheel_joints]
     wheels = [model.joint(prefix + name).qposadr[0] for name in drive.wheel_joints]
     servos = [model.actuator(prefix + name).id for name in drive.steering_joints]
+    steering = [model.joint(prefix + name).qposadr[0] for name in drive.steering_joints]
     own = model.body_rootid[model.geom_bodyid] == model.jnt_bodyid[root.id]
     return Parts(
         root=(int(root.qposadr[0]), int(root.dofadr[0])),
         servos=np.array(servos, dtype=int),
         rotors=np.array(rotors, dtype=int),
         wheels=np.array(wheels, dtype=int),
+        steering=np.array(steering, dtype=int),
         visible=np.flatnonzero(own & (model.geom_contype != 0)),
     )
 

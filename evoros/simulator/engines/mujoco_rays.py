@@ -11,6 +11,7 @@ from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_bodies import HIDDEN, VISIBLE
 from evoros.simulator.engines.mujoco_model import Model
 from evoros.simulator.engines.rays import Beam, sensor_beams
+from evoros.simulator.engines.steered_sight import SteeredParts
 
 
 class Sensor(NamedTuple):
@@ -40,7 +41,8 @@ class MujocoRays:
         self._directions = np.concatenate([np.zeros((0, 3)), *(b.directions for b in beams)])
         self._ends = ends.astype(float)
         self._low = np.array([beam.range_min for beam in beams])
-        self._high = np.array([beam.range_max for beam in beams])
+        self._high = np.array([beam.clear_range for beam in beams])
+        self.parts = SteeredParts(robot)
         self._hits = np.zeros(ends[-1])
         self._seen = np.zeros(ends[-1], dtype=np.int32)
         self._normals = np.zeros((ends[-1], 3))  # of the surfaces, outwards; 0: nothing was hit
@@ -82,6 +84,14 @@ class MujocoRays:
             for sensor in self._sensors:
                 self._cast_from_inside(sensor)
         self._read(self._hits, self._ends, self._low, self._high, ranges)
+
+    def cast_at_parts(self, angles: Array, ranges: Array) -> None:
+        """Lower each range [m] whose beam sees a steered part of the robot, if any may.
+
+        ``angles`` [rad] are those of the steering joints.
+        """
+        self.parts.lower(angles, ranges)
+        np.maximum(ranges, self._low, out=ranges)
 
     def _cast_from_inside(self, sensor: Sensor) -> None:
         """Cast the rays of a sensor again without the shapes that hold it."""

@@ -86,6 +86,9 @@ class MujocoSimulation:
     def sense_placed(self, signals: Array) -> None:
         """Fill ``signals`` as ``sense`` does, if all shapes are where their links are."""
         self._rays.cast(self._pose, signals[: self._ranges])
+        if self._rays.parts.exist:
+            angles = self._data.qpos[self._parts.steering]
+            self._rays.cast_at_parts(angles, signals[: self._ranges])
         self._signals.read(signals)
 
     def feel(self) -> None:

@@ -42,7 +42,7 @@ def beam_rows(robot: Robot, frames: Array, beams: Sequence[Beam], rays: Array) -
     rows[:, MIN_RANGE] = [beam.range_min for beam in beams]
     rows[:, FIRST_RAY], rows[:, END_RAY] = np.concatenate(([0], ends[:-1])), ends
     first = rows[:, FIRST_RAY].astype(np.int64)
-    farthest = np.array([beam.range_max for beam in beams])
+    farthest = np.array([beam.clear_range for beam in beams])
     rows[:, FREE_RANGE] = _free_ranges(rows[:, ORIGIN + 2], rays[:, 2], first, farthest)
     yaws = np.array(list(_facing(robot, frames, np.add.reduceat(rays, first))))
     rows[:, LEFT_EDGE : LEFT_EDGE + 4] = _edges(rays, first, yaws)
@@ -59,7 +59,7 @@ def _facing(robot: Robot, frames: Array, sums: Array) -> Iterator[float]:
 
 
 def _free_ranges(height: Array, slopes: Array, first: Indices, farthest: Array) -> Array:
-    """Return the readings [m] without obstacles: the ground, or the maximum range.
+    """Return the readings [m] without obstacles: the ground, or ``farthest``.
 
     They never change, because the robot stays level.
     """

@@ -15,6 +15,7 @@ from evoros.robot.model import Robot
 from evoros.simulator.engines.planar_beams import FREE_RANGE, beam_rows, group_rows
 from evoros.simulator.engines.planar_bodies import lay_out_pushing, start_memory, surround
 from evoros.simulator.engines.rays import sensor_beams
+from evoros.simulator.engines.steered_sight import lay_out_steered_sight
 from evoros.world.model import World
 
 # The numbers at the front of the parameters.
@@ -48,8 +49,9 @@ from evoros.world.model import World
     FACES,  # of polyhedra, as in evoros.geometry.ray
     PROBES,  # (p, PROBE_SIZE), as in planar_signals
     PUSHING,  # as in planar_bodies; empty if nothing can be pushed
-) = range(15)
-BLOCKS = 15
+    STEERED,  # as in steered_sight; empty if no sensor can see a steered wheel
+) = range(16)
+BLOCKS = 16
 HEADER_SIZE = STARTS + BLOCKS + 1
 
 # The memory: the state, then these.
@@ -88,7 +90,8 @@ def lay_out(
     sight = measure_sight(rows)
     surroundings, bodies = surround(world, robot.height_m, radius, sight, tallest)
     groups, pushing = group_rows(robot, rows, rays), lay_out_pushing(robot, bodies)
-    blocks = [robot.outline, rows, groups, rays, *surroundings, probes, pushing]
+    steered = lay_out_steered_sight(robot)
+    blocks = [robot.outline, rows, groups, rays, *surroundings, probes, pushing, steered]
     starts = HEADER_SIZE + np.cumsum([0, *(array.size for array in blocks)])
     numbers = [
         time_step,

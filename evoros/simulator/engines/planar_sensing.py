@@ -44,6 +44,7 @@ from evoros.simulator.engines.planar_beams import (
 from evoros.simulator.engines.planar_bodies import memory_views, part_of
 from evoros.simulator.engines.planar_layout import block
 from evoros.simulator.engines.planar_signals import fill_signals
+from evoros.simulator.engines.steered_sight import see_parts_at
 
 FULL_TURN = 2.0 * math.pi
 
@@ -73,10 +74,13 @@ def sense_signals(parameters: Array, memory: Array, signals: Array) -> None:
 
 @compilable
 def sense_obstacles(parameters: Array, memory: Array, ranges: Array) -> None:
-    """Fill ``ranges`` with the nearest hit [m] of each beam on what cannot be moved."""
+    """Fill ``ranges`` with the nearest hit [m] of each beam on the robot and on fixed obstacles."""
     beams = block(parameters, layout.BEAMS).reshape((-1, BEAM_SIZE))
     for i in range(len(ranges)):
         ranges[i] = beams[i, FREE_RANGE]
+    steered = block(parameters, layout.STEERED)
+    if len(steered) > 0:
+        see_parts_at(steered, memory[layout.STEERING_ANGLE], ranges)
     x = memory[X]
     y = memory[Y]
     cell = cell_at(block(parameters, layout.GRID), x, y)

@@ -11,6 +11,7 @@ from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_robot import LoadedRobot
 from evoros.simulator.engines.pybullet_shapes import Frame
 from evoros.simulator.engines.rays import sensor_beams
+from evoros.simulator.engines.steered_sight import SteeredParts
 
 MAX_RAYS = 16_383
 """One call of rayTestBatch takes no more."""
@@ -23,6 +24,7 @@ class Span(NamedTuple):
     end: int  # one past the last
     range_min: float  # [m]
     range_max: float  # [m]
+    clear_range: float  # [m], without obstacles
 
 
 class Batch(NamedTuple):
@@ -39,6 +41,8 @@ class BulletRays:
     def __init__(self, bullet: Any, client: int, loaded: LoadedRobot, robot: Robot) -> None:
         self._bullet, self._client, self._body = bullet, client, loaded.body
         self._seen, self._batches = loaded.seen, _batches(robot, bullet, loaded.to_base)
+        self._parts, self._steering = SteeredParts(robot), loaded.steering
+        self._low = np.array([span.range_min for batch in self._batches for span in batch.spans])
 
     def cast(self, ranges: Array) -> None:
         """Fill ``ranges`` with the nearest hit [m] of each beam, within the sensor's range.
@@ -50,10 +54,18 @@ class BulletRays:
             fractions = [hit[2] for hit in self._cast(starts, ends)]
             if 0.0 in fractions:
                 self._look_beyond(starts, ends, fractions)
-            for first, end, range_min, range_max in spans:
-                distance = range_max * min(fractions[first:end])
+            for first, end, range_min, range_max, clear_range in spans:
+                distance = min(clear_range, range_max * min(fractions[first:end]))
                 ranges[beam] = distance if distance > range_min else range_min
                 beam += 1
+        if self._parts.exist:
+            self._parts.lower(self._read_steering(), ranges)
+            np.maximum(ranges, self._low, out=ranges)
+
+    def _read_steering(self) -> Array:
+        """Return the angles [rad] of the steering joints."""
+        states = self._bullet.getJointStates(self._body, self._steering, self._client)
+        return np.array([state[0] for state in states])
 
     def _cast(self, starts: Sequence[Any], ends: Sequence[Any], number: int = -1) -> Sequence[Any]:
         """The nearest hit of each ray; with a ``number``, one of all its hits, in any order."""
@@ -91,7 +103,8 @@ def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
             batches.append(Batch([], [], []))
         batch = batches[-1]
         first = len(batch.starts)
-        batch.spans.append(Span(first, first + len(ends), beam.range_min, beam.range_max))
+        limits = beam.range_min, beam.range_max, beam.clear_range
+        batch.spans.append(Span(first, first + len(ends), *limits))
         batch.starts.extend([beam.origin.tolist()] * len(ends))
         batch.ends.extend(ends.tolist())
     return batches

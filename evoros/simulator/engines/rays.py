@@ -3,13 +3,11 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
-import numpy as np
-
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
 from evoros.base.linear import product
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import RangeSensor, sees
+from evoros.robot.self_sight import measure_self_ranges, sort_rays
+from evoros.sensor.protocol import sees
 
 
 class Beam(NamedTuple):
@@ -19,6 +17,7 @@ class Beam(NamedTuple):
     directions: Array  # (k, 3) unit vectors
     range_min: float  # [m]
     range_max: float  # [m]
+    clear_range: float  # [m] without obstacles: range_max, or to a part of the robot itself
 
 
 def sensor_beams(robot: Robot, frames: Iterable[Array]) -> list[Beam]:
@@ -26,8 +25,9 @@ def sensor_beams(robot: Robot, frames: Iterable[Array]) -> list[Beam]:
 
     ``frames`` gives, for each mount, the frame (4, 4) of the sensor in the frame of the beams.
     """
-    rays = {name: _sort_rays(sensor) for name, sensor in robot.sensors.items() if sees(sensor)}
-    beams = []
+    rays = {name: sort_rays(sensor) for name, sensor in robot.sensors.items() if sees(sensor)}
+    beams: list[Beam] = []
+    nearest = measure_self_ranges(robot).tolist()
     for mount, frame in zip(robot.mounts, frames, strict=True):
         sensor = robot.sensors[mount.sensor]
         if not sees(sensor):
@@ -36,25 +36,7 @@ def sensor_beams(robot: Robot, frames: Iterable[Array]) -> list[Beam]:
         origin, directions = frame[:3, 3], product(directions, frame[:3, :3].T)
         limits = sensor.range_min_m, sensor.range_max_m
         starts = [0, *ends[:-1]]
-        beams += [
-            Beam(origin, directions[start:end], *limits)
-            for start, end in zip(starts, ends, strict=True)
-        ]
+        for start, end in zip(starts, ends, strict=True):
+            clear = min(sensor.range_max_m, nearest[len(beams)])
+            beams.append(Beam(origin, directions[start:end], *limits, clear))
     return beams
-
-
-def _sort_rays(sensor: RangeSensor) -> tuple[Array, list[int]]:
-    """Return the rays of a sensor by channel, and the end of each channel's rays.
-
-    Raises:
-        InputError: a channel has no ray, or a ray has no channel.
-    """
-    rays, channels = sensor.rays(), np.asarray(sensor.channel_of())
-    counts = np.bincount(channels, minlength=len(sensor.channels)) if len(rays) else np.zeros(1)
-    if len(channels) != len(rays) or len(counts) != len(sensor.channels) or not counts.all():
-        raise InputError(
-            f"{type(sensor).__name__}.channel_of: must name a channel from 0 to "
-            f"{len(sensor.channels) - 1} for each of the {len(rays)} rays, and each channel at "
-            f"least once; correct it"
-        )
-    return rays[np.argsort(channels, kind="stable")], np.cumsum(counts).tolist()

@@ -1,0 +1,164 @@
+"""The shapes of a robot that can hide from its own sensors what they would see."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from evoros.base import elementary
+from evoros.base.arrays import Array
+from evoros.drive.protocol import Drive
+from evoros.formats.urdf.tree import Urdf
+from evoros.geometry.ray import AT_X, AT_Y, place_obstacle
+from evoros.geometry.shapes import Pose, Shape
+from evoros.robot.exposure import rolling_shapes
+from evoros.world.obstacles import sight_rows
+
+SWEEP = 17
+"""Steering angles from lock to lock at which a check places the steered wheels."""
+
+BURIED_M = 0.1
+"""Length of a ray inside the shape in which it starts, above which a check takes it as hidden.
+
+Below it lie the housings that descriptions give to their own sensors, such as lidars.
+"""
+
+
+class Steering(NamedTuple):
+    """The steering joint that turns a shape."""
+
+    joint: int  # of drive.steering_joints
+    pivot: tuple[float, float]  # x, y [m] of its vertical axis, in the robot's frame
+
+
+@dataclass(frozen=True)
+class Occluder:
+    """A shape that moves with the chassis, with a wheel or with a steered wheel."""
+
+    link: str
+    shape: Shape
+    pose: Pose  # in the robot's frame, with the wheels straight ahead
+    rolls: bool  # on the ground, as wheels and casters do
+    steering: Steering | None = None
+
+
+class OccluderRows(NamedTuple):
+    """Shapes as rows for rays, in the robot's frame."""
+
+    rows: Array  # (s, OBSTACLE_SIZE), as in evoros.geometry.ray
+    faces: Array  # (f, FACE_SIZE), of all polyhedra
+    inside: Array  # (s,) [m], how far a ray that starts in the shape may go before it is hidden
+    rolls: Array  # (s,) 1 for wheels and casters, else 0
+    numbers: Array  # (s,) of the occluder
+
+
+@dataclass(frozen=True, eq=False)
+class Occluders:
+    """All shapes by which a robot hides from its sensors what they would see."""
+
+    shapes: tuple[Occluder, ...] = ()
+
+    @cached_property
+    def fixed(self) -> OccluderRows:
+        """The shapes that no steering moves, as missions see them.
+
+        A ray that starts inside the chassis does not see it, as it does not see any other shape in
+        which it starts. One that starts inside a wheel sees nothing else.
+        """
+        return self._select([shape.steering is None for shape in self.shapes], np.inf)
+
+    @cached_property
+    def steered(self) -> OccluderRows:
+        """The shapes that steering moves, with the wheels straight ahead."""
+        return self._select([shape.steering is not None for shape in self.shapes], np.inf)
+
+    def sweep(self, drive: Drive) -> OccluderRows:
+        """Return all shapes, the steered ones at ``SWEEP`` angles from lock to lock, for checks."""
+        still = self._select([shape.steering is None for shape in self.shapes], BURIED_M)
+        parts, faces = [still], self._arrays[1]
+        steered = self._select([shape.steering is not None for shape in self.shapes], BURIED_M)
+        if len(steered.rows):
+            for angle in np.linspace(-drive.steering_limit, drive.steering_limit, SWEEP).tolist():
+                angles, _ = drive.targets(0.0, angle)
+                parts.append(steered._replace(rows=self._turn(steered, angles)))
+        rows, _, inside, rolls, numbers = map(np.concatenate, zip(*parts, strict=True))
+        return OccluderRows(rows, faces, inside, rolls, numbers)
+
+    def _turn(self, steered: OccluderRows, angles: Sequence[float]) -> Array:
+        """Return the rows of steered shapes with the steering joints at ``angles`` [rad]."""
+        turned = np.empty_like(steered.rows)
+        for row, number, placed in zip(steered.rows, steered.numbers, turned, strict=True):
+            joint, pivot = self.steering_of(int(number))
+            sin, cos = elementary.sin_cos(angles[joint])
+            place_obstacle(relative_row(row, pivot), *pivot, cos, sin, placed)
+        return turned
+
+    def steering_of(self, number: int) -> Steering:
+        """Return the steering of a steered shape."""
+        steering = self.shapes[number].steering
+        assert steering is not None
+        return steering
+
+    @cached_property
+    def _arrays(self) -> tuple[Array, Array]:
+        rows, faces, _ = sight_rows([(shape.shape, shape.pose) for shape in self.shapes])
+        return rows, faces
+
+    def _select(self, chosen: Sequence[bool], buried: float) -> OccluderRows:
+        rows, faces = self._arrays
+        mask = np.array(chosen, dtype=np.bool_)
+        rolls = np.array([float(shape.rolls) for shape in self.shapes])[mask]
+        inside = np.where(rolls > 0.0, 0.0, buried)
+        return OccluderRows(rows[mask], faces, inside, rolls, np.flatnonzero(mask).astype(float))
+
+
+def relative_row(row: Array, pivot: tuple[float, float]) -> Array:
+    """Return the row of a shape relative to the vertical axis through ``pivot`` [m]."""
+    moved = row.copy()
+    moved[[AT_X, AT_Y]] -= pivot
+    return moved
+
+
+def find_occluders(
+    urdf: Urdf,
+    drive: Drive,
+    body_casters: Collection[str],
+    visuals: Mapping[str, Sequence[Shape]] | None,
+) -> Occluders:
+    """Find the shapes of a robot that its sensors can see.
+
+    They are the collision shapes, or the ``visuals`` by link if given; wheels and casters always
+    have their collision shapes. ``body_casters`` are parts of the body that slide on the ground.
+    """
+    return Occluders(tuple(_list_occluders(urdf, drive, body_casters, visuals)))
+
+
+def _list_occluders(
+    urdf: Urdf,
+    drive: Drive,
+    body_casters: Collection[str],
+    visuals: Mapping[str, Sequence[Shape]] | None,
+) -> Iterator[Occluder]:
+    rolling = {urdf.joints[name].child for name in drive.wheel_joints} | set(drive.caster_links)
+    rolling -= set(body_casters)
+    for link, shapes in urdf.shapes.items():
+        joints = [joint.name for joint in urdf.joints_above(link)]
+        steering = _find_steering(urdf, drive, joints)
+        if link in rolling:
+            for shape, pose in rolling_shapes(urdf, link):
+                yield Occluder(link, shape, pose, True, steering)
+            continue
+        rolls = any(name in drive.wheel_joints for name in joints)
+        for shape in shapes if visuals is None else visuals.get(link, ()):
+            yield Occluder(link, shape, urdf.poses[link] @ shape.pose, rolls, steering)
+
+
+def _find_steering(urdf: Urdf, drive: Drive, joints: Sequence[str]) -> Steering | None:
+    """Find which of the ``joints`` above a link steers it."""
+    for number, name in enumerate(drive.steering_joints):
+        if name in joints:
+            x, y, _ = urdf.poses[urdf.joints[name].child].position
+            return Steering(number, (x, y))
+    return None

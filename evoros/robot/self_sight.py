@@ -1,0 +1,241 @@
+"""Where the rays of a robot's sensors meet the robot itself.
+
+A ray leaves the housing of its sensor, which the body that carries it surrounds in part. Within the
+housing it does not see that body. Where it would leave the housing into the body, it ends there.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from evoros.base.arrays import Array
+from evoros.base.compilable import compilable
+from evoros.base.compilation import A1, A2, NOTHING, compile_rule
+from evoros.base.errors import InputError
+from evoros.base.linear import product
+from evoros.geometry.ray import (
+    AT_X,
+    AT_Y,
+    AT_Z,
+    BOUND,
+    Frame,
+    cast_rays,
+    turn_frame,
+)
+from evoros.robot.model import Robot
+from evoros.robot.occlusion import OccluderRows
+from evoros.sensor.protocol import Mount, RangeSensor, sees
+
+# A ray in the robot's frame is a row of RAY_SIZE values.
+DIRECTION, ORIGIN, HOUSING, LIMIT = 0, 3, 6, 7
+"""Unit vector (3,); origin (3,) [m]; where it leaves the housing of its sensor [m]; the range of
+the sensor [m]."""
+RAY_SIZE = 8
+
+SURFACE_M = 1e-3
+"""Depth below a surface at which a sensor still sits on it rather than inside the shape."""
+MAX_DIRECTIONS = 36
+"""Directions of a scanning sensor that a check of many places tries."""
+
+_OUTSIDE_M = 100.0
+"""A distance at which a ray has left the robot."""
+
+
+class SelfSight(NamedTuple):
+    """What a mounted sensor sees of its robot, over the whole sweep of the steering."""
+
+    mount: Mount
+    distance_m: float  # to the nearest part in any direction of the sensor
+    link: str  # of this part
+    hidden_share: float  # of the sensor's rays
+
+
+def sort_rays(sensor: RangeSensor) -> tuple[Array, list[int]]:
+    """Return the rays of a sensor by channel, and the end of each channel's rays.
+
+    Raises:
+        InputError: a channel has no ray, or a ray has no channel.
+    """
+    rays, channels = sensor.rays(), np.asarray(sensor.channel_of())
+    counts = np.bincount(channels, minlength=len(sensor.channels)) if len(rays) else np.zeros(1)
+    if len(channels) != len(rays) or len(counts) != len(sensor.channels) or not counts.all():
+        raise InputError(
+            f"{type(sensor).__name__}.channel_of: must name a channel from 0 to "
+            f"{len(sensor.channels) - 1} for each of the {len(rays)} rays, and each channel at "
+            f"least once; correct it"
+        )
+    return rays[np.argsort(channels, kind="stable")], np.cumsum(counts).tolist()
+
+
+def measure_self_ranges(robot: Robot) -> Array:
+    """Return the distance (n,) [m] at which each beam sees a part that no steering moves.
+
+    It is infinite for a beam that sees none.
+    """
+    ranges = np.full(robot.beam_count, math.inf)
+    occluders = robot.occluders.fixed
+    sensors = [sensor for sensor in robot.mounted_sensors() if sees(sensor)]
+    if not len(occluders.rows) or not sensors:
+        return ranges
+    sorted_rays = {name: sort_rays(s) for name, s in robot.sensors.items() if sees(s)}
+    tables, firsts, start = [], [], 0
+    for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
+        sensor = robot.sensors[mount.sensor]
+        if sees(sensor):
+            rays, ends = sorted_rays[mount.sensor]
+            tables.append(lay_out_rays(sensor, rays, frame))
+            firsts += [start + first for first in (0, *ends[:-1])]
+            start += len(rays)
+    distances, _ = cast_at_robot(occluders, np.concatenate(tables))
+    np.minimum.reduceat(distances, firsts, out=ranges)
+    return ranges
+
+
+def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
+    """Yield what each range sensor sees of its robot, if it sees a part of it."""
+    swept = robot.occluders.sweep(robot.drive)
+    for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
+        sensor = robot.sensors[mount.sensor]
+        if not sees(sensor):
+            continue
+        distances, numbers = cast_at_robot(swept, lay_out_rays(sensor, sensor.rays(), frame))
+        hidden = distances < sensor.range_max_m
+        if hidden.any():
+            nearest = int(distances.argmin())
+            link = robot.occluders.shapes[int(numbers[nearest])].link
+            yield SelfSight(mount, float(distances[nearest]), link, float(hidden.mean()))
+
+
+def find_blind_shares(robot: Robot) -> Array:
+    """Return the share (n,) of the channels of each mounted sensor in which it sees its robot.
+
+    All sensors are of one type, which casts rays. One of its many directions stands for several.
+    """
+    sensor = robot.mounted_sensors()[0]
+    assert sees(sensor)
+    rays, channels = sensor.rays(), np.asarray(sensor.channel_of())
+    if len(sensor.channels) > MAX_DIRECTIONS:
+        kept = channels % -(-len(sensor.channels) // MAX_DIRECTIONS) == 0
+        rays, channels = rays[kept], channels[kept]
+    tables = [lay_out_rays(sensor, rays, frame) for frame in robot.sensor_frames]
+    distances, _ = cast_at_robot(robot.occluders.sweep(robot.drive), np.concatenate(tables))
+    hidden = (distances < sensor.range_max_m).reshape(len(tables), len(rays))
+    blind = [hidden[:, channels == channel].any(axis=1) for channel in np.unique(channels)]
+    shares: Array = np.mean(blind, axis=0)
+    return shares
+
+
+def lay_out_rays(sensor: RangeSensor, rays: Array, frame: Array) -> Array:
+    """Return the rows (k, RAY_SIZE) of ``rays`` (k, 3) of a sensor at ``frame`` (4, 4)."""
+    rows = np.empty((len(rays), RAY_SIZE))
+    rows[:, DIRECTION : DIRECTION + 3] = product(rays, frame[:3, :3].T)
+    rows[:, ORIGIN : ORIGIN + 3] = frame[:3, 3]
+    rows[:, HOUSING] = _leave_box(rays, sensor.size_m)
+    rows[:, LIMIT] = sensor.range_max_m
+    return rows
+
+
+def _leave_box(rays: Array, size: Sequence[float]) -> Array:
+    """Return the distance (k,) [m] at which rays from the middle of a box leave it."""
+    half = 0.5 * np.array(size)
+    steep = np.maximum(np.abs(rays), 1e-12)  # parallel to a face, a ray leaves through another
+    leaving: Array = (half / steep).min(axis=1)
+    return leaving
+
+
+def cast_at_robot(occluders: OccluderRows, rays: Array) -> tuple[Array, Array]:
+    """Return the distance (k,) [m] of the nearest shape on each ray, and its occluder (k,).
+
+    The distance is infinite where there is none.
+    """
+    distances, numbers = np.full(len(rays), math.inf), np.full(len(rays), -1.0)
+    rule = compile_rule(meet_shapes, NOTHING(A2, A2, A1, A1, A1, A2, A2, A1, A1))
+    backward = np.ascontiguousarray(-rays[:, DIRECTION : DIRECTION + 3])
+    rule(*occluders, np.ascontiguousarray(rays), backward, distances, numbers)
+    return distances, numbers
+
+
+def meet_shapes(
+    rows: Array,
+    faces: Array,
+    inside: Array,
+    rolls: Array,
+    occluders: Array,
+    rays: Array,
+    backward: Array,
+    distances: Array,
+    numbers: Array,
+) -> None:
+    """Lower the distance [m] of each ray to that of the nearest shape; write whose it is.
+
+    ``backward`` (k, 3) are the rays' opposite directions.
+    """
+    for s in range(len(rows)):
+        row = rows[s]
+        frame = turn_frame(row, 1.0, 0.0)
+        for i in range(len(rays)):
+            x = rays[i, ORIGIN] - row[AT_X]
+            y = rays[i, ORIGIN + 1] - row[AT_Y]
+            reach = rays[i, LIMIT] + row[BOUND]
+            if x * x + y * y > reach * reach or _passes(row, rays[i], x, y):
+                continue
+            distance = meet_shape(
+                row, faces, frame, (x, y, rays[i, ORIGIN + 2] - row[AT_Z]),
+                rays, i, backward, inside[s], rolls[s] > 0.0,
+            )  # fmt: skip
+            if distance < distances[i]:
+                distances[i] = distance
+                numbers[i] = occluders[s]
+
+
+@compilable
+def _passes(row: Array, ray: Array, x: float, y: float) -> bool:
+    """Return whether a ray passes the circle around a shape, seen from above.
+
+    The origin x, y [m] of the ray is relative to the shape.
+    """
+    dx, dy = ray[0], ray[1]
+    across = x * dy - y * dx
+    return bool(across * across > row[BOUND] * row[BOUND] * (dx * dx + dy * dy) * (1.0 + 1e-9))
+
+
+@compilable
+def meet_shape(
+    row: Array,
+    faces: Array,
+    frame: Frame,
+    origin: tuple[float, float, float],
+    rays: Array,
+    i: int,
+    backward: Array,
+    inside: float,
+    rolls: bool,
+) -> float:
+    """Return the distance [m] at which ray ``i`` sees a shape of its own robot, or infinity.
+
+    The origin [m] of the ray is relative to the centre of the shape. Only the body that carries
+    the sensor can reach into its housing; wheels and casters (``rolls``) do not.
+    """
+    housing = 0.0 if rolls else rays[i, HOUSING]
+    behind = 0.0 if rolls else SURFACE_M
+    x, y, z = origin
+    dx, dy, dz = rays[i, 0], rays[i, 1], rays[i, 2]
+    entered = -behind + cast_rays(
+        row, faces, frame, x - behind * dx, y - behind * dy, z - behind * dz,
+        rays, i, i + 1, math.inf, rays[i], -1,
+    )  # fmt: skip
+    if housing <= entered < math.inf:
+        return entered
+    starts_inside = entered == math.inf
+    limit = inside if starts_inside else housing
+    if limit == math.inf:
+        return math.inf
+    left = _OUTSIDE_M - cast_rays(
+        row, faces, frame, x + _OUTSIDE_M * dx, y + _OUTSIDE_M * dy, z + _OUTSIDE_M * dz,
+        backward, i, i + 1, math.inf, rays[i], -1,
+    )  # fmt: skip
+    if left <= limit:
+        return math.inf
+    return 0.0 if starts_inside else housing

@@ -1,0 +1,190 @@
+"""Steered parts of a robot, such as its front wheels, as its own sensors see them.
+
+All engines share these rules. The array ``sight`` holds the counts of SteeredSight, then its parts.
+It is empty if no sensor can see a steered part at any angle.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from evoros.base import elementary
+from evoros.base.arrays import Array
+from evoros.base.compilable import compilable
+from evoros.base.compilation import A1, NOTHING, compile_rule
+from evoros.drive.protocol import Drive
+from evoros.geometry.footprint import bottom_height, top_height
+from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, FACE_SIZE, OBSTACLE_SIZE, turn_frame
+from evoros.geometry.shapes import Pose, Shape
+from evoros.robot.model import Robot
+from evoros.robot.occlusion import OccluderRows, relative_row
+from evoros.robot.self_sight import (
+    ORIGIN,
+    RAY_SIZE,
+    cast_at_robot,
+    lay_out_rays,
+    measure_self_ranges,
+    meet_shape,
+    sort_rays,
+)
+from evoros.sensor.protocol import sees
+from evoros.world.obstacles import sight_rows
+
+JOINT, PIVOT, NARROWING, INSIDE, ROLLS, SHAPE = 0, 1, 3, 4, 5, 6
+"""A steered part: the index of its steering joint; x, y [m] of the joint's vertical axis;
+``narrowing_of`` the joint; two values of OccluderRows; its row for rays, relative to the axis."""
+PART_SIZE = SHAPE + OBSTACLE_SIZE
+PART, BEAM, FIRST_RAY, END_RAY = range(4)
+"""A beam that may see a part: the numbers of both, its first ray and the one after its last."""
+PAIR_SIZE = 4
+COUNTS = 4
+
+
+class SteeredSight(NamedTuple):
+    """The parts of the array, each flat."""
+
+    parts: Array  # (p, PART_SIZE)
+    pairs: Array  # (q, PAIR_SIZE)
+    rays: Array  # (r, RAY_SIZE)
+    backward: Array  # (r, 3), the rays' opposite directions
+    faces: Array  # (f, FACE_SIZE)
+
+
+def lay_out_steered_sight(robot: Robot) -> Array:
+    """Return the array ``sight`` of a robot."""
+    steered = robot.occluders.steered
+    parts: list[Array] = []
+    pairs: list[tuple[int, int, int, int]] = []
+    if not len(steered.rows) or not robot.beam_count:
+        return np.zeros(0)
+    rays, firsts, ends = _list_rays(robot)
+    nearest = measure_self_ranges(robot)
+    for k in range(len(steered.rows)):
+        part = len(parts)
+        distances, _ = cast_at_robot(_sweep_volume(robot, k), rays)
+        for beam, (first, end) in enumerate(zip(firsts, ends, strict=True)):
+            reach = min(float(nearest[beam]), float(rays[first, -1]))
+            if distances[first:end].min() < reach:
+                pairs.append((part, beam, first, end))
+        if pairs and pairs[-1][PART] == part:
+            parts.append(_lay_out_part(robot, k))
+    if not parts:
+        return np.zeros(0)
+    counts = [len(parts), len(pairs), len(rays), len(steered.faces)]
+    arrays = [counts, parts, pairs, rays, -rays[:, :3], steered.faces]
+    return np.concatenate([np.ravel(np.array(array, dtype=np.float64)) for array in arrays])
+
+
+def _list_rays(robot: Robot) -> tuple[Array, list[int], list[int]]:
+    """Return the rows of all rays, and of each beam the first ray and the one after its last."""
+    tables, firsts, ends, start = [], [], [], 0
+    for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
+        sensor = robot.sensors[mount.sensor]
+        if sees(sensor):
+            rays, stops = sort_rays(sensor)
+            tables.append(lay_out_rays(sensor, rays, frame))
+            firsts += [start + first for first in (0, *stops[:-1])]
+            ends += [start + stop for stop in stops]
+            start += len(rays)
+    return np.concatenate(tables), firsts, ends
+
+
+def _sweep_volume(robot: Robot, number: int) -> OccluderRows:
+    """Return an upright cylinder that holds a steered part at all angles."""
+    steered = robot.occluders.steered
+    occluder = robot.occluders.shapes[int(steered.numbers[number])]
+    x, y = robot.occluders.steering_of(int(steered.numbers[number])).pivot
+    row = relative_row(steered.rows[number], (x, y))
+    radius = math.sqrt(row[AT_X] * row[AT_X] + row[AT_Y] * row[AT_Y]) + row[BOUND]
+    low = bottom_height(occluder.shape, occluder.pose)
+    high = top_height(occluder.shape, occluder.pose)
+    cylinder = Shape("cylinder", (radius, high - low))
+    rows, faces, _ = sight_rows([(cylinder, Pose((x, y, 0.5 * (low + high))))])
+    return OccluderRows(rows, faces, np.zeros(1), np.ones(1), np.zeros(1))
+
+
+def _lay_out_part(robot: Robot, number: int) -> Array:
+    steered = robot.occluders.steered
+    joint, pivot = robot.occluders.steering_of(int(steered.numbers[number]))
+    head = [joint, *pivot, narrowing_of(robot.drive, joint)]
+    flags = [steered.inside[number], steered.rolls[number]]
+    return np.array([*head, *flags, *relative_row(steered.rows[number], pivot)])
+
+
+def narrowing_of(drive: Drive, joint: int) -> float:
+    """Return by how much a steering joint turns about a nearer centre than the bicycle's wheel.
+
+    It is ``k`` of ``cot(angle) = cot(steering) - k``, which holds at all angles of Ackermann
+    steering, where ``k`` is half the distance of the axes by the wheelbase, and of parallel
+    steering, where it is 0.
+    """
+    angles, _ = drive.targets(0.0, drive.steering_limit)
+    return 1.0 / elementary.tan(drive.steering_limit) - 1.0 / elementary.tan(angles[joint])
+
+
+class SteeredParts:
+    """The steered parts of a robot that its sensors may see in a rigid-body engine."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._sight = lay_out_steered_sight(robot)
+        self.exist = len(self._sight) > 0
+        self._see = compile_rule(see_parts, NOTHING(A1, A1, A1)) if self.exist else None
+
+    def lower(self, angles: Array, ranges: Array) -> None:
+        """Lower each range [m] whose beam sees a part; ``angles`` [rad] as in ``see_parts``."""
+        if self._see is not None:
+            self._see(self._sight, angles, ranges)
+
+
+@compilable
+def see_parts_at(sight: Array, steering: float, ranges: Array) -> None:
+    """Lower each range [m] whose beam sees a steered part at a bicycle model's angle [rad]."""
+    tangent = elementary.tan(steering)
+    for number in range(int(sight[0])):
+        start = COUNTS + number * PART_SIZE
+        ahead = 1.0 - sight[start + NARROWING] * tangent
+        length = math.sqrt(ahead * ahead + tangent * tangent)
+        see_part(sight, number, ahead / length, tangent / length, ranges)
+
+
+def see_parts(sight: Array, angles: Array, ranges: Array) -> None:
+    """Lower each range [m] whose beam sees a part with the steering joints at ``angles`` [rad]."""
+    for number in range(int(sight[0])):
+        sin, cos = elementary.sin_cos(angles[int(sight[COUNTS + number * PART_SIZE])])
+        see_part(sight, number, cos, sin, ranges)
+
+
+@compilable
+def see_part(sight: Array, number: int, cos: float, sin: float, ranges: Array) -> None:
+    """Lower each range [m] whose beam sees a part that is turned by an angle."""
+    parts_end = COUNTS + int(sight[0]) * PART_SIZE
+    pairs_end = parts_end + int(sight[1]) * PAIR_SIZE
+    rays_end = pairs_end + int(sight[2]) * RAY_SIZE
+    faces_start = rays_end + int(sight[2]) * 3
+    start = COUNTS + number * PART_SIZE
+    part = sight[start : start + PART_SIZE]
+    row = part[SHAPE:]
+    rays = sight[pairs_end:rays_end].reshape((-1, RAY_SIZE))
+    backward = sight[rays_end:faces_start].reshape((-1, 3))
+    faces = sight[faces_start:].reshape((-1, FACE_SIZE))
+    pairs = sight[parts_end:pairs_end].reshape((-1, PAIR_SIZE))
+    # The rays' frame is turned back by the angle, seen from the part.
+    frame = turn_frame(row, cos, -sin)
+    x = part[PIVOT] + cos * row[AT_X] - sin * row[AT_Y]
+    y = part[PIVOT + 1] + sin * row[AT_X] + cos * row[AT_Y]
+    for pair in range(len(pairs)):
+        if int(pairs[pair, PART]) != number:
+            continue
+        beam = int(pairs[pair, BEAM])
+        for i in range(int(pairs[pair, FIRST_RAY]), int(pairs[pair, END_RAY])):
+            origin = (
+                rays[i, ORIGIN] - x,
+                rays[i, ORIGIN + 1] - y,
+                rays[i, ORIGIN + 2] - row[AT_Z],
+            )
+            distance = meet_shape(
+                row, faces, frame, origin, rays, i, backward, part[INSIDE], part[ROLLS] > 0.0
+            )
+            if distance < ranges[beam]:
+                ranges[beam] = distance
