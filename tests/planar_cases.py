@@ -15,6 +15,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.geometry.footprint import Footprint, project_bodies
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
+from evoros.robot.occlusion import Occluders
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
 from evoros.simulator.planar import Planar
@@ -72,9 +73,10 @@ def world_of(*placed: tuple[Shape, Pose]) -> World:
 
 
 def rover(*poses: tuple[float, float, float, float, float], **sonar: float) -> Robot:
-    """The rover with sonars at x, y, z [m], yaw, pitch [deg]."""
+    """The rover with sonars at x, y, z [m], yaw, pitch [deg], which do not see it."""
     mounts = [Mount("sonar", "base_link", *pose) for pose in poses]
-    return experiment().robot.with_sensors(mounts, {"sonar": Sonar(**sonar)})  # type: ignore[arg-type]
+    robot = replace(experiment().robot, occluders=Occluders())
+    return robot.with_sensors(mounts, {"sonar": Sonar(**sonar)})  # type: ignore[arg-type]
 
 
 def start(

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
@@ -13,7 +14,8 @@ from evoros.formats.urdf.parts import read_origin, read_value
 from evoros.formats.urdf.tree import Urdf, read_frames, read_tree
 from evoros.geometry.shapes import Pose, Shape
 from evoros.storage.figure_context import Beam, Signal
-from evoros.storage.layout import ROBOT_AS_LOADED
+from evoros.storage.layout import ROBOT_AS_LOADED, SELF_SIGHT
+from evoros.storage.reading import read_table
 from evoros.storage.verification import read_text
 
 from ..tables.designs import adapt_context, read_champion_sensors, read_champion_signals
@@ -46,6 +48,7 @@ class Champion:
     shown: Urdf  # what engines loaded, whose root is on the ground
     sensors: tuple[MountedSensor, ...]
     centre_m: Triple | None  # of mass, in the robot's frame; None: the description has no mass
+    self_sights: pd.DataFrame  # the rows of self_sight.csv: sensors that see their own robot
     values: Mapping[str, Any]  # of the configuration, by dotted key, with those that evolved
 
     @property
@@ -89,6 +92,7 @@ def read_champion(record: Record) -> Champion:
         shown=urdf,
         sensors=tuple(_read_sensors(record, urdf)),
         centre_m=_centre_of_mass(robot, described, ground),
+        self_sights=read_table(folder / SELF_SIGHT, ("distance_m", "hidden_share")),
         values=values,
     )
 

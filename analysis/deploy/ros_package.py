@@ -21,7 +21,7 @@ from .ardupilot import (
     write_parameters,
 )
 from .champion import Champion, Triple
-from .clashes import list_clashes
+from .clashes import list_clashes, list_hidden
 from .meshes import MeshFiles
 from .ros_parameters import controller_parameters, robot_parameters, write_parameter_file
 
@@ -79,7 +79,8 @@ def write_package(
     name = _simplify(champion.name)
     meshes = MeshFiles(options.name)
     meshes.move(champion.robot)
-    notes = [*list_clashes(champion.sensors), *meshes.notes, *_list_left_out(champion)]
+    clashes = [*list_clashes(champion.sensors), *list_hidden(champion)]
+    notes = [*clashes, *meshes.notes, *_list_left_out(champion)]
     files = {f"urdf/{name}.urdf": etree.tostring(champion.robot, encoding="unicode") + "\n"}
     files |= _write_parameters(champion, options)
     values = {

@@ -18,6 +18,7 @@ from evoros.design.team import TeamSpace
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.measure_check import check_measures
 from evoros.evolution.route_check import check_routes
+from evoros.evolution.self_sight_check import check_housings, check_self_sight
 from evoros.evolution.sight_check import check_sight
 from evoros.evolution.told_check import check_told
 from evoros.failure.protocol import SystematicFailure
@@ -111,7 +112,7 @@ def _list_doubts(experiment: Experiment) -> Iterator[str]:
     """
     yield from _describe_mount(experiment)
     yield from _describe_cases(experiment)
-    for check in (check_routes, check_sight, check_told):
+    for check in (check_routes, check_sight, check_self_sight, check_housings, check_told):
         yield from check(experiment)
 
 

@@ -1,4 +1,4 @@
-"""Finds sensors that see the ground, or the robot itself, within the range of the avoidance."""
+"""Finds sensors that see the ground within the range of the avoidance."""
 
 import math
 from collections.abc import Iterator
@@ -14,9 +14,9 @@ from evoros.base.linear import product
 from evoros.base.rng import generator
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.layer_values import find_avoidance_range
-from evoros.geometry.shapes import Body, Pose
 from evoros.mission.scenario import Scenario
 from evoros.robot.model import Robot
+from evoros.robot.occlusion import Occluders
 from evoros.sensor.protocol import Mount, sees
 from evoros.simulator.planar import Planar
 from evoros.world.course import Course
@@ -40,24 +40,24 @@ class Sight(NamedTuple):
 
 
 def check_sight(experiment: Experiment) -> Iterator[str]:
-    """Yield a warning for the ground and one for the robot if sensors see them.
+    """Yield a warning if sensors see the ground.
 
     This tries designs in the middle, at both ends and at some other places of the search space.
     """
-    scenarios = list(_try_designs(experiment))
-    for bodies, describe in ((False, _describe_ground), (True, _describe_robot)):
-        seen = [list(_find_seen(scenario, bodies)) for scenario in scenarios]
-        worst = min((sight for each in seen for sight in each), key=_reading, default=None)
-        if worst is not None:
-            designs = f"in {sum(map(bool, seen))} of {len(scenarios)} designs that were tried"
-            yield f"design: {designs}, {describe(worst)}"
+    scenarios = list(try_designs(experiment))
+    sights = [list(_find_seen(scenario)) for scenario in scenarios]
+    worst = min((sight for seen in sights for sight in seen), key=_reading, default=None)
+    if worst is not None:
+        designs = f"in {sum(map(bool, sights))} of {len(scenarios)} designs that were tried"
+        yield f"design: {designs}, {_describe_ground(worst)}"
 
 
 def _reading(sight: Sight) -> float:
     return sight.reading_m
 
 
-def _try_designs(experiment: Experiment) -> Iterator[Scenario]:
+def try_designs(experiment: Experiment) -> Iterator[Scenario]:
+    """Yield the scenario with designs from the middle, both ends and the inside of the space."""
     space, rng = experiment.space, generator("preflight", "designs")
     genomes = [np.full(space.size, share) for share in (0.5, 0.0, 1.0)]
     for genome in (*genomes, *rng.random((RANDOM_DESIGNS, space.size))):
@@ -67,15 +67,13 @@ def _try_designs(experiment: Experiment) -> Iterator[Scenario]:
             continue  # a part refuses this design, which is then an outcome of its missions
 
 
-def _find_seen(scenario: Scenario, itself: bool) -> Iterator[Sight]:
-    """Yield each sensor that sees the ground, or the robot ``itself``, within the range."""
-    found, robot = find_avoidance_range(scenario.controller), scenario.robot
-    if found is None or not robot.mounts:
+def _find_seen(scenario: Scenario) -> Iterator[Sight]:
+    """Yield each sensor that sees the ground within the range of the avoidance."""
+    avoidance, robot = find_avoidance_range(scenario.controller), scenario.robot
+    if avoidance is None or not robot.mounts:
         return
-    key, limit = found
-    ranges = _read(robot, itself)
-    if itself:
-        ranges = np.where(ranges < _read(robot, False), ranges, np.inf)
+    key, limit = avoidance
+    ranges = _measure_ground(robot)
     frames = robot.sensor_frames
     for mount, beams, frame in zip(robot.mounts, robot.beam_layout, frames, strict=True):
         sensor = robot.sensors[mount.sensor]
@@ -88,15 +86,11 @@ def _find_seen(scenario: Scenario, itself: bool) -> Iterator[Sight]:
             yield Sight(mount, key, limit, reading, float(frame[2, 3]), drop)
 
 
-def _read(robot: Robot, itself: bool) -> Array:
-    """Return the ranges [m] on empty ground; to the robot's own shapes too if ``itself``."""
-    bodies = [
-        Body(f"shape {i}", Pose(), (replace(solid.shape, pose=solid.pose),))
-        for i, solid in enumerate(robot.solids if itself else ())
-    ]
-    world = World("empty", (GROUND, *bodies), _AWAY, "preflight", "")
+def _measure_ground(robot: Robot) -> Array:
+    """Return the ranges [m] on empty ground, as if the robot hid nothing of it."""
+    world = World("empty", (GROUND,), _AWAY, "preflight", "")
     signals = np.zeros(robot.signal_count)
-    with Planar().open(robot, world) as simulation:
+    with Planar().open(replace(robot, occluders=Occluders()), world) as simulation:
         simulation.memory[[X, Y]] = 0.0
         simulation.sense(signals)
     return signals[: robot.beam_count]
@@ -112,14 +106,4 @@ def _describe_ground(sight: Sight) -> str:
         f"{sight.key} ({sight.range_m:g} m), so that the robot avoids it all the time; "
         f"raise the pitch to {pitch} deg or more (robot.mount.pitch_deg, or pitch_deg of "
         f"the region), or lower that range"
-    )
-
-
-def _describe_robot(sight: Sight) -> str:
-    mount = sight.mount
-    return (
-        f"a {mount.sensor} at x {mount.x_m:.3g}, y {mount.y_m:.3g}, z {mount.z_m:.3g} m on "
-        f"{mount.link} with yaw {mount.yaw_deg:.3g} deg would see the robot itself "
-        f"{sight.reading_m:.3g} m away, which simulators leave out; place its region on the "
-        f"outline, facing outwards (OutlineRegion), or move it up"
     )

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from evoros.base.arrays import (
 )
 from evoros.filter.protocol import Filter
 from evoros.robot.model import Robot
+from evoros.robot.occlusion import Occluders
 from evoros.sensor.protocol import RANGE, Channel, Mount
 from evoros.simulator.protocol import Simulation, Simulator
 from evoros.world.model import World
@@ -82,7 +83,7 @@ def drive_trial(simulator: Simulator, robot: Robot, world: World, speed: float) 
     link, height = robot.mount_link, robot.mount_z_m
     places = ((0.0, 0.0), (ARM_M, 0.0), (0.0, ARM_M))
     mounts = [Mount("plumb", link, x, y, height, 0.0, 0.0) for x, y in places]
-    robot = robot.with_sensors(mounts, {"plumb": Plumb()})
+    robot = replace(robot, occluders=Occluders()).with_sensors(mounts, {"plumb": Plumb()})
     lock, drive = robot.drive.steering_limit, robot.drive
     curvature = elementary.tan(lock) / drive.wheelbase_m
     fastest = drive.max_speed_mps / (1.0 + abs(curvature) * drive.speed_limit_offset_m)

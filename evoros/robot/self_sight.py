@@ -46,6 +46,7 @@ _OUTSIDE_M = 100.0
 class SelfSight(NamedTuple):
     """What a mounted sensor sees of its robot, over the whole sweep of the steering."""
 
+    name: str  # of the sensor's link
     mount: Mount
     distance_m: float  # to the nearest part in any direction of the sensor
     link: str  # of this part
@@ -96,7 +97,7 @@ def measure_self_ranges(robot: Robot) -> Array:
 def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
     """Yield what each range sensor sees of its robot, if it sees a part of it."""
     swept = robot.occluders.sweep(robot.drive)
-    for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
+    for (name, mount), frame in zip(robot.named_mounts(), robot.sensor_frames, strict=True):
         sensor = robot.sensors[mount.sensor]
         if not sees(sensor):
             continue
@@ -105,7 +106,7 @@ def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
         if hidden.any():
             nearest = int(distances.argmin())
             link = robot.occluders.shapes[int(numbers[nearest])].link
-            yield SelfSight(mount, float(distances[nearest]), link, float(hidden.mean()))
+            yield SelfSight(name, mount, float(distances[nearest]), link, float(hidden.mean()))
 
 
 def find_blind_shares(robot: Robot) -> Array:

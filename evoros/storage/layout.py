@@ -10,6 +10,8 @@ FORMAT_VERSION = 1
 CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
 ROBOT_AS_LOADED = "robot_as_loaded.urdf"
 """A champion as engines load it, if that is not its ``robot.urdf``."""
+SELF_SIGHT = "self_sight.csv"
+"""The sensors of a champion that see their own robot."""
 LOG, LOST = "evoros.log", "lost"
 SETTING = "setting.json"
 DIGESTS = "digests.csv"

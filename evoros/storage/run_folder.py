@@ -19,7 +19,15 @@ from evoros.storage.creation import create_folder, require_unused
 from evoros.storage.digests import describe_file
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.generation_rows import GenerationRows
-from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, ROBOT_AS_LOADED, SETTING, read_json
+from evoros.storage.layout import (
+    CONFIG,
+    MANIFEST,
+    MISSIONS,
+    ROBOT_AS_LOADED,
+    SELF_SIGHT,
+    SETTING,
+    read_json,
+)
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.mission_table import begin_table
 from evoros.storage.seals import seal_json
@@ -35,6 +43,7 @@ from evoros.storage.tables import (
     read_key,
     read_mission,
     score_table,
+    self_sight_table,
     to_csv,
     trajectory_table,
 )
@@ -276,6 +285,7 @@ def _champion_files(champion: Champion) -> dict[str, bytes]:
     for robot_name, robot in champion.robots.items():
         folder = f"{AGENTS}/{robot_name}/" if robot_name else ""
         files[folder + ROBOT] = robot.urdf.encode()
+        files[folder + SELF_SIGHT] = self_sight_table(robot).encode()
         if robot.engine_urdf is not None:
             files[folder + ROBOT_AS_LOADED] = robot.loaded_urdf.encode()
     for name, world in champion.worlds.items():

@@ -16,6 +16,8 @@ from evoros.base.arrays import Array
 from evoros.design.design import Design
 from evoros.mission.mission import Mission, MissionKey, name_conditions
 from evoros.mission.outcome import TRAJECTORY, Outcome
+from evoros.robot.model import Robot
+from evoros.robot.self_sight import find_self_sights
 from evoros.sensor.protocol import Mount
 
 if TYPE_CHECKING:  # reading a table must not load what runs missions
@@ -26,6 +28,7 @@ CANDIDATE_COLUMNS = ("generation", "id", "parents", "operator", "survived", "fit
 VALIDATED, SCREENED, LOSS = "validated_fitness", "screened_fitness", "loss"
 MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two with a confirmation only
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
+SELF_SIGHT_COLUMNS = ("sensor", "seen_link", "distance_m", "hidden_share")
 DESIGN_COLUMNS = ("design", "sensor", "type", "link", *POSE_COLUMNS)
 AGENT = "agent"  # the column with the name of another robot than the first
 WHOLE_COLUMNS = ("mode", "visited", "contact")  # of a trajectory
@@ -162,6 +165,15 @@ def design_table(designs: Mapping[int, Design]) -> str:
         for number, mount in enumerate(own.mounts)
     ]
     return table_by_robot(DESIGN_COLUMNS, rows, designs.values())
+
+
+def self_sight_table(robot: Robot) -> str:
+    """Return the text of ``self_sight.csv``, a row for each sensor that sees its own robot."""
+    rows = [
+        [sight.name, sight.link, sight.distance_m, sight.hidden_share]
+        for sight in find_self_sights(robot)
+    ]
+    return to_csv([SELF_SIGHT_COLUMNS, *rows])
 
 
 def list_designs(design: Design) -> list[tuple[str, Design]]:

@@ -50,7 +50,7 @@ from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
 from evoros.storage.digests import describe_file, write_entries
 from evoros.storage.figure_context import Beam
-from evoros.storage.tables import design_table, gene_table
+from evoros.storage.tables import design_table, gene_table, self_sight_table
 
 OPTIONS = PackageOptions("a_champion", "A B <a.b@example.org>", "MIT", None)
 ROS2 = Path(os.environ.get("EVOROS_ROS2_PYTHON", ROOT / ".ros2" / "bin" / "python"))
@@ -82,6 +82,7 @@ def champion_of(record: Record, robot: Robot, mounts: list[Mount], folder: Path)
     design = Design(mounted.mounts, {})
     files = {
         "robot.urdf": mounted.urdf,
+        "self_sight.csv": self_sight_table(mounted),
         "robot_as_loaded.urdf": mounted.loaded_urdf,
         "design.csv": design_table({3: design}),
         "genes.csv": gene_table({3: design}, {}),

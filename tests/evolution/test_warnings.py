@@ -19,6 +19,7 @@ from evoros.evolution.drive_check import check_drive, report_drive
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.preflight import preflight
 from evoros.evolution.route_check import check_routes
+from evoros.evolution.self_sight_check import check_housings, check_self_sight
 from evoros.evolution.sight_check import check_sight
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
@@ -45,7 +46,8 @@ BUNDLED = [
 @pytest.mark.parametrize("overrides", BUNDLED, ids=" ".join)
 def test_what_is_bundled_gives_no_warning(overrides: list[str]) -> None:
     experiment = build(*overrides)
-    assert [*check_sight(experiment), *check_routes(experiment)] == []
+    checks = check_sight, check_self_sight, check_routes
+    assert [line for check in checks for line in check(experiment)] == []
     assert [*check_drive(replace(experiment, simulator=PyBullet()))] == []
 
 
@@ -118,9 +120,21 @@ def test_a_controller_without_avoidance_sees_no_ground() -> None:
 
 def test_a_sensor_that_would_see_the_robot_is_told() -> None:
     region = "{_target_: evoros.design.region.Region, x_m: -0.19, y_m: 0, yaw_deg: 0}"
-    (line,) = check_sight(build(f"+design.regions.tail={region}", "design.number=9"))
-    assert "would see the robot itself 0.0" in line
-    assert "on base_link with yaw 0 deg" in line
+    (line,) = check_self_sight(build(f"+design.regions.tail={region}", "design.number=9"))
+    # The cage begins at x = -0.17 m.
+    assert re.search(
+        r"hides \d+ % of the cone .* with yaw 0 deg, which sees base_link 0.02 m", line
+    )
+
+
+def test_housings_that_overlap_are_told() -> None:
+    region = "{_target_: evoros.design.region.Region, x_m: [0.2, %s], y_m: 0.1, yaw_deg: 0}"
+    keys = ["design.regions=null", "design.number=2", "design.mirrored=false"]
+    (line,) = check_housings(build(*keys, f"+design.regions.spot={region % 0.201}"))
+    assert "in 5 of 5 random designs" in line
+    assert "sonar_0 and sonar_1 by" in line
+    wide = [f"+design.regions.{side}={region % x}" for side, x in (("spot", 0.2),)]
+    assert list(check_housings(build(*keys[::2], *wide, "design.number=1"))) == []
 
 
 # Courses ------------------------------------------------------------------------------------

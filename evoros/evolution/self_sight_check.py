@@ -1,0 +1,56 @@
+"""Finds sensors that see their own robot, and sensors whose housings overlap."""
+
+from collections.abc import Iterator
+from itertools import islice
+
+from evoros.evolution.experiment import Experiment
+from evoros.evolution.sight_check import try_designs
+from evoros.mission.scenario import Scenario
+from evoros.robot.housings import Overlap, find_overlaps, list_housings
+from evoros.robot.self_sight import SelfSight, find_self_sights
+
+
+def check_self_sight(experiment: Experiment) -> Iterator[str]:
+    """Yield a warning if the robot hides from its sensors a part of what they would see.
+
+    It tries the designs of ``try_designs``.
+    """
+    scenarios = list(try_designs(experiment))
+    sights = [list(find_self_sights(scenario.robot)) for scenario in scenarios]
+    worst = max((sight for seen in sights for sight in seen), key=_hidden_share, default=None)
+    if worst is not None:
+        count = f"in {sum(map(bool, sights))} of {len(scenarios)} designs that were tried"
+        yield f"design: {count}, {_describe_sight(worst)}"
+
+
+def check_housings(experiment: Experiment) -> Iterator[str]:
+    """Yield a warning if the housings of sensors overlap in designs that were drawn at random."""
+    # The first three have all sensors in the middle or at an end of their regions.
+    scenarios = list(islice(try_designs(experiment), 3, None))
+    overlaps = [list(_find_overlaps(scenario)) for scenario in scenarios]
+    worst = max((overlap for pairs in overlaps for overlap in pairs), default=None)
+    if worst is not None:
+        yield (
+            f"design: in {sum(map(bool, overlaps))} of {len(scenarios)} random designs, housings "
+            f"of sensors overlap, at most those of {worst.first} and {worst.second} by "
+            f"{1e3 * worst.depth_m:.1f} mm; missions allow it, but such a robot cannot be built; "
+            f"make regions larger, or size_m of the sensors smaller"
+        )
+
+
+def _find_overlaps(scenario: Scenario) -> Iterator[Overlap]:
+    yield from find_overlaps(list_housings(scenario.robot))
+
+
+def _hidden_share(sight: SelfSight) -> float:
+    return sight.hidden_share
+
+
+def _describe_sight(sight: SelfSight) -> str:
+    mount = sight.mount
+    return (
+        f"the robot hides {100 * sight.hidden_share:.0f} % of the cone of a {mount.sensor} at x "
+        f"{mount.x_m:.3g}, y {mount.y_m:.3g}, z {mount.z_m:.3g} m on {mount.link} with yaw "
+        f"{mount.yaw_deg:.3g} deg, which sees {sight.link} {sight.distance_m:.3g} m away at some "
+        f"steering angle; place it on the outline, facing outwards (OutlineRegion), or move it up"
+    )

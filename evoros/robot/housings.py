@@ -1,0 +1,74 @@
+"""The housings of sensors, boxes that cannot be mounted where they overlap."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+from typing import NamedTuple
+
+import numpy as np
+
+from evoros.base import linear
+from evoros.base.arrays import Array
+from evoros.robot.model import Robot
+
+_PARALLEL = 1e-9
+_TOUCH_M = 1e-6  # housings that overlap by less touch
+
+
+@dataclass(frozen=True)
+class Housing:
+    """The box of a mounted sensor in the robot's frame."""
+
+    name: str  # of the sensor's link
+    position_m: Sequence[float]  # (3,), of its middle
+    axes: Array  # (3, 3), a row for each axis
+    size_m: Sequence[float]  # (3,), along its axes
+
+
+class Overlap(NamedTuple):
+    """Two housings that overlap."""
+
+    depth_m: float  # by which one of them must move
+    first: str
+    second: str
+
+
+def list_housings(robot: Robot) -> list[Housing]:
+    """Return the housings of a robot's sensors."""
+    return [
+        Housing(name, frame[:3, 3].tolist(), frame[:3, :3].T, robot.sensors[mount.sensor].size_m)
+        for (name, mount), frame in zip(robot.named_mounts(), robot.sensor_frames, strict=True)
+    ]
+
+
+def find_overlaps(housings: Sequence[Housing]) -> Iterator[Overlap]:
+    """Yield each pair of housings that overlap."""
+    for first, second in combinations(housings, 2):
+        depth = _measure_overlap(first, second)
+        if depth > _TOUCH_M and min(*first.size_m, *second.size_m) > 0.0:
+            yield Overlap(depth, first.name, second.name)
+
+
+def _measure_overlap(first: Housing, second: Housing) -> float:
+    """Return how far [m] one box must move to be clear of the other; 0 or less: it is clear.
+
+    Two boxes are apart if they are along a normal of a face, or across an edge of each.
+    """
+    gap = np.subtract(second.position_m, first.position_m)
+    reach = 0.5 * (linear.length(np.array(first.size_m)) + linear.length(np.array(second.size_m)))
+    if linear.length(gap) > reach:
+        return 0.0
+    edges = (np.cross(a, b) for a, b in product(first.axes, second.axes))
+    depths = []
+    for direction in (*first.axes, *second.axes, *edges):
+        length = linear.length(direction)
+        if length > _PARALLEL:
+            reach = _reach(first, direction) + _reach(second, direction)
+            depths.append((reach - abs(float((gap * direction).sum()))) / length)
+    return min(depths)
+
+
+def _reach(housing: Housing, direction: Array) -> float:
+    """Return how far a box reaches from its middle along a direction, times its length."""
+    along = np.abs((housing.axes * direction).sum(axis=1))
+    return 0.5 * float((along * np.array(housing.size_m)).sum())
