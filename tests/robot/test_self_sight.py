@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from robot_cases import rover
 
 from evoros.base.arrays import Array
@@ -46,7 +47,7 @@ def carry(parts: tuple[Occluder, ...], *mounts: Mount, **sensors: Any) -> Robot:
     return robot.with_sensors(mounts, sensors or {"sonar": RAY})
 
 
-def holds(shape: Shape, points: Array) -> Array:
+def holds(shape: Shape, points: Array) -> NDArray[np.bool_]:
     squared = points * points
     if shape.kind == "box":
         return np.asarray((np.abs(points) <= np.array(shape.size) / 2).all(axis=1))
@@ -129,7 +130,7 @@ def test_the_hidden_share_is_that_of_the_rays() -> None:
     assert ranges[5:] == pytest.approx(0.49 / np.cos(bearings))
 
 
-def bind(robot: Robot, mirrored: bool = False, **regions: Any) -> Any:
+def bind(robot: Robot, regions: dict[str, Any], mirrored: bool = False) -> Any:
     return SensorDesign({"sonar": Sonar()}, regions, 3, mirrored).bind(robot)
 
 
@@ -142,9 +143,10 @@ BOX = Region([-0.3, 0.3], [0.1, 0.4], [-90.0, 90.0], [0.1, 0.2], 0.0, overhang_m
 def test_no_genome_leads_to_a_place_that_the_robot_hides(data: st.DataObject) -> None:
     """The mule's wheels stand beside its body, where its outline carries sensors."""
     mirrored = data.draw(st.booleans())
-    regions = data.draw(st.sampled_from([SIDES, {"left": SIDES["left"], "box": BOX}]))
+    choices: list[dict[str, Any]] = [dict(SIDES), {"left": SIDES["left"], "box": BOX}]
+    regions = data.draw(st.sampled_from(choices))
     robot = rover("mule")
-    space = bind(robot, mirrored, **regions)
+    space = bind(robot, regions, mirrored)
     genome = np.array(
         data.draw(st.lists(st.floats(0, 1), min_size=space.size, max_size=space.size))
     )
@@ -157,8 +159,8 @@ def test_what_is_left_out_is_what_is_hidden() -> None:
     robot = rover("mule")
     whole = replace(robot, occluders=Occluders())
     rng = np.random.default_rng(0)
-    genomes = rng.random((200, bind(robot, **SIDES).size))
-    designs = [bind(whole, **SIDES).decode(genome) for genome in genomes]
+    genomes = rng.random((200, bind(robot, dict(SIDES)).size))
+    designs = [bind(whole, dict(SIDES)).decode(genome) for genome in genomes]
     sights = [
         len(list(find_self_sights(robot.with_sensors(design.mounts, {"sonar": Sonar()}))))
         for design in designs
@@ -170,7 +172,7 @@ def test_what_is_left_out_is_what_is_hidden() -> None:
 @given(st.data())
 def test_free_places_keep_their_order_and_fill_the_ends(data: st.DataObject) -> None:
     """Along an axis with all else fixed, the place moves on with its gene, from end to end."""
-    free = bind(rover("mule"), left=SIDES["left"]).regions["left"].free
+    free = bind(rover("mule"), {"left": SIDES["left"]}).regions["left"].free
     assert free is not None
     yaw = data.draw(st.floats(-45.0, 45.0))
     shares = sorted(data.draw(st.lists(st.floats(0, 1), min_size=2, max_size=8)))
@@ -183,4 +185,6 @@ def test_free_places_keep_their_order_and_fill_the_ends(data: st.DataObject) -> 
 
 def test_a_robot_that_hides_nothing_leaves_all_places() -> None:
     for name in ("erle_rover", "two_wheeler", "courier"):
-        assert all(region.free is None for region in bind(rover(name), **SIDES).regions.values())
+        assert all(
+            region.free is None for region in bind(rover(name), dict(SIDES)).regions.values()
+        )
