@@ -22,6 +22,7 @@ from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.mounting import level_pitch
 from evoros.robot.occlusion import Occluders
 from evoros.robot.outline import SolidShape
+from evoros.robot.rays import RayTable, SortedRays, sort_rays, tabulate_rays
 from evoros.robot.sensor_elements import sensor_elements
 from evoros.sensor.protocol import SIGNAL_SIZES, Mount, Sensor, is_signal_sensor, sees
 
@@ -228,6 +229,21 @@ class Robot:
             )
         frames.flags.writeable = False
         return frames
+
+    @cached_property
+    def sorted_rays(self) -> dict[str, SortedRays]:
+        """The rays of each type of sensor that casts any.
+
+        Raises:
+            InputError: the channels of a type do not fit its rays.
+        """
+        return {name: sort_rays(sensor) for name, sensor in self.sensors.items() if sees(sensor)}
+
+    @cached_property
+    def ray_table(self) -> RayTable:
+        """The rays of all mounted sensors in the robot's frame, in the order of the true ranges."""
+        types = {name: sensor for name, sensor in self.sensors.items() if sees(sensor)}
+        return tabulate_rays(self.mounts, self.sensor_frames, types, self.sorted_rays)
 
     def _check_mount(self, mount: Mount, known: Mapping[str, int]) -> None:
         if mount.sensor not in known:

@@ -1,5 +1,6 @@
 """The shapes of a robot that can hide from its own sensors what they would see."""
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +12,8 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.drive.protocol import Drive
 from evoros.formats.urdf.tree import Urdf
-from evoros.geometry.ray import AT_X, AT_Y, place_obstacle
+from evoros.geometry.footprint import bottom_height, top_height
+from evoros.geometry.ray import AT_X, AT_Y, BOUND, place_obstacle
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.exposure import rolling_shapes
 from evoros.world.obstacles import sight_rows
@@ -43,6 +45,11 @@ class Occluder:
     rolls: bool  # on the ground, as wheels and casters do
     steering: Steering | None = None
 
+    @property
+    def height_range(self) -> tuple[float, float]:
+        """The heights [m] of its lowest and its highest point."""
+        return bottom_height(self.shape, self.pose), top_height(self.shape, self.pose)
+
 
 class OccluderRows(NamedTuple):
     """Shapes as rows for rays, in the robot's frame."""
@@ -52,6 +59,7 @@ class OccluderRows(NamedTuple):
     inside: Array  # (s,) [m], how far a ray that starts in the shape may go before it is hidden
     rolls: Array  # (s,) 1 for wheels and casters, else 0
     numbers: Array  # (s,) of the occluder
+    heights: Array  # (s, 2) [m], of the lowest and the highest point
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +82,23 @@ class Occluders:
         """The shapes that steering moves, with the wheels straight ahead."""
         return self._select([shape.steering is not None for shape in self.shapes], np.inf)
 
+    @cached_property
+    def sweep_volumes(self) -> list[OccluderRows]:
+        """An upright cylinder for each steered shape, which holds it at all angles."""
+        return [
+            self._enclose(row, int(number))
+            for row, number in zip(self.steered.rows, self.steered.numbers, strict=True)
+        ]
+
+    def _enclose(self, row: Array, number: int) -> OccluderRows:
+        occluder, (_, pivot) = self.shapes[number], self.steering_of(number)
+        x, y = relative_row(row, pivot)[[AT_X, AT_Y]].tolist()
+        low, high = occluder.height_range
+        cylinder = Shape("cylinder", (math.sqrt(x * x + y * y) + row[BOUND], high - low))
+        rows, faces, _ = sight_rows([(cylinder, Pose((*pivot, 0.5 * (low + high))))])
+        heights = np.array([[low, high]])
+        return OccluderRows(rows, faces, np.zeros(1), np.ones(1), np.zeros(1), heights)
+
     def sweep(self, drive: Drive) -> OccluderRows:
         """Return all shapes, the steered ones at ``SWEEP`` angles from lock to lock, for checks."""
         still = self._select([shape.steering is None for shape in self.shapes], BURIED_M)
@@ -83,8 +108,8 @@ class Occluders:
             for angle in np.linspace(-drive.steering_limit, drive.steering_limit, SWEEP).tolist():
                 angles, _ = drive.targets(0.0, angle)
                 parts.append(steered._replace(rows=self._turn(steered, angles)))
-        rows, _, inside, rolls, numbers = map(np.concatenate, zip(*parts, strict=True))
-        return OccluderRows(rows, faces, inside, rolls, numbers)
+        rows, _, *others = map(np.concatenate, zip(*parts, strict=True))
+        return OccluderRows(rows, faces, *others)
 
     def _turn(self, steered: OccluderRows, angles: Sequence[float]) -> Array:
         """Return the rows of steered shapes with the steering joints at ``angles`` [rad]."""
@@ -111,7 +136,9 @@ class Occluders:
         mask = np.array(chosen, dtype=np.bool_)
         rolls = np.array([float(shape.rolls) for shape in self.shapes])[mask]
         inside = np.where(rolls > 0.0, 0.0, buried)
-        return OccluderRows(rows[mask], faces, inside, rolls, np.flatnonzero(mask).astype(float))
+        numbers = np.flatnonzero(mask).astype(float)
+        heights = np.array([shape.height_range for shape in self.shapes]).reshape(-1, 2)[mask]
+        return OccluderRows(rows[mask], faces, inside, rolls, numbers, heights)
 
 
 def relative_row(row: Array, pivot: tuple[float, float]) -> Array:

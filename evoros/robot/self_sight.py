@@ -5,7 +5,7 @@ housing it does not see that body. Where it would leave the housing into the bod
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +13,6 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
 from evoros.base.compilation import A1, A2, NOTHING, compile_rule
-from evoros.base.errors import InputError
-from evoros.base.linear import product
 from evoros.geometry.ray import (
     AT_X,
     AT_Y,
@@ -26,13 +24,8 @@ from evoros.geometry.ray import (
 )
 from evoros.robot.model import Robot
 from evoros.robot.occlusion import OccluderRows
-from evoros.sensor.protocol import Mount, RangeSensor, sees
-
-# A ray in the robot's frame is a row of RAY_SIZE values.
-DIRECTION, ORIGIN, HOUSING, LIMIT = 0, 3, 6, 7
-"""Unit vector (3,); origin (3,) [m]; where it leaves the housing of its sensor [m]; the range of
-the sensor [m]."""
-RAY_SIZE = 8
+from evoros.robot.rays import DIRECTION, HOUSING, LIMIT, ORIGIN, lay_out_rays
+from evoros.sensor.protocol import Mount, sees
 
 SURFACE_M = 1e-3
 """Depth below a surface at which a sensor still sits on it rather than inside the shape."""
@@ -53,45 +46,18 @@ class SelfSight(NamedTuple):
     hidden_share: float  # of the sensor's rays
 
 
-def sort_rays(sensor: RangeSensor) -> tuple[Array, list[int]]:
-    """Return the rays of a sensor by channel, and the end of each channel's rays.
+def measure_clear_ranges(robot: Robot) -> Array:
+    """Return the range (n,) [m] of each beam without obstacles.
 
-    Raises:
-        InputError: a channel has no ray, or a ray has no channel.
+    It is the sensor's maximum, or the distance of the nearest part that no steering moves.
     """
-    rays, channels = sensor.rays(), np.asarray(sensor.channel_of())
-    counts = np.bincount(channels, minlength=len(sensor.channels)) if len(rays) else np.zeros(1)
-    if len(channels) != len(rays) or len(counts) != len(sensor.channels) or not counts.all():
-        raise InputError(
-            f"{type(sensor).__name__}.channel_of: must name a channel from 0 to "
-            f"{len(sensor.channels) - 1} for each of the {len(rays)} rays, and each channel at "
-            f"least once; correct it"
-        )
-    return rays[np.argsort(channels, kind="stable")], np.cumsum(counts).tolist()
-
-
-def measure_self_ranges(robot: Robot) -> Array:
-    """Return the distance (n,) [m] at which each beam sees a part that no steering moves.
-
-    It is infinite for a beam that sees none.
-    """
-    ranges = np.full(robot.beam_count, math.inf)
+    rays, starts = robot.ray_table
+    farthest: Array = rays[starts[:-1], LIMIT]
     occluders = robot.occluders.fixed
-    sensors = [sensor for sensor in robot.mounted_sensors() if sees(sensor)]
-    if not len(occluders.rows) or not sensors:
-        return ranges
-    sorted_rays = {name: sort_rays(s) for name, s in robot.sensors.items() if sees(s)}
-    tables, firsts, start = [], [], 0
-    for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
-        sensor = robot.sensors[mount.sensor]
-        if sees(sensor):
-            rays, ends = sorted_rays[mount.sensor]
-            tables.append(lay_out_rays(sensor, rays, frame))
-            firsts += [start + first for first in (0, *ends[:-1])]
-            start += len(rays)
-    distances, _ = cast_at_robot(occluders, np.concatenate(tables))
-    np.minimum.reduceat(distances, firsts, out=ranges)
-    return ranges
+    if not len(occluders.rows) or not len(rays):
+        return farthest
+    distances, _ = cast_at_robot(occluders, rays)
+    return np.minimum(np.minimum.reduceat(distances, starts[:-1]), farthest)
 
 
 def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
@@ -101,7 +67,8 @@ def find_self_sights(robot: Robot) -> Iterator[SelfSight]:
         sensor = robot.sensors[mount.sensor]
         if not sees(sensor):
             continue
-        distances, numbers = cast_at_robot(swept, lay_out_rays(sensor, sensor.rays(), frame))
+        rays = lay_out_rays(sensor, sensor.rays(), frame[None])
+        distances, numbers = cast_at_robot(swept, rays)
         hidden = distances < sensor.range_max_m
         if hidden.any():
             nearest = int(distances.argmin())
@@ -120,30 +87,12 @@ def find_blind_shares(robot: Robot) -> Array:
     if len(sensor.channels) > MAX_DIRECTIONS:
         kept = channels % -(-len(sensor.channels) // MAX_DIRECTIONS) == 0
         rays, channels = rays[kept], channels[kept]
-    tables = [lay_out_rays(sensor, rays, frame) for frame in robot.sensor_frames]
-    distances, _ = cast_at_robot(robot.occluders.sweep(robot.drive), np.concatenate(tables))
-    hidden = (distances < sensor.range_max_m).reshape(len(tables), len(rays))
+    table = lay_out_rays(sensor, rays, robot.sensor_frames)
+    distances, _ = cast_at_robot(robot.occluders.sweep(robot.drive), table)
+    hidden = (distances < sensor.range_max_m).reshape(-1, len(rays))
     blind = [hidden[:, channels == channel].any(axis=1) for channel in np.unique(channels)]
     shares: Array = np.mean(blind, axis=0)
     return shares
-
-
-def lay_out_rays(sensor: RangeSensor, rays: Array, frame: Array) -> Array:
-    """Return the rows (k, RAY_SIZE) of ``rays`` (k, 3) of a sensor at ``frame`` (4, 4)."""
-    rows = np.empty((len(rays), RAY_SIZE))
-    rows[:, DIRECTION : DIRECTION + 3] = product(rays, frame[:3, :3].T)
-    rows[:, ORIGIN : ORIGIN + 3] = frame[:3, 3]
-    rows[:, HOUSING] = _leave_box(rays, sensor.size_m)
-    rows[:, LIMIT] = sensor.range_max_m
-    return rows
-
-
-def _leave_box(rays: Array, size: Sequence[float]) -> Array:
-    """Return the distance (k,) [m] at which rays from the middle of a box leave it."""
-    half = 0.5 * np.array(size)
-    steep = np.maximum(np.abs(rays), 1e-12)  # parallel to a face, a ray leaves through another
-    leaving: Array = (half / steep).min(axis=1)
-    return leaving
 
 
 def cast_at_robot(occluders: OccluderRows, rays: Array) -> tuple[Array, Array]:
@@ -152,7 +101,7 @@ def cast_at_robot(occluders: OccluderRows, rays: Array) -> tuple[Array, Array]:
     The distance is infinite where there is none.
     """
     distances, numbers = np.full(len(rays), math.inf), np.full(len(rays), -1.0)
-    rule = compile_rule(meet_shapes, NOTHING(A2, A2, A1, A1, A1, A2, A2, A1, A1))
+    rule = compile_rule(meet_shapes, NOTHING(A2, A2, A1, A1, A1, A2, A2, A2, A1, A1))
     backward = np.ascontiguousarray(-rays[:, DIRECTION : DIRECTION + 3])
     rule(*occluders, np.ascontiguousarray(rays), backward, distances, numbers)
     return distances, numbers
@@ -164,6 +113,7 @@ def meet_shapes(
     inside: Array,
     rolls: Array,
     occluders: Array,
+    heights: Array,
     rays: Array,
     backward: Array,
     distances: Array,
@@ -180,7 +130,7 @@ def meet_shapes(
             x = rays[i, ORIGIN] - row[AT_X]
             y = rays[i, ORIGIN + 1] - row[AT_Y]
             reach = rays[i, LIMIT] + row[BOUND]
-            if x * x + y * y > reach * reach or _passes(row, rays[i], x, y):
+            if x * x + y * y > reach * reach or _passes(row, heights[s], rays[i], x, y):
                 continue
             distance = meet_shape(
                 row, faces, frame, (x, y, rays[i, ORIGIN + 2] - row[AT_Z]),
@@ -192,14 +142,23 @@ def meet_shapes(
 
 
 @compilable
-def _passes(row: Array, ray: Array, x: float, y: float) -> bool:
-    """Return whether a ray passes the circle around a shape, seen from above.
+def _passes(row: Array, heights: Array, ray: Array, x: float, y: float) -> bool:
+    """Return whether a ray surely passes a shape: beside, above or below it.
 
     The origin x, y [m] of the ray is relative to the shape.
     """
-    dx, dy = ray[0], ray[1]
+    dx, dy = ray[DIRECTION], ray[DIRECTION + 1]
+    level = dx * dx + dy * dy
+    bound = row[BOUND] + SURFACE_M
     across = x * dy - y * dx
-    return bool(across * across > row[BOUND] * row[BOUND] * (dx * dx + dy * dy) * (1.0 + 1e-9))
+    if across * across > bound * bound * level:
+        return True
+    if level < 1e-6:  # vertical
+        return False
+    start = ray[ORIGIN + 2]
+    end = start + ray[DIRECTION + 2] * (math.sqrt(x * x + y * y) + bound) / math.sqrt(level)
+    low, high = heights[0] - SURFACE_M, heights[1] + SURFACE_M
+    return bool((start > high and end > high) or (start < low and end < low))
 
 
 @compilable

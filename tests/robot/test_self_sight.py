@@ -18,13 +18,14 @@ from evoros.design.space import SensorDesign
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.model import Robot
 from evoros.robot.occlusion import Occluder, Occluders
-from evoros.robot.self_sight import find_self_sights, measure_self_ranges
+from evoros.robot.self_sight import find_self_sights, measure_clear_ranges
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
 
 SAMPLE_M = 1e-3
 RAY = Sonar(rays_per_axis=1)
+FAR_M = RAY.range_max_m
 
 lengths = st.floats(0.04, 0.3)
 places = st.floats(-0.4, 0.4)
@@ -60,10 +61,10 @@ def holds(shape: Shape, points: Array) -> NDArray[np.bool_]:
 def sample(robot: Robot) -> float:
     """Walk along the only ray of the only sensor, until a shape that counts begins."""
     frame = robot.sensor_frames[0]
-    way = np.arange(-SAMPLE_M, 4.5, SAMPLE_M)
+    way = np.arange(-SAMPLE_M, FAR_M, SAMPLE_M)
     points = frame[:3, 3] + way[:, None] * frame[:3, 0]
     housing = RAY.size_m[0] / 2  # the ray leaves it through its front
-    nearest = math.inf
+    nearest = FAR_M
     for part in robot.occluders.shapes:
         inside = holds(part.shape, (points - part.pose.position) @ part.pose.rotation)
         if part.rolls:
@@ -72,7 +73,7 @@ def sample(robot: Robot) -> float:
             continue  # of the body in which the sensor sits it sees nothing; all shapes are convex
         else:
             seen = way[inside & (way > housing)]
-        nearest = min(nearest, *seen[:1].tolist(), math.inf)
+        nearest = min(nearest, *seen[:1].tolist())
     return nearest
 
 
@@ -83,14 +84,14 @@ def test_a_ray_ends_where_a_walk_along_it_meets_the_robot(
 ) -> None:
     mount = Mount("sonar", "base_link", x, y, z, math.degrees(yaw), 20.0)
     robot = carry(parts, mount)
-    (distance,) = measure_self_ranges(robot)
+    (distance,) = measure_clear_ranges(robot)
     # A shape that is thinner along the ray than the step may be missed by the walk.
     walked = sample(robot)
     if not math.isclose(distance, walked, abs_tol=2.1 * SAMPLE_M):
         ahead = carry(parts, replace(mount, yaw_deg=mount.yaw_deg + 0.05))
         behind = carry(parts, replace(mount, yaw_deg=mount.yaw_deg - 0.05))
-        around = sorted(float(measure_self_ranges(near)[0]) for near in (ahead, behind))
-        edge = max(around) - min(around) > SAMPLE_M or max(around) == math.inf
+        around = sorted(float(measure_clear_ranges(near)[0]) for near in (ahead, behind))
+        edge = max(around) - min(around) > SAMPLE_M or max(around) == FAR_M
         surface = min(abs(distance), abs(distance - RAY.size_m[0] / 2)) < 2.1 * SAMPLE_M
         assert edge or surface, (distance, walked)
 
@@ -101,17 +102,17 @@ WALL = (Occluder("base_link", Shape("box", (0.2, 1.0, 1.0)), Pose((0.0, 0.0, 0.5
 @pytest.mark.parametrize("offset", [-1e-4, -1e-12, 0.0, 1e-12, 1e-4])
 def test_a_sensor_on_a_surface_sees_past_it_outwards_and_nothing_inwards(offset: float) -> None:
     half = RAY.size_m[0] / 2
-    for yaw, expected in ((0.0, math.inf), (60.0, math.inf), (-60.0, math.inf), (180.0, half)):
+    for yaw, expected in ((0.0, FAR_M), (60.0, FAR_M), (-60.0, FAR_M), (180.0, half)):
         robot = carry(WALL, Mount("sonar", "base_link", 0.1 + offset, 0.0, 0.5, yaw, 0.0))
-        assert measure_self_ranges(robot)[0] == pytest.approx(expected, abs=1e-9), yaw
+        assert measure_clear_ranges(robot)[0] == pytest.approx(expected, abs=1e-9), yaw
 
 
 def test_a_sensor_does_not_see_the_shape_that_describes_it_and_sees_no_way_out_of_a_wheel() -> None:
     shape, pose = Shape("cylinder", (0.05, 0.08)), Pose((0.0, 0.0, 0.3))
     mount = Mount("sonar", "base_link", 0.01, 0.0, 0.3, 0.0, 0.0)
-    for rolls, expected in ((False, math.inf), (True, 0.0)):
+    for rolls, expected in ((False, FAR_M), (True, 0.0)):
         robot = carry((Occluder("scanner", shape, pose, rolls),), mount)
-        assert measure_self_ranges(robot)[0] == expected
+        assert measure_clear_ranges(robot)[0] == expected
         assert bool(list(find_self_sights(robot))) == rolls
 
 
@@ -124,8 +125,8 @@ def test_the_hidden_share_is_that_of_the_rays() -> None:
     assert sight.hidden_share == 0.5
     assert (sight.link, sight.name) == ("wall", "lidar_0")
     assert sight.distance_m == pytest.approx(0.49 / math.cos(math.radians(5.0)))
-    ranges = measure_self_ranges(robot)
-    assert np.isinf(ranges[:5]).all()
+    ranges = measure_clear_ranges(robot)
+    assert (ranges[:5] == lidar.range_max_m).all()
     bearings = np.radians(np.linspace(-45.0, 45.0, 10))[5:]
     assert ranges[5:] == pytest.approx(0.49 / np.cos(bearings))
 

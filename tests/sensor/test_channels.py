@@ -128,7 +128,7 @@ def test_each_mount_has_its_part_of_the_readings(kinds: list[str]) -> None:
     assert robot.channel_count == len(list(name_channels(robot.mounted_sensors())))
     beams = [i for part in robot.beam_layout for i in range(part.start, part.stop)]
     assert beams == list(range(robot.beam_count))
-    assert robot.beam_count == len(sensor_beams(robot, robot.sensor_frames))
+    assert robot.beam_count == len(sensor_beams(robot))
     assert np.isnan(robot.channel_yaws()).sum() == 2 * kinds.count("compass")
 
 
@@ -221,4 +221,4 @@ def test_a_channel_without_a_ray_is_refused() -> None:
     assert sees(broken)
     robot = equip(("broken", 0.0), broken=broken)
     with pytest.raises(InputError, match=r"Unsorted\.channel_of: must name a channel from 0 to 2"):
-        sensor_beams(robot, robot.sensor_frames)
+        sensor_beams(robot)

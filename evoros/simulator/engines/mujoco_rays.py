@@ -34,7 +34,7 @@ class MujocoRays:
         self._place = compile_rule(place_rays, NOTHING(A1, A2, A2, A2, A2))
         self._leave = compile_rule(leaves_shape, TRUTH(A2, A2))
         self._read = compile_rule(read_hits, NOTHING(A1, A1, A1, A1, A1))
-        beams = sensor_beams(robot, robot.sensor_frames)
+        beams = sensor_beams(robot)
         parts = [part for part in robot.beam_layout if part.stop > part.start]
         ends = np.cumsum([0, *(len(beam.directions) for beam in beams)])
         self._origins = np.array([beams[part.start].origin for part in parts]).reshape(-1, 3)

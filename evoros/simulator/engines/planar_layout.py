@@ -12,6 +12,7 @@ from evoros.base.arrays import STATE_SIZE, YAW, Array, X, Y
 from evoros.base.compilable import compilable
 from evoros.drive.protocol import Drive
 from evoros.robot.model import Robot
+from evoros.robot.rays import DIRECTION
 from evoros.simulator.engines.planar_beams import FREE_RANGE, beam_rows, group_rows
 from evoros.simulator.engines.planar_bodies import lay_out_pushing, start_memory, surround
 from evoros.simulator.engines.rays import sensor_beams
@@ -83,14 +84,15 @@ def lay_out(
     The times are in [s]; ``probes`` is a block; ``tallest`` is the height [m] of the tallest robot.
     """
     frames = robot.sensor_frames
-    beams = sensor_beams(robot, frames)
-    rays = np.concatenate([np.zeros((0, 3)), *(beam.directions for beam in beams)])
+    beams = sensor_beams(robot)
+    rays = robot.ray_table.rows[:, DIRECTION : DIRECTION + 3]
     rows = beam_rows(robot, frames, beams, rays)
     radius = float(np.sqrt((robot.outline * robot.outline).sum(axis=1)).max())
     sight = measure_sight(rows)
     surroundings, bodies = surround(world, robot.height_m, radius, sight, tallest)
     groups, pushing = group_rows(robot, rows, rays), lay_out_pushing(robot, bodies)
-    steered = lay_out_steered_sight(robot)
+    clear_ranges = np.array([beam.clear_range for beam in beams])
+    steered = lay_out_steered_sight(robot, clear_ranges)
     blocks = [robot.outline, rows, groups, rays, *surroundings, probes, pushing, steered]
     starts = HEADER_SIZE + np.cumsum([0, *(array.size for array in blocks)])
     numbers = [

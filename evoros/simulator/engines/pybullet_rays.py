@@ -1,6 +1,6 @@
 """The rays of a robot's sensors in PyBullet."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -96,26 +96,18 @@ class BulletRays:
 
 
 def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
+    position, quaternion = to_base
+    rotation = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
     batches: list[Batch] = []
-    for beam in sensor_beams(robot, _sensor_frames(robot, bullet, to_base)):
-        ends = beam.origin + beam.range_max * beam.directions
+    for beam in sensor_beams(robot):
+        origin = product(rotation, beam.origin) + position
+        ends = origin + beam.range_max * product(beam.directions, rotation.T)
         if not batches or len(batches[-1].starts) + len(ends) > MAX_RAYS:
             batches.append(Batch([], [], []))
         batch = batches[-1]
         first = len(batch.starts)
         limits = beam.range_min, beam.range_max, beam.clear_range
         batch.spans.append(Span(first, first + len(ends), *limits))
-        batch.starts.extend([beam.origin.tolist()] * len(ends))
+        batch.starts.extend([origin.tolist()] * len(ends))
         batch.ends.extend(ends.tolist())
     return batches
-
-
-def _sensor_frames(robot: Robot, bullet: Any, to_base: Frame) -> Iterator[Array]:
-    """The frames (4, 4) of the sensors in the frame of the chassis' centre of mass."""
-    position, quaternion = to_base
-    rotation = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
-    for frame in robot.sensor_frames:
-        moved = np.eye(4)
-        moved[:3, :3] = product(rotation, frame[:3, :3])
-        moved[:3, 3] = product(rotation, frame[:3, 3]) + position
-        yield moved

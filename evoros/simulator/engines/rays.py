@@ -1,12 +1,11 @@
-"""The rays of a robot's sensors, in the frame in which a simulator casts them."""
+"""The beams of a robot's sensors, in the robot's frame."""
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 from evoros.base.arrays import Array
-from evoros.base.linear import product
 from evoros.robot.model import Robot
-from evoros.robot.self_sight import measure_self_ranges, sort_rays
+from evoros.robot.rays import DIRECTION, LIMIT, ORIGIN
+from evoros.robot.self_sight import measure_clear_ranges
 from evoros.sensor.protocol import sees
 
 
@@ -20,23 +19,25 @@ class Beam(NamedTuple):
     clear_range: float  # [m] without obstacles: range_max, or to a part of the robot itself
 
 
-def sensor_beams(robot: Robot, frames: Iterable[Array]) -> list[Beam]:
-    """The beam of each channel of the robot's range sensors, in the order of the true ranges.
-
-    ``frames`` gives, for each mount, the frame (4, 4) of the sensor in the frame of the beams.
-    """
-    rays = {name: sort_rays(sensor) for name, sensor in robot.sensors.items() if sees(sensor)}
-    beams: list[Beam] = []
-    nearest = measure_self_ranges(robot).tolist()
-    for mount, frame in zip(robot.mounts, frames, strict=True):
-        sensor = robot.sensors[mount.sensor]
-        if not sees(sensor):
-            continue
-        directions, ends = rays[mount.sensor]
-        origin, directions = frame[:3, 3], product(directions, frame[:3, :3].T)
-        limits = sensor.range_min_m, sensor.range_max_m
-        starts = [0, *ends[:-1]]
-        for start, end in zip(starts, ends, strict=True):
-            clear = min(sensor.range_max_m, nearest[len(beams)])
-            beams.append(Beam(origin, directions[start:end], *limits, clear))
-    return beams
+def sensor_beams(robot: Robot) -> list[Beam]:
+    """Return the beam of each channel of the range sensors, in the order of the true ranges."""
+    rows, starts = robot.ray_table
+    least = [
+        sensor.range_min_m
+        for sensor in robot.mounted_sensors()
+        if sees(sensor)
+        for _ in sensor.channels
+    ]
+    clear = measure_clear_ranges(robot).tolist()
+    return [
+        Beam(
+            rows[first, ORIGIN : ORIGIN + 3],
+            rows[first:end, DIRECTION : DIRECTION + 3],
+            range_min,
+            float(rows[first, LIMIT]),
+            clear_range,
+        )
+        for first, end, range_min, clear_range in zip(
+            starts[:-1].tolist(), starts[1:].tolist(), least, clear, strict=True
+        )
+    ]

@@ -14,22 +14,11 @@ from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
 from evoros.base.compilation import A1, NOTHING, compile_rule
 from evoros.drive.protocol import Drive
-from evoros.geometry.footprint import bottom_height, top_height
-from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, FACE_SIZE, OBSTACLE_SIZE, turn_frame
-from evoros.geometry.shapes import Pose, Shape
+from evoros.geometry.ray import AT_X, AT_Y, AT_Z, FACE_SIZE, OBSTACLE_SIZE, turn_frame
 from evoros.robot.model import Robot
-from evoros.robot.occlusion import OccluderRows, relative_row
-from evoros.robot.self_sight import (
-    ORIGIN,
-    RAY_SIZE,
-    cast_at_robot,
-    lay_out_rays,
-    measure_self_ranges,
-    meet_shape,
-    sort_rays,
-)
-from evoros.sensor.protocol import sees
-from evoros.world.obstacles import sight_rows
+from evoros.robot.occlusion import relative_row
+from evoros.robot.rays import ORIGIN, RAY_SIZE
+from evoros.robot.self_sight import cast_at_robot, measure_clear_ranges, meet_shape
 
 JOINT, PIVOT, NARROWING, INSIDE, ROLLS, SHAPE = 0, 1, 3, 4, 5, 6
 """A steered part: the index of its steering joint; x, y [m] of the joint's vertical axis;
@@ -51,57 +40,24 @@ class SteeredSight(NamedTuple):
     faces: Array  # (f, FACE_SIZE)
 
 
-def lay_out_steered_sight(robot: Robot) -> Array:
-    """Return the array ``sight`` of a robot."""
-    steered = robot.occluders.steered
+def lay_out_steered_sight(robot: Robot, clear_ranges: Array) -> Array:
+    """Return the array ``sight`` of a robot, as ``measure_clear_ranges`` finds it."""
+    steered, (rays, starts) = robot.occluders.steered, robot.ray_table
+    if not len(steered.rows) or not len(rays):
+        return np.zeros(0)
     parts: list[Array] = []
     pairs: list[tuple[int, int, int, int]] = []
-    if not len(steered.rows) or not robot.beam_count:
-        return np.zeros(0)
-    rays, firsts, ends = _list_rays(robot)
-    nearest = measure_self_ranges(robot)
-    for k in range(len(steered.rows)):
-        part = len(parts)
-        distances, _ = cast_at_robot(_sweep_volume(robot, k), rays)
-        for beam, (first, end) in enumerate(zip(firsts, ends, strict=True)):
-            reach = min(float(nearest[beam]), float(rays[first, -1]))
-            if distances[first:end].min() < reach:
-                pairs.append((part, beam, first, end))
-        if pairs and pairs[-1][PART] == part:
-            parts.append(_lay_out_part(robot, k))
+    for number, volume in enumerate(robot.occluders.sweep_volumes):
+        distances, _ = cast_at_robot(volume, rays)
+        beams = np.flatnonzero(np.minimum.reduceat(distances, starts[:-1]) < clear_ranges).tolist()
+        pairs += [(len(parts), beam, int(starts[beam]), int(starts[beam + 1])) for beam in beams]
+        if beams:
+            parts.append(_lay_out_part(robot, number))
     if not parts:
         return np.zeros(0)
     counts = [len(parts), len(pairs), len(rays), len(steered.faces)]
     arrays = [counts, parts, pairs, rays, -rays[:, :3], steered.faces]
     return np.concatenate([np.ravel(np.array(array, dtype=np.float64)) for array in arrays])
-
-
-def _list_rays(robot: Robot) -> tuple[Array, list[int], list[int]]:
-    """Return the rows of all rays, and of each beam the first ray and the one after its last."""
-    tables, firsts, ends, start = [], [], [], 0
-    for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
-        sensor = robot.sensors[mount.sensor]
-        if sees(sensor):
-            rays, stops = sort_rays(sensor)
-            tables.append(lay_out_rays(sensor, rays, frame))
-            firsts += [start + first for first in (0, *stops[:-1])]
-            ends += [start + stop for stop in stops]
-            start += len(rays)
-    return np.concatenate(tables), firsts, ends
-
-
-def _sweep_volume(robot: Robot, number: int) -> OccluderRows:
-    """Return an upright cylinder that holds a steered part at all angles."""
-    steered = robot.occluders.steered
-    occluder = robot.occluders.shapes[int(steered.numbers[number])]
-    x, y = robot.occluders.steering_of(int(steered.numbers[number])).pivot
-    row = relative_row(steered.rows[number], (x, y))
-    radius = math.sqrt(row[AT_X] * row[AT_X] + row[AT_Y] * row[AT_Y]) + row[BOUND]
-    low = bottom_height(occluder.shape, occluder.pose)
-    high = top_height(occluder.shape, occluder.pose)
-    cylinder = Shape("cylinder", (radius, high - low))
-    rows, faces, _ = sight_rows([(cylinder, Pose((x, y, 0.5 * (low + high))))])
-    return OccluderRows(rows, faces, np.zeros(1), np.ones(1), np.zeros(1))
 
 
 def _lay_out_part(robot: Robot, number: int) -> Array:
@@ -127,7 +83,7 @@ class SteeredParts:
     """The steered parts of a robot that its sensors may see in a rigid-body engine."""
 
     def __init__(self, robot: Robot) -> None:
-        self._sight = lay_out_steered_sight(robot)
+        self._sight = lay_out_steered_sight(robot, measure_clear_ranges(robot))
         self.exist = len(self._sight) > 0
         self._see = compile_rule(see_parts, NOTHING(A1, A1, A1)) if self.exist else None
 

@@ -1,0 +1,85 @@
+"""The rays of a robot's sensors as an array, in the robot's frame."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evoros.base.arrays import Array
+from evoros.base.errors import InputError
+from evoros.sensor.protocol import Mount, RangeSensor
+
+# A ray is a row of RAY_SIZE values.
+DIRECTION, ORIGIN, HOUSING, LIMIT = 0, 3, 6, 7
+"""Unit vector (3,); origin (3,) [m]; where it leaves the housing of its sensor [m]; the range of
+the sensor [m]."""
+RAY_SIZE = 8
+
+
+class SortedRays(NamedTuple):
+    """The rays of a type of sensor, by channel."""
+
+    directions: Array  # (k, 3), in the sensor's frame
+    ends: list[int]  # of each channel's rays
+
+
+class RayTable(NamedTuple):
+    """The rays of all range sensors of a robot, by beam."""
+
+    rows: Array  # (r, RAY_SIZE)
+    starts: NDArray[np.int64]  # (n + 1,) the first ray of each beam, and the end of the last
+
+
+def sort_rays(sensor: RangeSensor) -> SortedRays:
+    """Return the rays of a sensor by channel.
+
+    Raises:
+        InputError: a channel has no ray, or a ray has no channel.
+    """
+    rays, channels = sensor.rays(), np.asarray(sensor.channel_of())
+    counts = np.bincount(channels, minlength=len(sensor.channels)) if len(rays) else np.zeros(1)
+    if len(channels) != len(rays) or len(counts) != len(sensor.channels) or not counts.all():
+        raise InputError(
+            f"{type(sensor).__name__}.channel_of: must name a channel from 0 to "
+            f"{len(sensor.channels) - 1} for each of the {len(rays)} rays, and each channel at "
+            f"least once; correct it"
+        )
+    return SortedRays(rays[np.argsort(channels, kind="stable")], np.cumsum(counts).tolist())
+
+
+def tabulate_rays(
+    mounts: Sequence[Mount],
+    frames: Array,
+    sensors: Mapping[str, RangeSensor],
+    rays: Mapping[str, SortedRays],
+) -> RayTable:
+    """Return the rays of mounted sensors; ``frames`` (n, 4, 4) and ``rays`` are theirs."""
+    tables, counts = [np.zeros((0, RAY_SIZE))], [0]
+    for name, (directions, ends) in rays.items():  # the mounts of one type are contiguous
+        chosen = [number for number, mount in enumerate(mounts) if mount.sensor == name]
+        if chosen:
+            tables.append(lay_out_rays(sensors[name], directions, frames[chosen]))
+            counts += np.diff([0, *ends]).tolist() * len(chosen)
+    return RayTable(np.concatenate(tables), np.cumsum(counts))
+
+
+def lay_out_rays(sensor: RangeSensor, rays: Array, frames: Array) -> Array:
+    """Return the rows (n * k, RAY_SIZE) of ``rays`` (k, 3) of a sensor at ``frames`` (n, 4, 4)."""
+    rows = np.empty((len(frames), len(rays), RAY_SIZE))
+    axes = frames[:, None, :3, :3]
+    turned = rays[:, :1] * axes[..., 0]
+    turned = turned + rays[:, 1:2] * axes[..., 1] + rays[:, 2:] * axes[..., 2]
+    rows[..., DIRECTION : DIRECTION + 3] = turned
+    rows[..., ORIGIN : ORIGIN + 3] = frames[:, None, :3, 3]
+    rows[..., HOUSING] = _leave_box(rays, sensor.size_m)
+    rows[..., LIMIT] = sensor.range_max_m
+    return rows.reshape(-1, RAY_SIZE)
+
+
+def _leave_box(rays: Array, size: Sequence[float]) -> Array:
+    """Return the distance (k,) [m] at which rays from the middle of a box leave it."""
+    half = 0.5 * np.array(size)
+    steep = np.maximum(np.abs(rays), 1e-12)  # parallel to a face, a ray leaves through another
+    leaving: Array = (half / steep).min(axis=1)
+    return leaving
