@@ -23,6 +23,8 @@ SIMULATORS: dict[str, Any] = {"planar": Planar, **RIGID}
 STEP = 0.05  # [s], a multiple of the time step of each simulator made by ``create``
 FRONTS = {"erle_rover": 0.25, "mule": 0.28, "courier": 0.19}
 """How far [m] each robot reaches ahead of its origin."""
+WHEELS = {"erle_rover": 4.5, "mule": 4.5, "courier": 0.135}
+"""How far [m] a ray from there sees to the left; only the courier has a wheel beside its origin."""
 
 
 def create(name: str) -> Any:

@@ -73,7 +73,7 @@ def sample(robot: Robot) -> float:
             continue  # of the body in which the sensor sits it sees nothing; all shapes are convex
         else:
             seen = way[inside & (way > housing)]
-        nearest = min(nearest, *seen[:1].tolist())
+        nearest = min([nearest, *seen[:1].tolist()])
     return nearest
 
 

@@ -114,16 +114,16 @@ def test_a_ray_does_not_see_the_shapes_that_it_starts_in(
 
 def test_the_ground_is_seen_around_obstacles(simulator: Rigid, experiment: Experiment) -> None:
     """MuJoCo overlooks ground that touches nothing by itself, in directions without an obstacle."""
-    robot = mount_sensors(experiment, beam(), (0.25, 0.0, 0.4, 10, -60), (0.25, 0, 0.4, 180, -30))
+    robot = mount_sensors(experiment, beam(), (0.25, 0.0, 0.4, 10, -60), (-0.3, 0, 0.4, 180, -30))
     found = ranges(simulator, robot, level(experiment, box("wall", 4.0, size=(1, 4, 4))))
     assert found == pytest.approx([0.4 / math.sin(math.radians(60)), 0.8], abs=1e-3)
 
 
-def test_a_robot_never_sees_itself(simulator: Rigid, experiment: Experiment) -> None:
-    """Backwards and down through chassis, cage and wheels."""
+def test_a_robot_sees_the_outside_of_its_body(simulator: Rigid, experiment: Experiment) -> None:
+    """Its front from ahead, nothing over the cage, and its left side, past the wheels within."""
     rays = [(0.35, 0.0, 0.1, 180, 0), (0.15, 0.0, 0.3, 180, -10), (0.0, 0.3, 0.06, -90, 0)]
     robot = mount_sensors(experiment, beam(range_max_m=1.0), *rays)
-    assert (ranges(simulator, robot, level(experiment)) == 1.0).all()
+    assert ranges(simulator, robot, level(experiment)) == pytest.approx([0.1, 1.0, 0.1375])
 
 
 def test_more_rays_than_one_call_takes(simulator: Rigid, experiment: Experiment) -> None:

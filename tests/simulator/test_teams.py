@@ -12,6 +12,7 @@ from team_cases import (
     FRONTS,
     SIMULATORS,
     STEP,
+    WHEELS,
     Place,
     create,
     drive,
@@ -63,14 +64,18 @@ def ground() -> World:
     ("pair", "yaw"), [(("erle_rover", "mule"), 0.0), (("courier", "erle_rover"), 2.3)]
 )
 def test_robots_read_their_distance(simulator: Any, pair: tuple[str, str], yaw: float) -> None:
-    """Ahead each meets the front of the other; to the side, and back through itself, nothing."""
+    """Ahead each meets the front of the other; to the side its wheel, if any; back, its front."""
     first, second = (
         equip(kind, (0.4, 0, 0.1, 0), (0, 0, 0.1, 90), (0.4, 0.0, 0.1, 180)) for kind in pair
     )
     robots = facing(first, second, 2.0, yaw)
     with simulator.open_team(robots, ground()) as simulation:
         seen = read(simulation, robots)
-    expected = [1.6 - FRONTS[pair[1]], 4.5, 4.5, 1.6 - FRONTS[pair[0]], 4.5, 4.5]
+    expected = [
+        distance
+        for own, other in (pair, pair[::-1])
+        for distance in (1.6 - FRONTS[other], WHEELS[own], 0.4 - FRONTS[own])
+    ]
     assert seen == pytest.approx(expected, abs=1e-6)
 
 
