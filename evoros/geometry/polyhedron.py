@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,20 +27,38 @@ class Polyhedron(NamedTuple):
 @lru_cache(maxsize=4096)
 def convex_polyhedron(corners: tuple[Vector, ...]) -> Polyhedron:
     """Return the convex hull of points [m] that do not lie in one plane."""
-    from scipy.spatial import ConvexHull, QhullError  # takes longer to import than most worlds
-
     points = np.array(corners, dtype=np.float64)
-    try:
-        hull = ConvexHull(points)
-    except QhullError:  # nearly flat: let qhull move the points by a rounding error
-        hull = ConvexHull(points, qhull_options="QJ Pp")
+    hull = _hull(points)
     numbers = np.full(len(points), -1)
     numbers[hull.vertices] = np.arange(len(hull.vertices))
     triangles = numbers[_face_outwards(points, hull.simplices, hull.equations)]
     sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, ::2]]))
-    planes = np.unique(np.round(hull.equations, _SAME_FACE), axis=0, return_index=True)[1]
-    faces = hull.equations[np.sort(planes)] * (1.0, 1.0, 1.0, -1.0)
+    faces = _distinct_planes(hull.equations)
     return Polyhedron(points[hull.vertices], triangles, np.unique(sides, axis=0), faces)
+
+
+def hull_planes(points: Array) -> tuple[Array, Array]:
+    """Return the convex hull of points (n, 3) [m]: its faces (f, 4) and its corners (k, 3).
+
+    The faces are as those of a polyhedron.
+    """
+    hull = _hull(points)
+    return _distinct_planes(hull.equations), points[hull.vertices]
+
+
+def _hull(points: Array) -> Any:
+    from scipy.spatial import ConvexHull, QhullError  # takes longer to import than most worlds
+
+    try:
+        return ConvexHull(points)
+    except QhullError:  # nearly flat: let qhull move the points by a rounding error
+        return ConvexHull(points, qhull_options="QJ Pp")
+
+
+def _distinct_planes(equations: Array) -> Array:
+    planes = np.unique(np.round(equations, _SAME_FACE), axis=0, return_index=True)[1]
+    faces: Array = equations[np.sort(planes)] * (1.0, 1.0, 1.0, -1.0)
+    return faces
 
 
 def _face_outwards(

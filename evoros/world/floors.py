@@ -85,17 +85,21 @@ def _height_at(shape: Shape, pose: Pose, point: Sequence[float]) -> float | None
 def _field_height(shape: Shape, pose: Pose, point: Vector) -> float | None:
     """Interpolate the height [m] of an upright height field."""
     x, y, _ = pose.inverse().transform(point)
-    heights = np.array(shape.heights)
+    height = interpolate_heights(np.array(shape.heights), shape.size, x, y)
+    return None if height is None else pose.position[2] + height
+
+
+def interpolate_heights(heights: Array, size: Sequence[float], x: float, y: float) -> float | None:
+    """Interpolate the heights (rows, columns) [m] of a field of a size [m]; None beside it."""
     rows, columns = heights.shape
-    row = (y / shape.size[1] + 0.5) * (rows - 1)
-    column = (x / shape.size[0] + 0.5) * (columns - 1)
+    row = (y / size[1] + 0.5) * (rows - 1)
+    column = (x / size[0] + 0.5) * (columns - 1)
     if not (0 <= row <= rows - 1 and 0 <= column <= columns - 1):
         return None
     i, j = min(int(row), rows - 2), min(int(column), columns - 2)
     v, u = row - i, column - j
     (a, b), (c, d) = heights[i : i + 2, j : j + 2]
-    height = (1 - v) * ((1 - u) * a + u * b) + v * ((1 - u) * c + u * d)
-    return pose.position[2] + float(height)
+    return float((1 - v) * ((1 - u) * a + u * b) + v * ((1 - u) * c + u * d))
 
 
 def _level_top(shape: Shape, pose: Pose) -> tuple[float, Footprint] | None:

@@ -9,6 +9,7 @@ from evoros.formats.sdf.reader import SdfWorld, read_sdf
 from evoros.formats.sdf.reading import SdfOptions
 from evoros.formats.sdf.xacro import expand_world, is_xacro
 from evoros.world.course import Course
+from evoros.world.embedded import free_bodies
 from evoros.world.floors import settle
 from evoros.world.model import World
 
@@ -24,7 +25,7 @@ def load_world(
     vehicles: str = "leave_out",
     mesh_up_axis: str = "ignore",
 ) -> World:
-    """Load the world of an SDF file, and add level ground where the course stands on nothing.
+    """Load the world of an SDF file, with ground below the course and no body in another one.
 
     ``sdf`` is a path, which may be relative to the bundled folder ``worlds``. ``model_paths`` are
     folders that hold the models and meshes that it names, ``world_name`` is that of several in the
@@ -42,7 +43,7 @@ def load_world(
     )
     world = read_world(sdf, options, arguments or {})
     name = Path(sdf).name.partition(".")[0]
-    bodies = settle(world.bodies, course, sdf)
+    bodies = free_bodies(settle(world.bodies, course, sdf), sdf)
     return World(name, bodies, course, sdf, world.sha256, gravity_mps2=world.gravity_mps2)
 
 

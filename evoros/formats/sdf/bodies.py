@@ -42,7 +42,7 @@ def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list
         notes.add(first.element, "is ignored: it has no collision, so nothing can touch it")
         return []
     inertias = [link.inertia for link in links if link.inertia is not None]
-    mass, pose, moments = _combine(inertias)
+    mass, pose, moments = combine_inertias(inertias)
     inverse = pose.inverse()
     shapes = tuple(
         replace(shape, pose=inverse @ solid.place(shape))
@@ -63,7 +63,7 @@ def _bottom(solid: Solid) -> float:
     return min(bottom_height(shape, solid.place(shape)) for shape in solid.shapes)
 
 
-def _combine(parts: Sequence[Inertia]) -> tuple[float, Pose, Vector | None]:
+def combine_inertias(parts: Sequence[Inertia]) -> tuple[float, Pose, Vector | None]:
     """Return mass, principal frame in the world and principal moments of parts joined rigidly."""
     if len(parts) == 1 and (parts[0].moments is None or _is_diagonal(parts[0].moments)):
         moments = parts[0].moments

@@ -1,0 +1,166 @@
+"""How deep two solid shapes overlap, and how far one must be lifted to clear the other.
+
+Two convex solids overlap if the origin lies in the solid of the differences of their points, and
+the nearest face of this solid is the shortest way out. Its hull starts from some points of each
+shape. It is refined by the farthest points along the normals of the faces that matter, as in the
+expanding polytope algorithm (van den Bergen, Proximity queries and penetration depth computation
+on 3D game objects, Game Developers Conference, 2001). So round shapes are exact, too.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from evoros.base import elementary
+from evoros.base.arrays import Array
+from evoros.base.linear import length, product
+from evoros.geometry.polyhedron import convex_polyhedron, hull_planes, placed_corners
+from evoros.geometry.shapes import Pose, Shape
+
+_EXACT_M = 1e-4
+"""A face is exact if no point of the shapes is farther beyond it."""
+
+_ROUNDS = 50  # of refinement, of which spheres need ten
+
+_SIDES = 16  # of the polygon in a circle, before it is refined
+
+_SIDEWAYS = 1e-9  # a face whose unit normal rises by less is vertical
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A solid shape at its place in the world."""
+
+    shape: Shape
+    pose: Pose
+    points: Array  # (n, 3) [m], on its surface: all corners, or some points if it is round
+
+    @classmethod
+    def at(cls, shape: Shape, pose: Pose) -> "Solid":
+        """Place a shape that is no plane and no height field."""
+        points = placed_corners(_surface_points(shape), pose.rotation, pose.position)
+        return cls(shape, pose, points)
+
+    def farthest(self, direction: Array) -> Array:
+        """Return the point (3,) [m] of the solid that is farthest in a direction (3,)."""
+        centre = np.array(self.pose.position)
+        if self.shape.kind == "sphere":
+            return centre + direction * (self.shape.size[0] / length(direction))
+        if self.shape.kind == "cylinder":
+            radius, height = self.shape.size
+            axis = self.pose.rotation[:, 2]
+            along = float((direction * axis).sum())
+            across = direction - along * axis
+            reach = max(length(across), 1e-300)
+            return centre + axis * math.copysign(height / 2, along) + across * (radius / reach)
+        corner: Array = self.points[int(product(self.points, direction).argmax())]
+        return corner
+
+    def box(self) -> tuple[Array, Array]:
+        """Return the lowest and the highest coordinates (3,) [m] of the solid."""
+        ends = [[float(self.farthest(s * axis)[i]) for s in (-1.0, 1.0)]
+                for i, axis in enumerate(np.eye(3))]  # fmt: skip
+        low, high = np.array(ends).T
+        return low, high
+
+
+class Clearance(NamedTuple):
+    """The lifts [m] of a solid between which it overlaps another one."""
+
+    low: float
+    high: float
+
+
+def _surface_points(shape: Shape) -> Array:
+    if shape.kind == "convex":
+        return convex_polyhedron(shape.corners).corners
+    if shape.kind == "box":
+        signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+        corners: Array = signs * np.array(shape.size) / 2
+        return corners
+    if shape.kind == "sphere":
+        return np.concatenate([np.eye(3), -np.eye(3)]) * shape.size[0]
+    radius, height = shape.size
+    disc = _unit_circle() * radius
+    ends = [np.column_stack([disc, np.full(_SIDES, z)]) for z in (-height / 2, height / 2)]
+    return np.concatenate(ends)
+
+
+@cache
+def _unit_circle() -> Array:
+    angles = np.arange(_SIDES) * (2 * math.pi / _SIDES)
+    return np.column_stack([elementary.cos_all(angles), elementary.sin_all(angles)])
+
+
+def overlap_depth(first: Solid, second: Solid) -> float:
+    """Return the shortest way [m] out of each other for two solids; 0 or less if they are apart."""
+    points = _differences(first, second)
+    offset = 0.0
+    for _ in range(_ROUNDS):
+        planes, points = hull_planes(points)
+        nearest = planes[int(planes[:, 3].argmin())]
+        offset = float(nearest[3])
+        point = _farthest(first, second, nearest[:3])
+        reach = float((point * nearest[:3]).sum())
+        if reach <= max(offset + _EXACT_M, 0.0):
+            return reach
+        points = np.concatenate([points, point[None]])
+    return offset
+
+
+def clearance(first: Solid, second: Solid) -> Clearance | None:
+    """Return the lifts of the first solid at which it overlaps the second; None if there are none.
+
+    The vertical line through the origin leaves the hull of the differences at these heights.
+    """
+    points = _differences(first, second)
+    found = None
+    for _ in range(_ROUNDS):
+        planes, points = hull_planes(points)
+        found, normals = _cross(planes)
+        beyond = [_farthest(first, second, normal) for normal in normals]
+        reaches = [float((p * n).sum()) for p, n in zip(beyond, normals, strict=True)]
+        if found is None:
+            if reaches[0] <= 0.0:
+                return None
+            points = np.concatenate([points, beyond])
+            continue
+        new = [
+            point
+            for point, reach, normal, lift in zip(beyond, reaches, normals, found, strict=True)
+            if reach + lift * normal[2] > _EXACT_M * abs(normal[2])
+        ]
+        if not new:
+            return found
+        points = np.concatenate([points, new])
+    return found
+
+
+def _cross(planes: Array) -> tuple[Clearance | None, list[Array]]:
+    """Cross a hull by the vertical line; return the lifts and the normals of both faces.
+
+    If the line misses the hull, the only normal is horizontal and parts the two.
+    """
+    rise, offset = planes[:, 2], planes[:, 3]
+    aside = np.flatnonzero(np.abs(rise) <= _SIDEWAYS)
+    if len(aside) and offset[aside].min() < 0.0:
+        return None, [planes[aside[int(offset[aside].argmin())], :3] * (1.0, 1.0, 0.0)]
+    up, down = np.flatnonzero(rise > _SIDEWAYS), np.flatnonzero(rise < -_SIDEWAYS)
+    lows, highs = -offset[up] / rise[up], -offset[down] / rise[down]
+    upper, lower = planes[up[int(lows.argmax())]], planes[down[int(highs.argmin())]]
+    low, high = float(lows.max()), float(highs.min())
+    if low >= high:
+        parting = upper[:3] * -lower[2] + lower[:3] * upper[2]
+        return None, [parting * (1.0, 1.0, 0.0)]
+    return Clearance(low, high), [upper[:3], lower[:3]]
+
+
+def _differences(first: Solid, second: Solid) -> Array:
+    return (first.points[:, None] - second.points[None]).reshape(-1, 3)
+
+
+def _farthest(first: Solid, second: Solid, direction: Array) -> Array:
+    return first.farthest(direction) - second.farthest(-direction)
