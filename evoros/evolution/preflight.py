@@ -16,6 +16,7 @@ from evoros.design.genes import check_genes
 from evoros.design.space import DesignSpace
 from evoros.design.team import TeamSpace
 from evoros.evolution.experiment import Experiment
+from evoros.evolution.home_check import check_home
 from evoros.evolution.measure_check import check_measures
 from evoros.evolution.route_check import check_routes
 from evoros.evolution.self_sight_check import check_housings, check_self_sight
@@ -112,7 +113,8 @@ def _list_doubts(experiment: Experiment) -> Iterator[str]:
     """
     yield from _describe_mount(experiment)
     yield from _describe_cases(experiment)
-    for check in (check_routes, check_sight, check_self_sight, check_housings, check_told):
+    checks = check_home, check_routes, check_sight, check_self_sight, check_housings, check_told
+    for check in checks:
         yield from check(experiment)
 
 

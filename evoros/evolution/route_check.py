@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.layer_values import find_avoidance_range
-from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import Footprint, distances, project_bodies
 from evoros.world.course import Course
 from evoros.world.model import World
@@ -22,19 +20,12 @@ MAX_RATIO = 3.0
 
 It is 2.5 in ``world=dense``, where the evolved designs of the studies still make progress.
 """
-STANDING_IN = 0.1
-"""The share of the robot by which it may overlap an obstacle at home and still only touch it."""
 CELL_M = 0.1  # of the grid on which a way is searched
 MAX_CELLS = 400  # along each side of that grid
 
 
 def check_routes(experiment: Experiment) -> Iterator[str]:
-    """Yield a warning for each fault of a course.
-
-    Raises:
-        InputError: the robot stands in an obstacle at home, or it touches one and missions end on
-            collision.
-    """
+    """Yield a warning for each fault of a course."""
     worlds: dict[str, list[str]] = {}
     for name, world in experiment.world.items():
         obstacles = project_bodies(world.obstacles, experiment.robot.height_m)
@@ -51,12 +42,6 @@ def _check_route(
     yield from _check_spacing(course)
     if not obstacles:
         return
-    if _touches_at_home(robot.outline, course, obstacles):
-        problem = f"{robot.name} touches an obstacle at home ({_point(course.home[:2])})"
-        stands_in = _touches_at_home(robot.outline * (1.0 - STANDING_IN), course, obstacles)
-        if (course.end_on_collision or stands_in) and world.sampler is None:
-            raise InputError(f"{world.source}: {problem}; move course.home_x_m or home_y_m")
-        yield f"{problem}; move course.home_x_m or home_y_m"
     half_width = float(np.abs(robot.outline[:, 1]).max())
     yield from _check_waypoints(course, obstacles, half_width)
     yield from _check_range(experiment.controller, course, obstacles)
@@ -74,11 +59,6 @@ def _check_spacing(course: Course) -> Iterator[str]:
             f"because acceptance_m is {course.acceptance_m:g} m; lower course.acceptance_m, or "
             f"move the waypoints apart"
         )
-
-
-def _touches_at_home(outline: Array, course: Course, obstacles: Sequence[Footprint]) -> bool:
-    x, y, _, yaw = course.home
-    return float(compute_clearances(outline, np.array([[x, y, yaw]]), obstacles)[0]) <= 0.0
 
 
 def _check_waypoints(

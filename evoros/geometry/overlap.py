@@ -23,7 +23,11 @@ from evoros.geometry.shapes import Pose, Shape
 _EXACT_M = 1e-4
 """A face is exact if no point of the shapes is farther beyond it."""
 
-_ROUNDS = 50  # of refinement, of which spheres need ten
+_EXACT = 0.02  # the same for deep overlaps, as a share of the depth
+
+_ROUNDS = 50  # of refinement, of which most pairs need fewer than ten
+
+_AT_ONCE = 8  # faces that are refined at a time
 
 _SIDES = 16  # of the polygon in a circle, before it is refined
 
@@ -54,8 +58,9 @@ class Solid:
             axis = self.pose.rotation[:, 2]
             along = float((direction * axis).sum())
             across = direction - along * axis
-            reach = max(length(across), 1e-300)
-            return centre + axis * math.copysign(height / 2, along) + across * (radius / reach)
+            reach = length(across)
+            end: Array = centre + axis * math.copysign(height / 2, along)
+            return end + across * (radius / reach) if reach > _SIDEWAYS else end
         corner: Array = self.points[int(product(self.points, direction).argmax())]
         return corner
 
@@ -96,19 +101,21 @@ def _unit_circle() -> Array:
 
 
 def overlap_depth(first: Solid, second: Solid) -> float:
-    """Return the shortest way [m] out of each other for two solids; 0 or less if they are apart."""
+    """Return the shortest way [m] out of each other for two solids; 0 or less if they are apart.
+
+    It is exact to 0.1 mm or 2 %, whichever is more.
+    """
     points = _differences(first, second)
-    offset = 0.0
+    depth = 0.0
     for _ in range(_ROUNDS):
         planes, points = hull_planes(points)
-        nearest = planes[int(planes[:, 3].argmin())]
-        offset = float(nearest[3])
-        point = _farthest(first, second, nearest[:3])
-        reach = float((point * nearest[:3]).sum())
-        if reach <= max(offset + _EXACT_M, 0.0):
-            return reach
-        points = np.concatenate([points, point[None]])
-    return offset
+        nearest = planes[planes[:, 3].argsort(kind="stable")[:_AT_ONCE]]
+        beyond = np.array([_farthest(first, second, normal) for normal in nearest[:, :3]])
+        depth = float((beyond[0] * nearest[0, :3]).sum())
+        if depth <= 0.0 or depth - nearest[0, 3] <= max(_EXACT_M, _EXACT * depth):
+            return depth
+        points = np.concatenate([points, beyond])
+    return depth
 
 
 def clearance(first: Solid, second: Solid) -> Clearance | None:

@@ -17,6 +17,7 @@ from evoros.base.errors import InputError, SimulationError, WorkerLost
 from evoros.config.compose import compose
 from evoros.evolution.drive_check import check_drive, report_drive
 from evoros.evolution.experiment import Experiment
+from evoros.evolution.home_check import check_home
 from evoros.evolution.preflight import preflight
 from evoros.evolution.route_check import check_routes
 from evoros.evolution.self_sight_check import check_housings, check_self_sight
@@ -46,7 +47,7 @@ BUNDLED = [
 @pytest.mark.parametrize("overrides", BUNDLED, ids=" ".join)
 def test_what_is_bundled_gives_no_warning(overrides: list[str]) -> None:
     experiment = build(*overrides)
-    checks = check_sight, check_self_sight, check_routes
+    checks = check_home, check_routes, check_sight, check_self_sight
     assert [line for check in checks for line in check(experiment)] == []
     assert [*check_drive(replace(experiment, simulator=PyBullet()))] == []
 
@@ -207,16 +208,41 @@ def test_a_waypoint_that_the_robot_cannot_reach_is_told() -> None:
 
 def test_a_home_at_which_the_robot_touches_an_obstacle_is_refused() -> None:
     """The front of the rover is 0.25 m ahead of its origin."""
-    with pytest.raises(InputError, match=r"erle_rover touches an obstacle at home \(0, 0\); move"):
-        list(check_routes(corridor(2.0, wall("post", 0.29, 0.8, 0.1, 1.59))))
+    with pytest.raises(
+        InputError, match=r"erle_rover touches an obstacle at home \(0, 0\): 'post'; move"
+    ):
+        list(check_home(corridor(2.0, wall("post", 0.29, 0.8, 0.1, 1.59))))
     post = wall("post", 0.29, 0, 0.1, 0.1)
     with pytest.raises(InputError, match="touches an obstacle at home"):
-        list(check_routes(corridor(2.0, post)))
-    assert len(list(check_routes(corridor(2.0, post, end_on_collision=False)))) == 1
-    assert list(check_routes(corridor(2.0, wall("post", 0.31, 0, 0.1, 0.1)))) == []
+        list(check_home(corridor(2.0, post)))
+    assert len(list(check_home(corridor(2.0, post, end_on_collision=False)))) == 1
+    assert list(check_home(corridor(2.0, wall("post", 0.31, 0, 0.1, 0.1)))) == []
     inside = wall("post", 0.2, 0, 0.1, 0.1)  # far enough that no mission makes sense
     with pytest.raises(InputError, match="touches an obstacle at home"):
-        list(check_routes(corridor(2.0, inside, end_on_collision=False)))
+        list(check_home(corridor(2.0, inside, end_on_collision=False)))
+
+
+def test_a_body_above_home_is_told_if_the_robot_does_not_fit_under_it_or_if_it_falls() -> None:
+    """The front of the rover, 0.25 m ahead of its origin, is below the plate at 0.2 m to 0.4 m."""
+    height = build().robot.height_m
+
+    def plate(bottom: float, mass: float | None = None, x: float = 0.3) -> Experiment:
+        shape = Shape("box", (0.2, 1.0, 0.1))
+        above = Body("plate", Pose((x, 0.0, bottom + 0.05)), (shape,), mass)
+        return corridor(2.0, above, home_z_m=0.08)
+
+    (line,) = check_home(plate(2.0, 10_000.0))
+    assert line == (
+        "world.hall (boxes.sdf): 'plate', 10000 kg, its underside at 2 m falls on erle_rover at home (0, 0); "
+        "move the body, or home (course.home_x_m, course.home_y_m), or make it <static>"
+    )
+    assert list(check_home(plate(2.0))) == []
+    assert list(check_home(plate(2.0, 10_000.0, x=1.0))) == []
+    with pytest.raises(InputError, match=r"touches an obstacle at home \(0, 0\): 'plate', its und"):
+        list(check_home(plate(height - 0.01)))
+    (line,) = check_home(plate(height + 0.04))
+    assert "starts 0.08 m above the ground at home (0, 0), in 'plate'" in line
+    assert list(check_home(plate(height + 0.09))) == []
 
 
 # Engines ------------------------------------------------------------------------------------

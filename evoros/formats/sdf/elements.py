@@ -126,7 +126,7 @@ def _note_plugins(root: Element, notes: Notes) -> None:
         if _HARMLESS.search(f"{name} {plugin.get('name', '')}"):
             harmless.setdefault(name, plugin)
         else:
-            problem = f"{name} is ignored: what it would move stays at rest"
+            problem = f"{name} is ignored: nothing here moves what it would move"
             notes.add(plugin, problem, f"plugin {name}")
     if harmless:
         names = ", ".join(harmless)

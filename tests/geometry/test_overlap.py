@@ -1,0 +1,118 @@
+"""How deep solids overlap, and the lifts at which they do."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from evoros.geometry.overlap import Solid, clearance, overlap_depth
+from evoros.geometry.shapes import Pose, Shape, Vector, normalize
+
+EXACT_M, EXACT = 2e-4, 0.021  # the stated errors of a depth, and a little more
+CORNERS = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5))
+CUBES = {
+    "box": Shape("box", (1.0, 1.0, 1.0)),
+    "convex": Shape("convex", (), corners=CORNERS),
+}
+metres = st.floats(-0.7, 0.7)
+places = st.tuples(metres, metres, metres)
+
+
+def sphere(radius: float, *place: float) -> Solid:
+    return Solid.at(Shape("sphere", (radius,)), Pose((place[0], place[1], place[2])))
+
+
+def cylinder(radius: float, height: float, *place: float) -> Solid:
+    return Solid.at(Shape("cylinder", (radius, height)), Pose((place[0], place[1], place[2])))
+
+
+@pytest.mark.parametrize("first", CUBES)
+@pytest.mark.parametrize("second", CUBES)
+def test_cubes_overlap_by_the_least_of_three_ways_out(first: str, second: str) -> None:
+    at = Solid.at(CUBES[first], Pose((0.9, 0.3, 0.2)))
+    other = Solid.at(CUBES[second], Pose())
+    assert overlap_depth(at, other) == pytest.approx(0.1)
+    assert clearance(at, other) == pytest.approx((-1.2, 0.8))
+    aside = Solid.at(CUBES[first], Pose((1.1, 0.3, 0.2)))
+    assert overlap_depth(aside, other) == pytest.approx(-0.1)
+    assert clearance(aside, other) is None
+
+
+@settings(deadline=None, max_examples=40)
+@given(place=places, radii=st.tuples(st.floats(0.05, 20.0), st.floats(0.05, 20.0)))
+def test_spheres_are_exact(place: Vector, radii: tuple[float, float]) -> None:
+    first, second = sphere(radii[0], *place), sphere(radii[1], 0.0, 0.0, 0.0)
+    depth = sum(radii) - math.hypot(*place)
+    assert max(overlap_depth(first, second), 0.0) == pytest.approx(
+        max(depth, 0.0), abs=EXACT_M, rel=EXACT
+    )
+    across = math.hypot(place[0], place[1])
+    if across < 0.99 * sum(radii):
+        reach = math.sqrt(sum(radii) ** 2 - across**2)
+        assert clearance(first, second) == pytest.approx(
+            (-reach - place[2], reach - place[2]), abs=10 * EXACT_M
+        )
+
+
+@settings(deadline=None, max_examples=40)
+@given(offset=st.floats(0.0, 0.9), height=st.floats(0.1, 2.0))
+def test_upright_cylinders_overlap_as_their_circles_do(offset: float, height: float) -> None:
+    first, second = cylinder(0.3, height, offset, 0.1, 0.0), cylinder(0.4, height, 0.0, 0.0, 0.0)
+    depth = min(0.7 - math.hypot(offset, 0.1), height)
+    assert max(overlap_depth(first, second), 0.0) == pytest.approx(
+        max(depth, 0.0), abs=EXACT_M, rel=EXACT
+    )
+    assert (clearance(first, second) is None) == (depth <= 0.0)
+
+
+@settings(deadline=None, max_examples=40)
+@given(place=places, turn=st.tuples(*[st.floats(-1.0, 1.0)] * 4), moved=places)
+def test_the_depth_is_the_same_from_both_and_in_every_frame(
+    place: Vector, turn: tuple[float, float, float, float], moved: Vector
+) -> None:
+    if math.hypot(*turn) < 0.1:
+        return
+    poses = Pose(place, normalize(turn)), Pose((0.1, 0.0, 0.2))
+    shapes = CUBES["box"], Shape("cylinder", (0.2, 0.9))
+    frame = Pose(moved, normalize(turn[::-1]))
+    first, second = (Solid.at(s, pose) for s, pose in zip(shapes, poses, strict=True))
+    depth = overlap_depth(first, second)
+    assert max(overlap_depth(second, first), 0.0) == pytest.approx(
+        max(depth, 0.0), abs=EXACT_M, rel=EXACT
+    )
+    turned = [Solid.at(s, frame @ pose) for s, pose in zip(shapes, poses, strict=True)]
+    assert max(overlap_depth(turned[0], turned[1]), 0.0) == pytest.approx(
+        max(depth, 0.0), abs=EXACT_M, rel=EXACT
+    )
+
+
+@settings(deadline=None, max_examples=40)
+@given(place=places, turn=st.tuples(*[st.floats(-1.0, 1.0)] * 4))
+def test_a_solid_that_is_lifted_as_far_as_the_clearance_just_touches(
+    place: Vector, turn: tuple[float, float, float, float]
+) -> None:
+    if math.hypot(*turn) < 0.1:
+        return
+    shape, other = Shape("cylinder", (0.3, 0.5)), sphere(0.4, 0.0, 0.0, 0.0)
+    found = clearance(Solid.at(shape, Pose(place, normalize(turn))), other)
+    if found is None:
+        return
+    for lift in found:
+        x, y, z = place
+        touching = Solid.at(shape, Pose((x, y, z + lift), normalize(turn)))
+        assert overlap_depth(touching, other) == pytest.approx(0.0, abs=10 * EXACT_M)
+    if found.high - found.low > 0.1:
+        middle = Pose(
+            (place[0], place[1], place[2] + (found.low + found.high) / 2), normalize(turn)
+        )
+        assert overlap_depth(Solid.at(shape, middle), other) > 0.0
+
+
+def test_the_farthest_points_of_a_cylinder_lie_on_its_rims() -> None:
+    solid = cylinder(0.3, 1.0, 1.0, 2.0, 3.0)
+    diagonal = np.array([3.0, 4.0, 1e-3])
+    assert solid.farthest(diagonal) == pytest.approx((1.18, 2.24, 3.5))
+    low, high = solid.box()
+    assert (*low, *high) == pytest.approx((0.7, 1.7, 2.5, 1.3, 2.3, 3.5))
