@@ -39,6 +39,14 @@ class Probe(Protocol):
         """Let the first of these move along x [m/s]."""
         ...
 
+    def wake(self) -> None:
+        """Let all bodies that can be pushed move."""
+        ...
+
+    def speeds(self) -> list[float]:
+        """The speeds [m/s] of the bodies that can be pushed."""
+        ...
+
     def angle(self, joint: str) -> float:
         """The angle [rad] of a joint."""
         ...
@@ -81,6 +89,14 @@ class BulletProbe:
         body = next(iter(self.model.movable))
         wake(self.bullet, self.client, body)
         self.bullet.resetBaseVelocity(body, (speed, 0.0, 0.0), (0.0, 0.0, 0.0), self.client)
+
+    def wake(self) -> None:
+        for body in self.model.movable:
+            wake(self.bullet, self.client, body)
+
+    def speeds(self) -> list[float]:
+        rates = (self.bullet.getBaseVelocity(n, self.client)[0] for n in self.model.movable)
+        return [math.hypot(*rate) for rate in rates]
 
     def angle(self, joint: str) -> float:
         body = self.model.robot.body
@@ -127,6 +143,15 @@ class MujocoProbe:
 
     def throw(self, speed: float) -> None:
         self.data.qvel[self.model.body_dofadr[self._first()]] = speed
+
+    def wake(self) -> None:
+        """The engine lets all bodies settle before they sleep."""
+
+    def speeds(self) -> list[float]:
+        root = self.model.joint("evoros root").id
+        free = np.flatnonzero(self.model.jnt_type == self.library.mjtJoint.mjJNT_FREE)
+        first = [self.model.jnt_dofadr[joint] for joint in free if joint != root]
+        return [math.hypot(*self.data.qvel[i : i + 3].tolist()) for i in first]
 
     def moments(self) -> list[float]:
         assert self.model.body_iquat[self._first()].tolist() == [1.0, 0.0, 0.0, 0.0]

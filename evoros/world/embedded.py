@@ -110,7 +110,7 @@ def _tell_fixed(
         return
     depths = {i: (depth, "the ground") for i, depth in lifts.stuck.items()}
     for (i, j), depth in pairs.items():
-        if i in fixed:
+        if bodies[j].mass is None:
             depths[i] = max(depths.get(i, (0.0, "")), (depth, repr(bodies[j].name)))
     deepest = max(depths, key=depths.__getitem__)
     depth, other = depths[deepest]

@@ -233,8 +233,9 @@ def test_a_body_above_home_is_told_if_the_robot_does_not_fit_under_it_or_if_it_f
 
     (line,) = check_home(plate(2.0, 10_000.0))
     assert line == (
-        "world.hall (boxes.sdf): 'plate', 10000 kg, its underside at 2 m falls on erle_rover at home (0, 0); "
-        "move the body, or home (course.home_x_m, course.home_y_m), or make it <static>"
+        "world.hall (boxes.sdf): 'plate', 10000 kg, its underside at 2 m falls on erle_rover "
+        "at home (0, 0); move the body, or home (course.home_x_m, course.home_y_m), or make it "
+        "<static>"
     )
     assert list(check_home(plate(2.0))) == []
     assert list(check_home(plate(2.0, 10_000.0, x=1.0))) == []
