@@ -93,13 +93,13 @@ def _tell_lifts(bodies: Sequence[Body], lifts: Lifts, source: str) -> None:
     deepest = max(depths, key=depths.__getitem__)
     carried = len(lifts.heights) - len(depths)
     _LOG.warning(
-        "%s: %s in the ground or in what carries it, at most by %.3g m (%r); set on its surface%s; "
-        "correct <pose> to place them otherwise",
+        "%s: %s in the ground or in a body below, at most by %.3g m (%r); lifted to the surface%s; "
+        "correct <pose> for another place",
         source,
         _count(len(depths), "starts", "start"),
         depths[deepest],
         bodies[deepest].name,
-        f", with {carried} standing on them" if carried else "",
+        f", with {carried} on top" if carried else "",
     )
 
 
@@ -115,8 +115,8 @@ def _tell_fixed(
     deepest = max(depths, key=depths.__getitem__)
     depth, other = depths[deepest]
     _LOG.warning(
-        "%s: %s in fixed bodies, or in bodies that do, at most by %.3g m (%r in %s); fixed where "
-        "they are, they cannot be pushed; move them apart by correcting <pose>",
+        "%s: %s in fixed bodies, or in bodies that do, at most by %.3g m (%r in %s); fixed in "
+        "place, so that no robot pushes them; correct <pose> to part the bodies",
         source,
         _count(len(fixed), "starts", "start"),
         depth,
@@ -133,8 +133,8 @@ def _tell_joined(
     members = {i for group in groups for i in group}
     depth, i, j = max((depth, i, j) for (i, j), depth in pairs.items() if i in members)
     _LOG.warning(
-        "%s: %s in one another, at most by %.3g m (%r in %r); they move as %s; move them apart by "
-        "correcting <pose> to let each move alone",
+        "%s: %s in one another, at most by %.3g m (%r in %r); they move as %s; correct <pose> to "
+        "part the bodies",
         source,
         _count(len(members), "starts", "start"),
         depth,

@@ -61,7 +61,7 @@ def test_half_buried_posts_are_set_on_the_ground_and_told_once(
     posts = [crate(f"post_{i}", 0.15 * i, 0.0, 0.0, shape=POST) for i in range(20)]
     assert set(heights(*posts).values()) == {0.5}
     (line,) = caplog.messages
-    assert line.startswith("a.sdf: 20 movable bodies start in the ground or in what carries it, ")
+    assert line.startswith("a.sdf: 20 movable bodies start in the ground or in a body below, ")
     assert "at most by 0.5 m ('post_0')" in line
 
 
@@ -73,7 +73,7 @@ def test_what_stands_on_a_sunk_body_is_lifted_with_it(caplog: pytest.LogCaptureF
         crate("top", 0.2, 0.0, 0.9),
     )
     assert found == pytest.approx({"upper": 0.6, "sunk": 0.2, "alone": 0.2, "top": 1.0})
-    assert "with 2 standing on them" in caplog.text
+    assert "with 2 on top" in caplog.text
 
 
 def test_a_body_in_what_carries_it_is_lifted_onto_it() -> None:
