@@ -18,7 +18,3 @@ class Design:
     mounts: tuple[Mount, ...]
     values: Mapping[str, float] = field(default_factory=dict)
     agents: Mapping[str, "Design"] = field(default_factory=dict)
-
-    def of(self, agent: str) -> "Design":
-        """Return the design of another robot."""
-        return self.agents.get(agent, self)

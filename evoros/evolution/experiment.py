@@ -36,7 +36,16 @@ from evoros.fitness.protocol import Fitness
 from evoros.fitness.scoring import choose_combine
 from evoros.fitness.team import TeamFitness
 from evoros.measure.protocol import Measure
-from evoros.mission.plan import CONFIRMATION, FINAL, POLICIES, STOP, VALIDATION, WORST, Plan
+from evoros.mission.plan import (
+    CONFIRMATION,
+    EVALUATION,
+    FINAL,
+    POLICIES,
+    STOP,
+    VALIDATION,
+    WORST,
+    Plan,
+)
 from evoros.mission.scenario import Scenario
 from evoros.optimizer.protocol import Goals, Optimizer, Search
 from evoros.robot.model import Robot
@@ -90,6 +99,8 @@ class Experiment:
     objectives: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     descriptors: Annotated[Mapping[str, Measure], MEASURES] = field(default_factory=dict)
     worst_cases: Annotated[WorstCases | None, A_SEARCH] = None  # which an evaluation looks for
+    # Which draws an evaluation meets: fresh ones of its own, or those of a run's validation.
+    evaluation_draws: Annotated[str, one_of(EVALUATION, VALIDATION)] = EVALUATION
     figures: Sequence[str] = ()
     # What figures call the treatment: ``name``, and its levels by factor.
     treatment: Annotated[Mapping[str, Any], TREATMENT] = field(default_factory=dict)
@@ -155,10 +166,14 @@ class Experiment:
             self.controller,
             self.simulator,
             {
-                name: replace(other.scenario, awaited=self.agents[name].scored)
-                for name, other in others.items()
+                name: self._join_team(name, other.scenario) for name, other in others.items()
             },
         )
+
+    def _join_team(self, name: str, scenario: Scenario) -> Scenario:
+        """Return the scenario of another robot as one of the team's."""
+        agent = self.agents[name]
+        return replace(scenario, awaited=agent.scored, shares_design=agent.design is None)
 
     @cached_property
     def confirming(self) -> Scenario:
@@ -172,8 +187,7 @@ class Experiment:
             return self.scenario
         controller = confirmation.controller or self.controller
         agents = {
-            name: replace(self.members[name].confirming, awaited=agent.scored)
-            for name, agent in self.agents.items()
+            name: self._join_team(name, self.members[name].confirming) for name in self.agents
         }
         try:
             return replace(
@@ -247,4 +261,6 @@ class Experiment:
             self.draws,
             self.allocation.most_trials(self.trials),
             self.validation.max_trials,
+            self.evaluation_draws,
+            self.validation.count_first(self.optimizer.validation_trials),
         )

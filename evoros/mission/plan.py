@@ -38,6 +38,8 @@ class Plan:
     policy: str  # one of POLICIES: selection repeats its draws within it
     most_trials: int = 0  # of a design in one generation, in selection, if more than ``trials``
     most_validation_trials: int = 0  # of a champion, if more than ``validation_trials``
+    evaluation_draws: str = EVALUATION  # or VALIDATION: those of a run's validation
+    revalidation_trials: int = 0  # of an evaluation under the draws of a validation
 
     def missions(
         self, purpose: str, generation: int, design_id: int, design: Design
@@ -128,10 +130,21 @@ class Plan:
         ]
 
     def evaluation(self, generation: int, design_id: int, design: Design) -> list[Mission]:
-        """Return missions under draws that no run uses for selection or validation."""
+        """Return the missions of a design in an evaluation.
+
+        No run uses their draws for selection or validation, unless they are to be those of its
+        validation.
+        """
+        if self.evaluation_draws == VALIDATION:
+            return self.validation(generation, design_id, design, self.revalidation_trials)
         return self._missions(
             generation, design_id, design, EVALUATION, f"{generation}", range(self.trials)
         )
+
+    @property
+    def evaluation_trials(self) -> int:
+        """The number of missions of a design in each world, in an evaluation."""
+        return self.revalidation_trials if self.evaluation_draws == VALIDATION else self.trials
 
     def stated(
         self, design_id: int, design: Design, case: Case, number: int, repeats: range

@@ -62,6 +62,7 @@ class Scenario:
     simulator: Annotated[Simulator, A_SIMULATOR]
     agents: Mapping[str, "Scenario"] = field(default_factory=dict)
     awaited: bool = True  # whether a mission goes on until this robot has ended
+    shares_design: bool = True  # whether its design is the first robot's
 
     def __post_init__(self) -> None:
         if not self.world:
@@ -150,20 +151,49 @@ class Scenario:
         """Return the scenarios of all robots with their designs, by name; the first one's is "".
 
         Raises:
-            InputError: see ``with_design``; the message names the robot.
+            InputError: see ``with_design`` and ``find_design``; the message names the robot.
         """
+        unknown = [name for name in design.agents if name not in self.agents]
+        if unknown:
+            raise InputError(
+                f"agents: must have {unknown[0]}, for which there is a design, not "
+                f"{', '.join(self.agents) or 'none'}; add it, or leave its design out"
+            )
+        designs = {name: self.find_design(name, design) for name in self.agents}
         team = {"": self.with_design(design)}
         for name, agent in self.agents.items():
             try:
-                team[name] = agent.with_design(design.of(name))
+                team[name] = agent.with_design(designs[name])
             except InputError as error:
                 raise InputError(f"agents.{name}: {error}") from None
         return team
 
+    def find_design(self, name: str, design: Design) -> Design:
+        """Return the design of one of the robots; the first one's name is empty.
+
+        Raises:
+            InputError: a robot with a design of its own has none in ``design``, or one that shares
+                the first robot's has.
+        """
+        if not name:
+            return design
+        own, shares = design.agents.get(name), self.agents[name].shares_design
+        if shares and own is not None:
+            raise InputError(
+                f"agents.{name}.design: must not be null, because the design has one for this "
+                f"robot alone; choose one with +design@agents.{name}.design=..., as in the run"
+            )
+        if not shares and own is None:
+            raise InputError(
+                f"agents.{name}.design: must be null for a design that has none for this robot; "
+                f"give it one, or remove that key"
+            )
+        return design if own is None else own
+
     def count_sensors(self, design: Design) -> list[tuple[int, float]]:
         """Return the number and the price of the sensors of each robot, as they are configured."""
         robots = {"": self, **self.agents}
-        mounts = {name: design.of(name).mounts for name in robots}
+        mounts = {name: self.find_design(name, design).mounts for name in robots}
         return [
             (len(mounts[name]), add_prices(mounts[name], robot.design.sensors))
             for name, robot in robots.items()
@@ -177,7 +207,7 @@ class Scenario:
         """
         columns = self._name_readings(design)
         for name, agent in self.agents.items():
-            own = (*AGENT_COLUMNS, *agent._name_readings(design.of(name)))
+            own = (*AGENT_COLUMNS, *agent._name_readings(self.find_design(name, design)))
             columns += [f"{name}.{column}" for column in own]
         return columns
 

@@ -34,6 +34,7 @@ from evoros.design.space import DesignSpace
 from evoros.design.team import TeamSpace
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.experiment import Experiment
+from evoros.evolution.team_design import complete_design
 from evoros.executor.protocol import Pool
 from evoros.fitness.scoring import compute_fitness, summarize_scores
 from evoros.mission.mission import Mission, MissionKey
@@ -181,13 +182,15 @@ class Evaluator:
                 "Evaluator: must be open; use it as `with Evaluator(...) as evaluator:`"
             )
         experiment = self.experiment
+        designs = [complete_design(experiment, design) for design in designs]
         for design in designs:  # an error in a design made by hand is raised, and not scored
             experiment.scenario.equip(design)
         missions = [
             experiment.plan.evaluation(generation, i, design) for i, design in enumerate(designs)
         ]
         needed = list(chain.from_iterable(missions))
-        batches = Dispatcher(self._pool, experiment.lost_missions).run(experiment.scenario, needed)
+        scenario = experiment.scenario_for(experiment.evaluation_draws)
+        batches = Dispatcher(self._pool, experiment.lost_missions).run(scenario, needed)
         outcomes = {}
         with _show(self._display) as display:
             display.start(1)

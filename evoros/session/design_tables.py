@@ -8,13 +8,16 @@ from math import isfinite
 from pathlib import Path
 
 from evoros.base.errors import InputError
+from evoros.base.log import LOGGER
 from evoros.design.design import Design
 from evoros.design.fixed import FixedSensor
 from evoros.design.region import Region
+from evoros.evolution.experiment import Experiment
+from evoros.evolution.team_design import complete_design
 from evoros.formats.strict_csv import read_rows
 from evoros.mission.scenario import Scenario
 from evoros.sensor.protocol import Mount
-from evoros.storage.tables import AGENT, DESIGN_COLUMNS, list_designs, mount_cells, table_by_robot
+from evoros.storage.tables import AGENT, DESIGN_COLUMNS, list_designs, sensor_rows, table_by_robot
 
 DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
 """The designs of an evaluation in its folder, complete and independent of their sources."""
@@ -39,6 +42,7 @@ class DesignDraft:
     """A design as far as it has been read."""
 
     at: str  # file and line of its first row
+    rows: int = 0  # in the table of sensors
     mounts: dict[int, Mount] = field(default_factory=dict)  # by number; empty: no sensors
     values: dict[str, float] = field(default_factory=dict)  # other evolved values, by key
     agents: dict[str, "DesignDraft"] = field(
@@ -53,15 +57,15 @@ class DesignDraft:
 Drafts = dict[DesignName, DesignDraft]
 
 
-def read_recorded_designs(folder: Path, scenario: Scenario) -> list[NamedDesign]:
+def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDesign]:
     """Read the designs in the folder of an evaluation.
 
     Raises:
         InputError: a file is missing or damaged.
     """
-    drafts = read_drafts(folder / DESIGN_FILE, None, scenario)
+    drafts = read_drafts(folder / DESIGN_FILE, None, experiment.scenario)
     add_genes(drafts, folder / GENE_FILE, None)
-    return fit_designs(drafts, scenario)
+    return fit_designs(drafts, experiment)
 
 
 def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
@@ -74,11 +78,8 @@ def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
     genes: list[Sequence[object]] = []
     for named in designs:
         name = (named.source, named.name)
+        sensors += [[*name, *row] for row in sensor_rows(named.design)]
         for robot, design in list_designs(named.design):
-            for number, mount in enumerate(design.mounts):
-                sensors.append([*name, number, *mount_cells(mount), robot])
-            if not design.mounts:
-                sensors.append([*name, *(None for _ in DESIGN_COLUMNS[1:]), robot])
             genes += [[*name, key, value, robot] for key, value in design.values.items()]
     found = [named.design for named in designs]
     return {
@@ -87,22 +88,25 @@ def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
     }
 
 
-def fit_designs(drafts: Mapping[DesignName, DesignDraft], scenario: Scenario) -> list[NamedDesign]:
+def fit_designs(
+    drafts: Mapping[DesignName, DesignDraft], experiment: Experiment
+) -> list[NamedDesign]:
     """Complete the drafts; sensors are put into the robot's order.
 
     Raises:
         InputError: the robot or another part refuses a design.
     """
-    return [_fit(name, draft, scenario) for name, draft in drafts.items()]
+    return [_fit(name, draft, experiment) for name, draft in drafts.items()]
 
 
-def _fit(name: DesignName, draft: DesignDraft, scenario: Scenario) -> NamedDesign:
+def _fit(name: DesignName, draft: DesignDraft, experiment: Experiment) -> NamedDesign:
     try:
-        team = scenario.equip(_design_of(draft))
+        design = complete_design(experiment, _design_of(draft))
+        team = experiment.scenario.equip(design)
     except InputError as error:
         raise InputError(f"{draft.at}: design {name[1]!r}: {error}") from None
     agents = {
-        agent: Design(team[agent].robot.mounts, own.values) for agent, own in draft.agents.items()
+        agent: Design(team[agent].robot.mounts, own.values) for agent, own in design.agents.items()
     }
     return NamedDesign(*name, Design(team[""].robot.mounts, draft.values, agents))
 
@@ -113,20 +117,20 @@ def _design_of(draft: DesignDraft) -> Design:
     return Design(mounts, draft.values, agents)
 
 
-def read_drafts(path: Path, source: str | None, scenario: Scenario, minimum: int = 1) -> Drafts:
+def read_drafts(path: Path, source: str | None, scenario: Scenario) -> Drafts:
     """Read a table of designs without their other genes.
 
     If ``source`` is None, the table has a column of that name.
 
     Raises:
-        InputError: the table is damaged, or has fewer than ``minimum`` designs.
+        InputError: the table is damaged, or has no design.
     """
     needed = NEEDED if source is not None else ("source", *NEEDED)
     optional = (*(name for name in DESIGN_COLUMNS if name not in needed), AGENT)
     drafts: Drafts = {}
     for line, cells in read_rows(path, needed, optional):
         _add_row(drafts, f"{path}: line {line}", source, cells, scenario)
-    if len(drafts) < minimum:
+    if not drafts:
         raise InputError(f"{path}: must have at least one design, not none; add a row")
     return drafts
 
@@ -139,13 +143,16 @@ def _add_row(
         raise InputError(f"{at}: design must be a name, not empty; give each row its design")
     name = (cells.get("source", source) or "", cells["design"])
     agent = cells.get(AGENT) or ""
-    if agent:
-        scenario = _find_agent(at, agent, scenario)
     naming = ("source", "design", AGENT)
     bare = not any(value for key, value in cells.items() if key not in naming)
-    known = name in drafts and (not agent or agent in drafts[name].agents)
+    if bare and agent and agent not in scenario.agents:
+        LOGGER.warning("%s: agent %s has no sensors and is not there; left out", at, agent)
+        return
+    if agent:
+        scenario = _find_agent(at, agent, scenario)
     draft = drafts.setdefault(name, DesignDraft(at)).of(agent, at)
-    if known and (bare or not draft.mounts):
+    draft.rows += 1
+    if draft.rows > 1 and (bare or not draft.mounts):
         raise InputError(
             f"{at}: design {name[1]!r} must have either rows with sensors or one row without; "
             f"remove this row"

@@ -15,6 +15,7 @@ from evoros.evolution.drive_check import report_drive
 from evoros.evolution.experiment import ALL, Experiment
 from evoros.evolution.repeatability import report_repeatability
 from evoros.executor.protocol import Executor
+from evoros.mission.plan import VALIDATION
 from evoros.session.design_tables import (
     DESIGN_FILE,
     GENE_FILE,
@@ -65,6 +66,7 @@ class Evaluation:
             RunStopped: a mission was lost; the evaluation can be resumed.
         """
         experiment = self.experiment
+        scenario = experiment.scenario_for(experiment.evaluation_draws)
         with EvaluationRecord(self.path, experiment, self.designs) as record:
             status = Status(record, display, record.describe)
             with status.track(self.messages):
@@ -72,17 +74,18 @@ class Evaluation:
                 display.start(1)
                 display.begin(0, record.wanted, record.known)
                 with opener(self.executor) as pool:
-                    amount = f"{len(self.designs)} designs, {experiment.trials} trials"
+                    trials = experiment.plan.evaluation_trials
+                    amount = f"{len(self.designs)} designs, {trials} trials"
                     log_start(self.path, amount, experiment, pool)
                     report_drive(experiment, pool)
                     if not record.known:
                         first = next(record.list_missions())
-                        report_repeatability(experiment.scenario, first, pool)
+                        report_repeatability(scenario, first, pool)
                     keep = record.keep_trajectory if experiment.record == ALL else None
                     lost = experiment.lost_missions
                     dispatcher = Dispatcher(pool, lost, record.keep_log, keep)
                     dispatcher.run_missing(
-                        experiment.scenario, record.list_missions(), record, status.mission
+                        scenario, record.list_missions(), record, status.mission
                     )
                     if experiment.worst_cases is not None:
                         search = WorstCaseRun(
@@ -112,6 +115,7 @@ def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
     with collect_messages() as messages:
         _check_sources(config.designs)
         experiment = config.build()
+        _check_draws(experiment)
         check_experiment(experiment)
         designs = read_sources(config.designs, experiment)
         return record_evaluation(experiment, designs, config, folder, messages)
@@ -157,7 +161,7 @@ def open_evaluation(
         _, *files = ORIGINALS
         experiment = rebuild(folder, overrides, config_dir, COMMAND, files).experiment
         check_experiment(experiment)
-        designs = read_recorded_designs(folder, experiment.scenario)
+        designs = read_recorded_designs(folder, experiment)
     return Evaluation(experiment, designs, folder, messages)
 
 
@@ -167,7 +171,27 @@ def read_sources(sources: Any, experiment: Experiment) -> list[NamedDesign]:
     Raises:
         InputError: it names nothing, or something that cannot be read.
     """
-    return read_given(_check_sources(sources), experiment.scenario)
+    return read_given(_check_sources(sources), experiment)
+
+
+def _check_draws(experiment: Experiment) -> None:
+    """Require that an evaluation under the draws of a validation has trials, and no other draws.
+
+    Raises:
+        InputError: it has none, or looks for worst cases.
+    """
+    if experiment.evaluation_draws != VALIDATION:
+        return
+    if not experiment.plan.evaluation_trials:
+        raise InputError(
+            "optimizer.validation_trials: must be at least 1 with evaluation_draws=validation, "
+            "not 0; repeat that of the run"
+        )
+    if experiment.worst_cases is not None:
+        raise InputError(
+            "worst_cases: must be none with evaluation_draws=validation, because the search has "
+            "draws of its own; leave out one of the two"
+        )
 
 
 def _check_sources(designs: Any) -> list[str]:

@@ -176,7 +176,7 @@ class EvaluationRecord(MissionLog):
 
     @property
     def _missions_per_design(self) -> int:
-        return len(self._experiment.world) * self._experiment.trials
+        return len(self._experiment.world) * self._experiment.plan.evaluation_trials
 
     @property
     def _keeps_all(self) -> bool:
@@ -187,16 +187,16 @@ class EvaluationRecord(MissionLog):
 
     def _read(self) -> None:
         numbers = self._number_designs()
-        trials = self._experiment.trials
 
-        def parse(row: Mapping[str, str]) -> tuple[int, str, int, str, Outcome]:
+        def parse(row: Mapping[str, str]) -> tuple[int, str, int, str, bool, Outcome]:
             number = numbers[row["source"], row["design"]]
             outcome = read_outcome(row, list(self._experiment.agents))
-            return number, row["world"], int(row["trial"]), read_conditions(row), outcome
+            stated = bool(row.get(CASE))
+            return number, row["world"], int(row["trial"]), read_conditions(row), stated, outcome
 
-        for number, world, trial, draws, outcome in self.read_missions(parse):
+        for number, world, trial, draws, stated, outcome in self.read_missions(parse):
             key = (GENERATION, number, world, trial)
-            if self._experiment.states_cases and trial >= trials:
+            if stated:
                 if key in self._stated:
                     self.table.reject()
                 self._stated.setdefault(key, (draws, outcome))

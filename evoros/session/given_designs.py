@@ -6,12 +6,13 @@ from pathlib import Path
 from evoros.base.errors import InputError, single_line
 from evoros.base.log import LOGGER
 from evoros.base.resources import expand_home
+from evoros.evolution.experiment import Experiment
+from evoros.evolution.team_design import find_configured
 from evoros.formats.strict_csv import read_rows
 from evoros.formats.strict_xml import parse
 from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import (
     DESIGN_FILE,
-    DesignDraft,
     Drafts,
     NamedDesign,
     add_genes,
@@ -25,8 +26,8 @@ from evoros.storage.tables import GENE_COLUMNS
 from evoros.storage.verification import read_text, verify_folder
 
 
-def read_given(sources: Sequence[str], scenario: Scenario) -> list[NamedDesign]:
-    """Read the designs of all sources, in order; each fits the robot and parts of ``scenario``.
+def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesign]:
+    """Read the designs of all sources, in order; each fits the robots and parts of ``experiment``.
 
     A source is a CSV file, the folder of a finished run, which stands for its champion, or that of
     a sweep, which stands for the champions of all its finished runs.
@@ -37,7 +38,7 @@ def read_given(sources: Sequence[str], scenario: Scenario) -> list[NamedDesign]:
     designs: list[NamedDesign] = []
     known: set[Path] = set()
     for source in sources:
-        for path, found in _read_source(source, scenario):
+        for path, found in _read_source(source, experiment):
             if path.resolve() in known:
                 raise InputError(f"designs: must name each source once, not {path} again; drop one")
             known.add(path.resolve())
@@ -45,7 +46,7 @@ def read_given(sources: Sequence[str], scenario: Scenario) -> list[NamedDesign]:
     return designs
 
 
-def _read_source(source: str, scenario: Scenario) -> Iterator[tuple[Path, list[NamedDesign]]]:
+def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, list[NamedDesign]]]:
     """The designs of each file or run that a source stands for."""
     path = expand_home(source)
     if not path.exists():
@@ -54,18 +55,19 @@ def _read_source(source: str, scenario: Scenario) -> Iterator[tuple[Path, list[N
             f"and there is none; correct the path"
         )
     if not path.is_dir():
-        yield path, fit_designs(_read_file(single_line(source), path, scenario), scenario)
+        drafts = _read_file(single_line(source), path, experiment.scenario)
+        yield path, fit_designs(drafts, experiment)
         return
     folders = list(folders_below(path))
     if folders in ([], [path]):
-        yield path, fit_designs(_read_champion(single_line(source), path, scenario), scenario)
+        yield path, _read_champion(single_line(source), path, experiment)
         return
     runs = [folder for folder in folders if command_of(folder) == "evoros"]
     finished = 0
     for folder in runs:
         name = single_line(str(Path(source, folder.relative_to(path))))
         try:
-            champion = fit_designs(_read_champion(name, folder, scenario), scenario)
+            champion = _read_champion(name, folder, experiment)
         except InputError as error:
             LOGGER.warning("%s; left out", error)
             continue
@@ -91,17 +93,28 @@ def _read_file(source: str, path: Path, scenario: Scenario) -> Drafts:
     return drafts
 
 
-def _read_champion(source: str, path: Path, scenario: Scenario) -> Drafts:
+def _read_champion(source: str, path: Path, experiment: Experiment) -> list[NamedDesign]:
     """The champion of a run, with its other genes."""
     _require_finished(path)
-    _compare_robots(path, scenario)
+    _compare_robots(path, experiment.scenario)
     designs, genes = (path / CHAMPION / name for name in ("design.csv", "genes.csv"))
-    drafts = read_drafts(designs, source, scenario, minimum=0)
-    if not drafts:  # a champion without sensors has its name only in the table of genes, if there
-        names = (cells["design"] for _, cells in read_rows(genes, GENE_COLUMNS, ()))
-        drafts[source, next(names, CHAMPION)] = DesignDraft(str(designs))
+    drafts = read_drafts(designs, source, experiment.scenario)
     add_genes(drafts, genes, source)
-    return drafts
+    champions = fit_designs(drafts, experiment)
+    for champion in champions:
+        _require_configured(designs, champion, experiment)
+    return champions
+
+
+def _require_configured(path: Path, champion: NamedDesign, experiment: Experiment) -> None:
+    """Require the run's design of each other robot whose design its configuration determines."""
+    for name, design in champion.design.agents.items():
+        if find_configured(experiment, name) not in (None, design):
+            raise InputError(
+                f"agents.{name}.design: must be the design that this robot had in the run, because "
+                f"it leaves nothing to evolve, and {path} has another; repeat that of the run, or "
+                f"give a file of designs without rows of the agent {name}"
+            )
 
 
 def _compare_robots(path: Path, scenario: Scenario) -> None:

@@ -108,7 +108,7 @@ def build_reproduction(
         command, files = (RUN, ()) if runs else (COMMAND, ORIGINALS[1:])
         built = rebuild(source, overrides, config_dir, command, files, warns=False)
         experiment, config = built.experiment, built.config
-        designs = [] if runs else read_recorded_designs(source, experiment.scenario)
+        designs = [] if runs else read_recorded_designs(source, experiment)
         with change_to_origin(read_json(source / MANIFEST)):  # where relative paths begin
             if runs:
                 return record_run(experiment, config, folder, messages, generations)

@@ -19,7 +19,7 @@ from evoros.evolution.repeatability import report_repeatability
 from evoros.executor.protocol import Executor, Pool
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
-from evoros.mission.plan import CONFIRMATION, SELECTION
+from evoros.mission.plan import CONFIRMATION, EVALUATION, SELECTION
 from evoros.session.figures import check_figures, discard_figures, draw_figures
 from evoros.session.resume import rebuild
 from evoros.session.status import FINISHED, RUNNING, Display, Status, log_start
@@ -156,6 +156,11 @@ def create_run(config: Configuration, folder: Path) -> Session:
             raise InputError(
                 "worst_cases: must be none in a run; look for those of its champion with "
                 "evoros-evaluate designs=FOLDER worst_cases=search"
+            )
+        if experiment.evaluation_draws != EVALUATION:
+            raise InputError(
+                "evaluation_draws: must not be set in a run, which validates by itself; give it to "
+                "evoros-evaluate designs=FOLDER"
             )
         return record_run(experiment, config, folder, messages)
 

@@ -8,7 +8,7 @@ empty cell is a number that was not measured; the items of a list are separated 
 import csv
 import io
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, get_type_hints
 
@@ -158,12 +158,7 @@ def design_table(designs: Mapping[int, Design]) -> str:
 
     If other robots have designs of their own, the last column has the name of the robot.
     """
-    rows = [
-        [name, number, *mount_cells(mount), robot]
-        for name, design in designs.items()
-        for robot, own in list_designs(design)
-        for number, mount in enumerate(own.mounts)
-    ]
+    rows = [[name, *row] for name, design in designs.items() for row in sensor_rows(design)]
     return table_by_robot(DESIGN_COLUMNS, rows, designs.values())
 
 
@@ -174,6 +169,18 @@ def self_sight_table(robot: Robot) -> str:
         for sight in find_self_sights(robot)
     ]
     return to_csv([SELF_SIGHT_COLUMNS, *rows])
+
+
+def sensor_rows(design: Design) -> Iterator[list[object]]:
+    """Yield the cells of a design's sensors that follow its name, and the robot's name last.
+
+    A robot without sensors has one row, whose other cells are empty.
+    """
+    for robot, own in list_designs(design):
+        for number, mount in enumerate(own.mounts):
+            yield [number, *mount_cells(mount), robot]
+        if not own.mounts:
+            yield [*(None for _ in DESIGN_COLUMNS[1:]), robot]
 
 
 def list_designs(design: Design) -> list[tuple[str, Design]]:

@@ -169,7 +169,7 @@ def test_designs_of_their_own_are_genes_side_by_side() -> None:
     genome = np.full(space.size, 0.5)
     before = space.decode(genome)
     assert len(before.mounts) == 6
-    assert len(before.of("oncoming").mounts) == 2
+    assert len(before.agents["oncoming"].mounts) == 2
     for block in space.blocks:
         for gene in block.genes:
             changed = genome.copy()

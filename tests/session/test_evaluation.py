@@ -32,9 +32,9 @@ from evoros.config.jobs import Job, Jobs
 from evoros.config.options import parse_options
 from evoros.design.design import Design
 from evoros.evolution import dispatch
+from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
-from evoros.mission.scenario import Scenario
 from evoros.session import evaluation
 from evoros.session.given_designs import read_given
 from evoros.storage.creation import create_folder
@@ -96,7 +96,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_table_is_that_of_python_and_follows_from_the_missions(whole: Path, file: Path) -> None:
     config = compose(["experiment=tiny", "executor=serial", "trials=3"], USER_PARTS)
-    given = read_given([str(file)], config.build().scenario)
+    given = read_given([str(file)], config.build())
     expected = evoros.evaluate([one.design for one in given], config)
     rows = table(whole)
     assert list(rows["design"]) == ["b", "7"]
@@ -148,8 +148,8 @@ def test_what_is_left_out_is_the_robots_mount_and_the_only_type(tmp_path: Path) 
     mount = f"sonar,{robot.mount_link},0.2,0.1,{robot.mount_z_m},30,{robot.mount_pitch_deg}"
     names = "design,sensor,type,link,x_m,y_m,z_m,yaw_deg,pitch_deg"
     (tmp_path / "long.csv").write_text(f"{names}\n0,0,{mount}\n")
-    scenario = compose(["experiment=tiny"], USER_PARTS).build().scenario
-    short, long = (read_given([str(tmp_path / f"{n}.csv")], scenario) for n in ("short", "long"))
+    experiment = compose(["experiment=tiny"], USER_PARTS).build()
+    short, long = (read_given([str(tmp_path / f"{n}.csv")], experiment) for n in ("short", "long"))
     assert short[0].design == long[0].design
 
 
@@ -434,17 +434,17 @@ BAD = [
 
 
 @pytest.fixture(scope="module")
-def scenario() -> Scenario:
-    return compose(["experiment=tiny"], USER_PARTS).build().scenario
+def experiment() -> Experiment:
+    return compose(["experiment=tiny"], USER_PARTS).build()
 
 
 @pytest.mark.parametrize(("text", "said"), BAD, ids=[said[:40] for _, said in BAD])
 def test_a_bad_file_is_one_clear_line(
-    text: str, said: str, scenario: Scenario, tmp_path: Path
+    text: str, said: str, experiment: Experiment, tmp_path: Path
 ) -> None:
     (tmp_path / "bad.csv").write_text(text)
     with pytest.raises(InputError, match=re.escape(f"{tmp_path / 'bad.csv'}: {said}")) as error:
-        read_given([str(tmp_path / "bad.csv")], scenario)
+        read_given([str(tmp_path / "bad.csv")], experiment)
     assert "\n" not in str(error.value)
 
 
@@ -522,7 +522,7 @@ def test_a_table_of_designs_can_be_given_as_it_is_written(tmp_path: Path) -> Non
     size = experiment.space.size
     designs: dict[int, Design] = {i: experiment.space.decode(rng.random(size)) for i in range(20)}
     (tmp_path / "many.csv").write_text(design_table(designs))
-    given = read_given([str(tmp_path / "many.csv")], experiment.scenario)
+    given = read_given([str(tmp_path / "many.csv")], experiment)
     assert [one.name for one in given] == [str(i) for i in designs]
     assert [one.design.mounts for one in given] == [one.mounts for one in designs.values()]
 
