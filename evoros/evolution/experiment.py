@@ -165,9 +165,7 @@ class Experiment:
             self.failure,
             self.controller,
             self.simulator,
-            {
-                name: self._join_team(name, other.scenario) for name, other in others.items()
-            },
+            {name: self._join_team(name, other.scenario) for name, other in others.items()},
         )
 
     def _join_team(self, name: str, scenario: Scenario) -> Scenario:

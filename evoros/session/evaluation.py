@@ -84,9 +84,7 @@ class Evaluation:
                     keep = record.keep_trajectory if experiment.record == ALL else None
                     lost = experiment.lost_missions
                     dispatcher = Dispatcher(pool, lost, record.keep_log, keep)
-                    dispatcher.run_missing(
-                        scenario, record.list_missions(), record, status.mission
-                    )
+                    dispatcher.run_missing(scenario, record.list_missions(), record, status.mission)
                     if experiment.worst_cases is not None:
                         search = WorstCaseRun(
                             experiment=experiment,

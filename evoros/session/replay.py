@@ -48,7 +48,7 @@ def replay(
     row = rows.loc[[key]].iloc[0]
     purpose, draws = str(row["purpose"]), str(row["draws"])
     decoded = replay_designs(run, experiment)[design]
-    mission = Mission(generation, design, decoded, world, trial, purpose, draws, read_case(row))
+    mission = Mission(generation, design, decoded, world, trial, purpose, draws, _read_case(row))
     scenario = experiment.scenario_for(purpose)
     outcome, trajectory = run_mission(scenario, mission)
     columns = [*TRAJECTORY, *scenario.name_columns(decoded)]
@@ -73,7 +73,7 @@ def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:
     return designs
 
 
-def read_case(row: "pd.Series[Any]") -> Case | None:
+def _read_case(row: "pd.Series[Any]") -> Case | None:
     """Read the case that a mission met; None if it met failures that were drawn."""
     text = row.get(CASE)
     return Case.parse(text) if isinstance(text, str) else None

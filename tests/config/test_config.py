@@ -54,7 +54,7 @@ def test_the_designs_of_an_evaluation_are_no_part_of_its_experiment() -> None:
     assert isinstance(job, Job)
     assert job.config.designs == ["a.csv", "b"]
     assert "designs" not in job.config.values
-    assert job.config.text == compose().text
+    assert job.config.text == compose(["+evaluation_draws=evaluation"]).text
 
 
 def test_composing_twice_is_composing_once() -> None:

@@ -2,20 +2,23 @@
 
 import random
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from helpers import ROOT
 
 import evoros
 from evoros.base.console import DONE, INPUT
+from evoros.base.errors import InputError
 from evoros.cli.evaluate import evaluate
 from evoros.config.compose import compose
+from evoros.failure.case import Case
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.session.given_designs import read_given
-from evoros.session.replay import read_case
 from evoros.session.status import NoDisplay
 from evoros.storage.tables import OUTCOME_COLUMNS, cell, outcome_cells
 
@@ -31,7 +34,9 @@ BLIND = [
     "agents.oncoming.design.number=0",
     "agents.oncoming.scored=false",
 ]
+NOBODY = "agent oncoming has no sensors and is not there; left out"
 VALIDATION = "evaluation_draws=validation"
+DESIGNS = {"rover": "one_lidar", "neural": "priced_sensors"}
 REACH = "{_target_: evoros.design.genes.Gene, key: KEY, low: 0.8, high: 2.5}"
 
 
@@ -85,7 +90,7 @@ def require_same_missions(run: Path, overrides: Sequence[str]) -> None:
             row["trial"],
             row["purpose"],
             row["draws"],
-            read_case(row),
+            Case.parse(row["case"]) if row.get("case") else None,
         )
         outcome, _ = run_mission(experiment.scenario_for(mission.purpose), mission)
         assert [cell(value) for value in outcome_cells(outcome)] == row[columns].tolist()
@@ -93,7 +98,7 @@ def require_same_missions(run: Path, overrides: Sequence[str]) -> None:
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_a_bundled_experiment_is_evaluated_as_it_ran(name: str, tmp_path: Path) -> None:
-    overrides = [f"experiment={name}", *SMALL, "simulator=planar"]
+    overrides = [f"experiment={name}", *SMALL, "simulator=planar", "hydra.mode=RUN"]
     run = evolve(tmp_path / "run", overrides)
     require_same_validation(run, tmp_path / "scores", overrides)
     require_same_missions(run, overrides)
@@ -107,7 +112,7 @@ def draw_parts(number: int) -> list[str]:
         f"controller={controller}",
         f"failure={rng.choice(['none', 'random', 'spatial', 'combined', 'adversarial'])}",
         f"draws={rng.choice(['generation', 'individual', 'run'])}",
-        f"design={rng.choice(['six_sonars', 'free_sonars', 'priced_sensors'])}",
+        f"design={rng.choice(['six_sonars', 'free_sonars', DESIGNS[controller]])}",
         f"trials={rng.choice([1, 2])}",
         f"seed={rng.randrange(1000)}",
     ]
@@ -148,3 +153,101 @@ def test_drawn_parts_are_evaluated_as_they_ran(number: int, tmp_path: Path) -> N
 @pytest.mark.parametrize("number", range(8, 60))
 def test_many_drawn_parts_are_evaluated_as_they_ran(number: int, tmp_path: Path) -> None:
     require_same(number, tmp_path)
+
+
+# Robots that an evaluation has and its designs have not, and the other way round --------------
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run without other robots, whose controller has a gene."""
+    gene = f"+design.genes.reach={reach('controller.avoidance.range_m')}"
+    return evolve(tmp_path_factory.mktemp("alone") / "run", [*TEAM, "agents=none", gene])
+
+
+@pytest.fixture(scope="module")
+def blind(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run beside a robot without sensors."""
+    return evolve(tmp_path_factory.mktemp("blind") / "run", [*TEAM, *BLIND])
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of two robots whose designs evolve."""
+    own = [BLIND[0], "agents.oncoming.design.number=1"]
+    return evolve(tmp_path_factory.mktemp("both") / "run", [*TEAM, *own])
+
+
+def test_a_robot_that_was_not_in_the_run_is_driven_as_configured(
+    alone: Path, tmp_path: Path
+) -> None:
+    """It has no sensors, and not the genes of the first robot's controller."""
+    added = [*BLIND, "+controller@agents.oncoming.controller=rover_l1"]
+    fixed = "{_target_: evoros.design.fixed.FixedSensor, sensor: sonar, link: base_link, x_m: 0.3}"
+    nose = [f"+agents.oncoming.design.fixed.nose={fixed}"]
+    for number, more in enumerate((added, [*added, *nose])):
+        rows = score(alone, tmp_path / f"{number}", [*TEAM, *more])
+        assert rows["oncoming.sensors"].tolist() == [f"{number}"]
+        assert rows["sensors"].tolist() == ["6"]
+
+
+def test_a_robot_without_sensors_has_none_in_an_evaluation(blind: Path, tmp_path: Path) -> None:
+    rows = score(blind, tmp_path / "scores", [*TEAM, *BLIND])
+    assert rows["oncoming.sensors"].tolist() == ["0"]
+    assert evaluate([f"resume={tmp_path / 'scores'}"]) == DONE
+
+
+def test_a_robot_without_sensors_can_be_left_out(
+    blind: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = score(blind, tmp_path / "scores", [*TEAM, "agents=none"])
+    assert not any(name.startswith("oncoming.") for name in rows)
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if "left out" in line)
+    assert line.endswith(f"{blind}/champion/design.csv: line 8: {NOBODY}")
+
+
+def test_designs_of_python_are_completed_likewise() -> None:
+    """One that is made by hand for a robot has no sensors for the other."""
+    config = compose([*TEAM, *BLIND])
+    design = config.build().own_space.decode(np.full(config.build().own_space.size, 0.5))
+    with evoros.Evaluator(config, NoDisplay()) as evaluator:
+        (sensors,) = evaluator.missions([design])["oncoming.sensors"]
+        assert sensors == 0
+        with pytest.raises(InputError, match=r"agents: must have stranger, .* not oncoming"):
+            evaluator.score([replace(design, agents={"stranger": design})])
+
+
+@pytest.mark.parametrize(
+    ("run", "more", "message"),
+    [
+        ("alone", [BLIND[0]], "agents.oncoming.design: must leave nothing to evolve"),
+        ("both", [], "agents.oncoming.design: must not be null"),
+        ("both", BLIND, "agents.oncoming.design: must be the design that this robot had"),
+        ("both", ["agents=none"], "agent must be one of the experiment's agents (none)"),
+        ("alone", ["agents=none", VALIDATION, "worst_cases=search"], "worst_cases: must be none"),
+        (
+            "alone",
+            ["agents=none", VALIDATION, "optimizer.validation_trials=0"],
+            "optimizer.validation_trials: must be at least 1",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_run_is_refused_in_one_line(
+    run: str,
+    more: list[str],
+    message: str,
+    tmp_path: Path,
+    request: pytest.FixtureRequest,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    places = [f"designs={request.getfixturevalue(run)}", f"hydra.run.dir={tmp_path / 'scores'}"]
+    capsys.readouterr()
+    assert evaluate([*TEAM, *more, *places]) == INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert message in line
+    assert not (tmp_path / "scores").exists()
+
+
+def test_a_run_has_draws_of_its_own() -> None:
+    with pytest.raises(InputError, match="evaluation_draws: must not be set in a run"):
+        evoros.run(compose([*TEAM, f"+{VALIDATION}"]), "never", NoDisplay())
