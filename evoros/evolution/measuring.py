@@ -153,7 +153,7 @@ def equip_robots(scenario: Scenario, design: Design) -> dict[str, Robot]:
     own = {"": scenario} | {
         name: agent for name, agent in scenario.agents.items() if name in design.agents
     }
-    return {name: _equip(each, design.agents[name]) for name, each in own.items()}
+    return {name: _equip(each, scenario.find_design(name, design)) for name, each in own.items()}
 
 
 def _equip(scenario: Scenario, design: Design) -> Robot:
