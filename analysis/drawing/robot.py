@@ -22,8 +22,8 @@ AXES = ("y, left [m]", "x, forward [m]")
 _BODY, _WHEEL = "0.88", "0.45"
 _EDGE = "0.35"
 RAY = VERMILLION
-RAY_DEG = 2.0
-"""A beam that is narrower is drawn as a ray, which has a width on paper."""
+LINE_DEG = 2.0
+"""A beam that is narrower is drawn as a line, which has a width on paper."""
 _HEADING_IN, _RAY_PT = 0.075, 1.2  # length of a heading, and width of a ray
 
 
@@ -87,7 +87,7 @@ def draw_rays(
     alpha: float = 1.0,
 ) -> None:
     """Draw a line with a dot at its end for each sensor that has a single ray, or nearly so."""
-    narrow = (sensors["fov_deg"] < RAY_DEG).to_numpy()
+    narrow = (sensors["fov_deg"] < LINE_DEG).to_numpy()
     rows = sensors.loc[narrow, ["x_m", "y_m", "yaw_deg", "range_m"]].to_numpy(dtype=np.float64)
     if not len(rows):
         return
@@ -155,7 +155,7 @@ def make_place_handles(sensors: pd.DataFrame) -> list[Line2D]:
         return []
     dot = Line2D([], [], marker="o", ms=3, lw=1.0, color="black", label="sensor, its heading")
     ray = Line2D([], [], marker="o", ms=2.5, lw=_RAY_PT, color=RAY, label="single ray")
-    return [dot, ray] if (sensors["fov_deg"] < RAY_DEG).any() else [dot]
+    return [dot, ray] if (sensors["fov_deg"] < LINE_DEG).any() else [dot]
 
 
 def assign_markers(sensors: pd.DataFrame) -> dict[str, str]:

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from evoros.base.arrays import Array
+from evoros.sensor.protocol import RAY_DEG
 
 STEP_DEG = 5
 HEADINGS_DEG = np.arange(-180.0, 180.0, STEP_DEG)
@@ -35,7 +36,7 @@ def share_ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Ser
     It is the sum of the parts of all openings there over the sum of all openings. NaN: no sensors.
     """
     placed = sensors.yaw_deg.notna().to_numpy()
-    opening = np.where(placed, sensors.fov_deg.to_numpy(float), 0.0)
+    opening = np.where(placed, _openings(sensors), 0.0)
     seen = _overlap(sensors, np.zeros(1), within_deg)[:, 0]
     keys = [sensors[name].to_numpy() for name in DESIGN]
     frame = pd.DataFrame({"seen": seen, "opening": opening}).groupby(keys).sum()
@@ -45,16 +46,18 @@ def share_ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Ser
 
 def _overlap(sensors: pd.DataFrame, headings: Array, around: float) -> Array:
     """Return (sensors, headings) the part of each opening [deg] within ``around`` of a heading."""
-    yaw, half = (
-        sensors.yaw_deg.to_numpy(float)[:, None],
-        sensors.fov_deg.to_numpy(float)[:, None] / 2,
-    )
+    yaw, half = sensors.yaw_deg.to_numpy(float)[:, None], _openings(sensors)[:, None] / 2
     overlap = np.zeros((len(sensors), len(headings)))
     for turn in (-360.0, 0.0, 360.0):
         low = np.maximum(yaw - half, turn + headings - around)
         high = np.minimum(yaw + half, turn + headings + around)
         overlap += np.nan_to_num(np.maximum(high - low, 0.0))  # NaN: no sensor
     return overlap
+
+
+def _openings(sensors: pd.DataFrame) -> Array:
+    """Return the opening of each sensor [deg], at least what a single ray counts for."""
+    return np.maximum(sensors.fov_deg.to_numpy(float), RAY_DEG)  # NaN stays: no sensor
 
 
 def compute_directions(profiles: pd.DataFrame) -> Array:

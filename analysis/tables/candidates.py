@@ -54,7 +54,8 @@ def _list_beam_genes(record: "Record") -> Iterator[tuple[str, str, str]]:
     columns = {"fov_deg": "fov_deg", "range_max_m": "range_m"}
     for gene, key in record.context.genes.items():
         value = re.fullmatch(rf"{re.escape(TYPES)}(.+)\.(fov_deg|range_max_m)", key)
-        if value and value[1] in record.context.beams:
+        beam = record.context.beams.get(value[1]) if value else None
+        if value and beam and (beam.fov_deg or value[2] != "fov_deg"):  # a single ray has no field
             yield gene, value[1], columns[value[2]]
 
 

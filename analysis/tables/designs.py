@@ -138,6 +138,8 @@ def adapt_types(context: FigureContext, evolved: Mapping[str, float]) -> FigureC
 def _adapt_beam(beam: Beam, prefix: str, values: Mapping[str, float]) -> Beam:
     names = ("fov_deg", "range_min_m", "range_max_m")
     changed = {name: float(values[f"{prefix}{name}"]) for name in names if prefix + name in values}
+    if not beam.fov_deg:  # a single ray, of which a field of view makes no more
+        changed.pop("fov_deg", None)
     wider = changed.get("fov_deg", beam.fov_deg) / beam.fov_deg if beam.fov_deg else 1.0
     bearings = tuple(wider * bearing for bearing in beam.bearings_deg)
     changes: dict[str, Any] = {**changed, "bearings_deg": bearings}

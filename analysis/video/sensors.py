@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from evoros.base.arrays import Array
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose
-from evoros.sensor.protocol import CONTACT
+from evoros.sensor.protocol import CONTACT, RAY_DEG
 from evoros.storage.figure_context import Beam
 
 from ..tables.readings import RecordedSensor
@@ -60,7 +60,7 @@ def make_views(
     for sensor in sensors:
         kind, readings = sensor.kind, sensor.readings[records]
         if isinstance(kind, Beam):
-            half = math.radians(max(kind.fov_deg, 1.0)) / 2
+            half = math.radians(max(kind.fov_deg, RAY_DEG)) / 2
             near = kind.range_max_m / 2 if near_m is None else near_m
             frame = to_matrix(_level(robot.poses[sensor.link], half))
             view = FieldOfView(frame, half, kind.range_max_m, near)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import RangeSensor, sees
+from evoros.sensor.protocol import RAY_DEG, RangeSensor, sees
 
 COUNT = 360
 BEARINGS_DEG: Array = np.arange(COUNT, dtype=np.float64) - (COUNT - 1) / 2
@@ -23,15 +23,18 @@ def find_seen(robot: Robot, distance_m: float) -> Mask:
 
     The points lie on a circle about the middle of the robot's outline, with ``distance_m`` [m] as
     radius. A sensor sees those within its ranges and between its outermost rays, from above; the
-    robot hides none of them. A sensor that casts no rays sees nothing.
+    robot hides none of them. A beam narrower than ``RAY_DEG``, such as a single ray, also sees the
+    point of the degree in which its middle meets the circle. A sensor that casts no rays sees
+    nothing.
     """
-    points = distance_m * _DIRECTIONS + (robot.outline.min(axis=0) + robot.outline.max(axis=0)) / 2
+    middle = (robot.outline.min(axis=0) + robot.outline.max(axis=0)) / 2
+    points, borders = (distance_m * directions + middle for directions in (_DIRECTIONS, _BORDERS))
     seen = np.zeros((len(robot.mounts), COUNT), dtype=bool)
     poses = robot.sensor_poses
     for place, sensor in enumerate(robot.mounted_sensors()):
         if sees(sensor):
             x, y, _, yaw, _ = poses[place].tolist()
-            seen[place] = _find_inside(sensor, points - (x, y), yaw)
+            seen[place] = _find_inside(sensor, points - (x, y), borders - (x, y), yaw)
     return seen
 
 
@@ -48,16 +51,29 @@ def _is_near(bearing_deg: float, width_deg: float) -> Mask:
     return np.asarray(off <= width_deg / 2)
 
 
-def _find_inside(sensor: RangeSensor, offsets: Array, yaw: float) -> Mask:
-    """Return which points, by their offsets (n, 2) [m] from the sensor, are in its beam."""
+def _find_inside(sensor: RangeSensor, points: Array, borders: Array, yaw: float) -> Mask:
+    """Return which points are in a sensor's beam.
+
+    The offsets [m] from the sensor are those of the points (n, 2), and of the ``borders`` (n, 2),
+    each of which precedes its point on the circle.
+    """
+    low, high = _find_edges(sensor)
+    ahead, left = _turn(points, yaw)
+    angles = elementary.atan2_all(left, ahead)
+    inside: Mask = (angles >= low - _EDGE) & (angles <= high + _EDGE)
+    if high - low < math.radians(RAY_DEG):
+        middle = yaw + (low + high) / 2
+        is_left, in_front = _turn(borders, middle)[1] > 0.0, _turn(points, middle)[0] > 0.0
+        inside |= (is_left != np.roll(is_left, -1)) & in_front
+    far = np.sqrt(ahead * ahead + left * left)
+    return inside & (far >= sensor.range_min_m) & (far <= sensor.range_max_m)
+
+
+def _turn(offsets: Array, yaw: float) -> tuple[Array, Array]:
+    """Return how far offsets (n, 2) lie ahead and left of a direction."""
     sin, cos = elementary.sin_cos(yaw)
     ahead = cos * offsets[:, 0] + sin * offsets[:, 1]
-    left = cos * offsets[:, 1] - sin * offsets[:, 0]
-    far = np.sqrt(ahead * ahead + left * left)
-    angles = elementary.atan2_all(left, ahead)
-    low, high = _find_edges(sensor)
-    inside: Mask = (angles >= low - _EDGE) & (angles <= high + _EDGE)
-    return inside & (far >= sensor.range_min_m) & (far <= sensor.range_max_m)
+    return ahead, cos * offsets[:, 1] - sin * offsets[:, 0]
 
 
 def _find_edges(sensor: RangeSensor) -> tuple[float, float]:
@@ -72,9 +88,9 @@ def _find_edges(sensor: RangeSensor) -> tuple[float, float]:
     return low, high
 
 
-def _list_directions() -> Array:
-    angles = np.radians(BEARINGS_DEG)
+def _list_directions(bearings_deg: Array) -> Array:
+    angles = np.radians(bearings_deg)
     return np.column_stack((elementary.cos_all(angles), elementary.sin_all(angles)))
 
 
-_DIRECTIONS = _list_directions()
+_DIRECTIONS, _BORDERS = _list_directions(BEARINGS_DEG), _list_directions(BEARINGS_DEG - 0.5)

@@ -34,6 +34,13 @@ BOX = Rule(
 )
 BEAM = Rule("an angle greater than 0 and less than 180", lambda v: is_number(v) and 0 < v < 180)
 
+RAY_DEG = 1.0
+"""Width [deg] that a single ray, or a narrower beam, counts for where coverage is measured.
+
+A ray has no width, and yet a sensor of one ray sees the direction in which it looks. Pictures show
+it as a line.
+"""
+
 RANGE, MOTION, WHEELS, CONTACT = "range", "motion", "wheels", "contact"
 """What a sensor can measure: distances along rays, how its mount moves, how far the wheels have
 rolled, what touches the robot. Simulators offer them; ``signals`` describes the last three."""

@@ -16,6 +16,7 @@ from evoros.analysis.drawing.style import CATEGORIES
 from evoros.analysis.figures import failure, overlay, panel, regions
 from evoros.analysis.measures import cones, raster
 from evoros.analysis.product import Product
+from evoros.analysis.tables.designs import adapt_types
 from evoros.analysis.tables.study import load_study
 from helpers import reseal
 from hypothesis import given, settings
@@ -82,6 +83,16 @@ def bare(run: str, **more: object) -> dict[str, object]:
 def table(*rows: dict[str, object]) -> pd.DataFrame:
     frame = pd.DataFrame(list(rows))
     return frame.astype({"sensor": "Int64", "pair": "Int64"})
+
+
+def test_a_gene_widens_a_beam_and_no_single_ray() -> None:
+    beams = {"sonar": Beam(30.0, 0.06, 1.0, 0.1), "laser": Beam(0.0, 0.06, 1.0, 0.1)}
+    evolved = {f"design.sensors.{kind}.fov_deg": 50.0 for kind in beams}
+    adapted = adapt_types(replace(SETTING, beams=beams), evolved)
+    assert {kind: beam.fov_deg for kind, beam in adapted.beams.items()} == {
+        "sonar": 50.0,
+        "laser": 0.0,
+    }
 
 
 def areas(cover: pd.DataFrame) -> dict[int, float]:

@@ -69,6 +69,20 @@ def seen(table: pd.DataFrame) -> dict[float, float]:
     return {float(h): float(n) for h, n in zip(HEADINGS_DEG, row, strict=True) if n}
 
 
+def test_a_single_ray_counts_for_one_degree() -> None:
+    """So it covers the heading in which it looks, and designs of single rays have a strategy."""
+    ahead = design("ahead", [(0.2, 0.0, 0.0), (0.2, 0.1, 20.0)]).assign(fov_deg=0.0)
+    aside = design("aside", [(0.0, 0.1, 90.0), (0.0, -0.1, -91.0)]).assign(fov_deg=0.0)
+    assert seen(ahead) == {0.0: pytest.approx(1 / 5), 20.0: pytest.approx(1 / 5)}
+    both = pd.concat([ahead, aside], ignore_index=True)
+    assert share_ahead(both).tolist() == [1.0, 0.0]
+    described = describe_designs(both, both).set_index("run")
+    assert described.loc["ahead", "strategy"].unique().tolist() == [FRONT]
+    assert described.loc["aside", "strategy"].unique().tolist() == [SIDE]
+    mixed = ahead.assign(fov_deg=[0.0, 30.0])
+    assert share_ahead(mixed).tolist() == [pytest.approx((1.0 + 25.0) / 31.0)]
+
+
 INNER = [-10.0, -5.0, 0.0, 5.0, 10.0]
 
 

@@ -22,6 +22,7 @@ from evoros.measure.least_coverage import LeastCoverage
 from evoros.measure.mass import Mass
 from evoros.measure.protocol import Evaluated, Measure
 from evoros.measure.redundancy import Redundancy
+from evoros.measure.seen import BEARINGS_DEG, find_seen
 from evoros.measure.sensor_number import SensorNumber
 from evoros.measure.spread import Spread
 from evoros.measure.worst_failure import WorstFailure
@@ -78,6 +79,47 @@ def test_a_lidar_all_around_covers_everything_within_its_range() -> None:
     assert Coverage(distance_m=8.1).compute(at_middle([0.0], "lidar")) == 0.0
     assert Coverage(distance_m=4.6).compute(at_middle([0.0])) == 0.0
     assert Coverage(distance_m=0.05).compute(at_middle([0.0])) == 0.0
+
+
+RAYS = [
+    Sonar(rays_per_axis=1),
+    Sonar(rays_per_axis=3, fov_deg=0.1),
+    Lidar(beams=1),
+    Lidar(beams=2, fov_deg=0.5),
+]
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from(RAYS),
+    st.floats(-180.0, 180.0),
+    st.floats(-0.2, 0.2),
+    st.floats(-0.15, 0.15),
+    st.floats(0.5, 4.0),
+)
+def test_a_single_ray_sees_the_degree_in_which_it_looks(
+    sensor: Sensor, yaw: float, x: float, y: float, distance: float
+) -> None:
+    """Its end at the distance lies in that degree about the middle of the robot."""
+    types = {"ray": sensor}
+    robot = EXPERIMENT.robot.with_sensors([mount("ray", yaw, x, y)], types)
+    (seen,) = find_seen(robot, distance)
+    (bearing,) = BEARINGS_DEG[seen]
+    outline = robot.outline
+    place = robot.sensor_poses[0, :2] - (outline.min(axis=0) + outline.max(axis=0)) / 2
+    along = np.array([math.cos(math.radians(yaw)), math.sin(math.radians(yaw))])
+    part = float(place @ along)
+    reach = -part + math.sqrt(part * part - float(place @ place) + distance * distance)
+    end = place + reach * along
+    off = math.degrees(math.atan2(end[1], end[0])) - bearing
+    assert abs((off + 180.0) % 360.0 - 180.0) <= 0.5 + 1e-6
+
+
+def test_single_rays_tell_designs_apart_before_a_run() -> None:
+    """A coverage that ignored them would be constant, which is refused."""
+    more = ["design.sensors.sonar.rays_per_axis=1", "+measure@descriptors.front=front_coverage"]
+    experiment = compose(["simulator=planar", "executor=serial", *more]).build()
+    assert list(check_measures(experiment)) == []
 
 
 def test_the_least_coverage_is_that_after_the_worst_loss() -> None:

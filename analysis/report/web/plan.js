@@ -156,8 +156,36 @@ function drawAgent(context, view, path, last, time, { name, parts }, colour, loo
   context.fillText(name, px + 10 * ratio, py - 10 * ratio);
 }
 
+const LINE_RAD = 0.035; // a narrower beam is drawn as a line
+
+/** Draws a narrow beam as a line up to its reading, at which it has a dot. */
+function drawRay(context, view, pose, sensor, state, look, ratio) {
+  const from = view.at(...toWorld(pose, sensor.x, sensor.y));
+  const silent = state.reading === null, yaw = pose.yaw + sensor.yaw;
+  const clear = silent || state.reading > 0.98 * sensor.range;
+  const range = (silent ? 0.2 * sensor.range : state.reading) * sensor.level * view.scale;
+  const to = [from[0] + range * Math.cos(yaw), from[1] - range * Math.sin(yaw)];
+  const colour = state.failed ? look.silent : look.pairs[sensor.pair % look.pairs.length];
+  context.strokeStyle = context.fillStyle = colour;
+  context.lineWidth = (clear ? 1 : 2) * ratio;
+  if (silent) context.setLineDash([4 * ratio, 4 * ratio]);
+  context.beginPath();
+  context.moveTo(...from);
+  context.lineTo(...to);
+  context.stroke();
+  context.setLineDash([]);
+  if (clear) return;
+  context.beginPath();
+  context.arc(...to, 3 * ratio, 0, 2 * Math.PI);
+  context.fill();
+}
+
 /** Draws a sensor's cone up to its reading, or to that of each sector, projected to the ground. */
 function drawCone(context, view, pose, sensor, state, look, ratio) {
+  if (sensor.fov < LINE_RAD) {
+    drawRay(context, view, pose, sensor, state, look, ratio);
+    return;
+  }
   const [px, py] = view.at(...toWorld(pose, sensor.x, sensor.y));
   const middle = pose.yaw + sensor.yaw, half = sensor.fov / 2;
   const colour = state.failed ? look.silent : look.pairs[sensor.pair % look.pairs.length];
