@@ -57,7 +57,8 @@ def _overlap(sensors: pd.DataFrame, headings: Array, around: float) -> Array:
 
 def _openings(sensors: pd.DataFrame) -> Array:
     """Return the opening of each sensor [deg], at least what a single ray counts for."""
-    return np.maximum(sensors.fov_deg.to_numpy(float), RAY_DEG)  # NaN stays: no sensor
+    openings: Array = np.maximum(sensors.fov_deg.to_numpy(float), RAY_DEG)  # NaN: no sensor
+    return openings
 
 
 def compute_directions(profiles: pd.DataFrame) -> Array:

@@ -97,7 +97,7 @@ def check(run: evoros.Run) -> dict[str, object]:
             f"the validation, and is {run.status['state']}, with {missions}; lower the generations"
         )
     with evoros.Evaluator([f"experiment={task}", *SCORING]) as evaluator:
-        champion = read_given([str(run.path)], evaluator.experiment.scenario)[0].design
+        champion = read_given([str(run.path)], evaluator.experiment)[0].design
         scores = evaluator.evaluate([champion])
     return {
         "task": task.removeprefix("benchmark_"),

@@ -266,7 +266,11 @@ def test_positions_are_those_of_the_design_wherever_they_are_written(
 
 def champion_mounts(champion: Champion) -> list[Mount]:
     table = champion.record.run.champion
-    rows = table[["type", "link", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"]].to_numpy().tolist()
+    rows = (
+        table[table.sensor.notna()][["type", "link", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"]]
+        .to_numpy()
+        .tolist()
+    )
     return [Mount(*row) for row in rows]
 
 

@@ -60,7 +60,8 @@ def read_missions(folder: Path) -> pd.DataFrame:
 def list_champion_missions(run: Path) -> pd.DataFrame:
     missions = read_missions(run)
     champion = pd.read_csv(run / "champion" / "design.csv", dtype=str)["design"].iloc[0]
-    return missions[missions["design"] == champion]
+    own: pd.DataFrame = missions[missions["design"] == champion]
+    return own
 
 
 def require_same_validation(run: Path, folder: Path, overrides: Sequence[str]) -> None:
@@ -201,7 +202,7 @@ def test_a_robot_without_sensors_can_be_left_out(
     blind: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rows = score(blind, tmp_path / "scores", [*TEAM, "agents=none"])
-    assert not any(name.startswith("oncoming.") for name in rows)
+    assert not any(str(name).startswith("oncoming.") for name in rows)
     (line,) = (line for line in capsys.readouterr().err.splitlines() if "left out" in line)
     assert line.endswith(f"{blind}/champion/design.csv: line 8: {NOBODY}")
 
