@@ -23,7 +23,8 @@ from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, Array, X, Y
 from evoros.evolution.experiment import Experiment
 from evoros.mission.rollout import run_mission
 from evoros.sensor.sonar import Sonar
-from evoros.simulator.pybullet import PyBullet, close_engines
+from evoros.simulator.engines.pybullet_shapes import load_urdf
+from evoros.simulator.pybullet import PyBullet, close_engines, import_pybullet
 
 DIGEST = """
 import sys
@@ -149,3 +150,25 @@ def test_merged_links_move_as_the_separate_ones(
         tracks.append(np.array(rows))
     assert np.abs(tracks[0] - tracks[1]).max() < 1e-3
     assert np.ptp(tracks[0][:, 0]) > 2.0
+
+
+BLOCK = '<collision><origin xyz="{x} 0 1"/><geometry>{shape}</geometry></collision>'
+TETRAHEDRON = '<convex corners="0 0 0 0.004 0 0 0 0.004 0 0 0 0.004"/>'
+
+
+@pytest.mark.parametrize("shape", ['<box size="0.004 0.004 0.004"/>', TETRAHEDRON])
+def test_a_link_of_500_parts_is_read_as_a_whole(shape: str) -> None:
+    parts = "".join(BLOCK.format(x=0.01 * number, shape=shape) for number in range(500))
+    urdf = f'<robot name="many"><link name="base">{parts}</link></robot>'
+    assert len(urdf) > 8191  # the engine cuts longer lines
+    assert "\n" not in urdf
+    bullet = import_pybullet()
+    client = bullet.connect(bullet.DIRECT)
+    try:
+        body = load_urdf(bullet, client, urdf, ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), 0)
+        assert len(bullet.getCollisionShapeData(body, -1, client)) == 500
+        low, high = bullet.getAABB(body, -1, client)
+        assert low[0] < 0.01
+        assert high[0] > 4.98
+    finally:
+        bullet.disconnect(client)

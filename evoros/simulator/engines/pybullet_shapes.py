@@ -123,12 +123,16 @@ def load_urdf(bullet: Any, client: int, urdf: str, frame: Frame, flags: int) -> 
     """Load a robot at a frame; returns its number. PyBullet reads URDF from files only."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "robot.urdf"
-        path.write_text(_with_meshes(urdf, Path(folder)) if "<convex" in urdf else urdf)
+        path.write_text(_format_urdf(urdf, Path(folder)))
         return int(bullet.loadURDF(str(path), *frame, flags=flags, physicsClientId=client))
 
 
-def _with_meshes(urdf: str, folder: Path) -> str:
-    """Return a robot whose elements ``<convex corners="x y z ...">`` are files in a folder."""
+def _format_urdf(urdf: str, folder: Path) -> str:
+    """Return a robot as the engine reads it.
+
+    Elements ``<convex corners="x y z ...">`` become files in a folder. Every element starts a line,
+    because the engine cuts lines of more than 8,191 characters.
+    """
     root = etree.fromstring(urdf.encode())
     for number, element in enumerate(root.iter("convex")):
         numbers = iter([float(word) for word in str(element.get("corners")).split()])
@@ -137,4 +141,5 @@ def _with_meshes(urdf: str, folder: Path) -> str:
         element.tag = "mesh"
         del element.attrib["corners"]
         element.set("filename", str(path))
+    etree.indent(root, space="")
     return etree.tostring(root, encoding="unicode")
