@@ -12,6 +12,7 @@ from evoros.drive.ackermann import AckermannDescription
 from evoros.drive.candidates import Candidate, find_candidates, pair_up
 from evoros.drive.differential import DifferentialDescription
 from evoros.drive.protocol import Drive, DriveDescription
+from evoros.drive.refusals import find_diagonal, refuse_misaligned, refuse_sideways
 from evoros.drive.skid_steer import AT_LEAST_ONE, SkidSteerDescription
 from evoros.drive.wheels import ANGLE, LINKS
 from evoros.formats.urdf.tree import Urdf
@@ -63,6 +64,10 @@ class AutomaticDescription:
         """
         found = find_candidates(urdf)
         wheels = _select_driven(urdf, found)
+        if self.kind in ("auto", "ackermann"):
+            refuse_misaligned(urdf, wheels)
+        if self.kind == "auto":
+            refuse_sideways(urdf, wheels)
         steered = pair_up([wheel for wheel in wheels if wheel.steering is not None])
         others = pair_up([wheel for wheel in wheels if wheel.steering is None])
         if self.kind in ("auto", "ackermann") and len(steered) == len(others) == 1:
@@ -182,6 +187,14 @@ def _tell(urdf: Urdf, chosen: DriveDescription, wheels: Sequence[Candidate]) -> 
         steering,
         ", ".join(limits),
     )
+    diagonal = find_diagonal(urdf, wheels)
+    if diagonal:
+        _LOG.warning(
+            "%s: Gazebo turns the friction of these wheels by 45 deg (<fdir1>), as of mecanum "
+            "wheels; they are taken as plain wheels, so correct the drive if they have rollers: %s",
+            urdf.source,
+            ", ".join(diagonal),
+        )
     fixed = [wheel.joint.name for wheel in wheels if not wheel.turns]
     if fixed:
         _LOG.warning("%s: fixed wheels are made to turn: %s", urdf.source, ", ".join(fixed))

@@ -17,7 +17,13 @@ from evoros.formats.urdf.tree import Urdf
 ALIGNED = elementary.cos(math.radians(5.0))
 """The cosine between two axes that are taken as the same."""
 
+NEARLY_ALIGNED = elementary.cos(math.radians(20.0))
+"""The cosine between the axis of a wheel and the robot's lateral axis below which it is none."""
+
+TURNING = ("continuous", "revolute")
+
 CASTER = re.compile(r"caster|castor|swivel|omni|ball", re.IGNORECASE)
+_OMNI = re.compile(r"omni", re.IGNORECASE)
 _WHEEL = re.compile(r"wheel|whl|tire|tyre|hub(?!cap)", re.IGNORECASE)
 _STEERING = re.compile(r"steer|hinge|knuckle|kingpin|ackermann", re.IGNORECASE)
 _MAX_LACK = 0.15  # of roundness, of a part that may be a wheel
@@ -49,12 +55,11 @@ def find_candidates(urdf: Urdf) -> list[Candidate]:
     found: dict[str, Candidate] = {}
     for joint in urdf.joints.values():
         above = list(urdf.joints_above(joint.child))
-        if any(CASTER.search(name) for j in above for name in (j.name, j.child)):
+        if _is_caster(urdf, joint, above):
             continue
-        turns = joint.type in ("continuous", "revolute")
-        named = bool(_WHEEL.search(joint.name) or _WHEEL.search(joint.child))
-        across = abs(float(urdf.axis_of(joint)[LEFT])) > ALIGNED
-        if (turns and across) or (named and joint.type in ("continuous", "revolute", "fixed")):
+        turns, along = joint.type in TURNING, abs(float(urdf.axis_of(joint)[LEFT]))
+        likely = joint.type == "fixed" or (turns and along > NEARLY_ALIGNED)
+        if (turns and along > ALIGNED) or (likely and _is_called_wheel(joint)):
             wheel = measure_link(urdf, joint.child)
             if wheel is not None and wheel.roundness < _MAX_LACK:
                 found[joint.name] = Candidate(joint, wheel, turns, _find_steering(urdf, above[1:]))
@@ -66,8 +71,49 @@ def find_candidates(urdf: Urdf) -> list[Candidate]:
     return [c for c in outer if abs(c.wheel.bottom - ground) < _reach(c)]
 
 
+def find_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> list[Joint]:
+    """Return joints of parts that look like wheels on the ground and turn elsewhere than across.
+
+    Spheres are left out, because they roll about every axis.
+    """
+    ground = min((wheel.wheel.bottom for wheel in wheels), default=None)
+    found = []
+    for joint in urdf.joints.values():
+        above = list(urdf.joints_above(joint.child))
+        if joint.type not in TURNING or not _is_called_wheel(joint):
+            continue
+        if abs(float(urdf.axis_of(joint)[LEFT])) > NEARLY_ALIGNED or _is_caster(urdf, joint, above):
+            continue
+        wheel = measure_link(urdf, joint.child)
+        carries = any(j.type in TURNING for j in urdf.children_of(joint.child))
+        if wheel is None or carries or wheel.roundness > _MAX_LACK or _is_ball(urdf, joint.child):
+            continue
+        if ground is None or abs(wheel.bottom - ground) < _reach_of(wheel):
+            found.append(joint)
+    return found
+
+
+def _is_ball(urdf: Urdf, link: str) -> bool:
+    return all(shape.kind == "sphere" for shape, _ in group_shapes(urdf, link))
+
+
+def _is_called_wheel(joint: Joint) -> bool:
+    return bool(_WHEEL.search(joint.name) or _WHEEL.search(joint.child))
+
+
+def _is_caster(urdf: Urdf, joint: Joint, above: Sequence[Joint]) -> bool:
+    """Return whether a part or what carries it is called a caster; driven omni wheels are none."""
+    driven = joint.name in urdf.actuated
+    names = [name for j in above for name in (j.name, j.child)]
+    return any(CASTER.search(_OMNI.sub("", name) if driven else name) for name in names)
+
+
+def _reach_of(wheel: Wheel) -> float:
+    return max(CASTER_GAP_M, 2.0 * tolerated(wheel.radius))
+
+
 def _reach(candidate: Candidate) -> float:
-    return max(CASTER_GAP_M, 2.0 * tolerated(candidate.wheel.radius))
+    return _reach_of(candidate.wheel)
 
 
 def measure_link(urdf: Urdf, link: str) -> Wheel | None:
@@ -85,8 +131,7 @@ def _find_steering(urdf: Urdf, above: Sequence[Joint]) -> Joint | None:
     upright = [
         joint
         for joint in above
-        if joint.type in ("revolute", "continuous")
-        and abs(float(urdf.axis_of(joint)[UP])) > ALIGNED
+        if joint.type in TURNING and abs(float(urdf.axis_of(joint)[UP])) > ALIGNED
     ]
     named = [
         joint

@@ -9,6 +9,7 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.checks import POSITIVE, Rule
 from evoros.base.linear import product
+from evoros.drive.protocol import Drive
 from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.footprint import bottom_height
@@ -30,6 +31,11 @@ ANGLE = Rule(
     "an angle greater than 0 and less than pi/2",
     lambda v: POSITIVE.holds(v) and v < 0.5 * math.pi,
 )
+
+
+def skids(drive: Drive) -> bool:
+    """Return whether wheels slip sideways in a turn: more than two, none of which is steered."""
+    return not drive.steering_joints and len(drive.wheel_joints) > 2
 
 
 def _names(least: int, most: float, text: str) -> Rule:

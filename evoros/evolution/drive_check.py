@@ -2,28 +2,32 @@
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from typing import Any
 
-from evoros.base import elementary
+from evoros.base.checks import LEAST_STEP_S
 from evoros.base.errors import SimulationError, single_line
 from evoros.base.log import LOGGER
+from evoros.evolution.drive_advice import (
+    Setting,
+    advise,
+    choose_mujoco,
+    moves_right,
+    try_mujoco,
+)
+from evoros.evolution.drive_faults import TOLERANCE
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.layer_values import find_values
-from evoros.evolution.trial_drive import TrialDrive, drive_trial, find_turning_point
+from evoros.evolution.trial_drive import find_turning_point
 from evoros.executor.protocol import Pool
 from evoros.robot.model import Robot
-from evoros.simulator.protocol import RuleSimulator, Simulator
+from evoros.simulator.protocol import RuleSimulator, Simulator, doubt_drive
 from evoros.world.course import Course
 from evoros.world.floors import GROUND
 from evoros.world.model import World
 
-TOLERANCE = 0.05  # as a share of the commanded motion
-MAX_SUNK_M, MAX_TILT_DEG = 0.01, 5.0
 MAX_HALVINGS = 5
-FIRM_GRIP_MPS2 = 8.0
-"""The acceleration across the wheels above which they slip on common ground."""
 FINE_ITERATIONS = 50  # of a solver of contacts, at the finer steps
 
 
@@ -65,33 +69,67 @@ def check_drive(experiment: Experiment) -> Iterator[str]:
         if name and experiment.agents[name].robot is None:
             continue
         robot = f"agents.{name}: " if name else ""
-        for key, simulator in _simulators(member).items():
-            if not isinstance(simulator, RuleSimulator):
-                try:
-                    for warning in _check(key, simulator, member):
-                        yield robot + warning
-                except SimulationError as error:
-                    yield f"{robot}{key}: every mission would fail, because of this: {error}"
+        for warning in _check_member(member):
+            yield robot + warning
 
 
-def _check(key: str, simulator: Simulator, experiment: Experiment) -> Iterator[str]:
-    robot, world = experiment.robot, _empty_world(next(iter(experiment.world.values())))
+def _check_member(member: Experiment) -> Iterator[str]:
+    setting, drive = _make_setting(member), member.robot.drive
+    engines = {k: s for k, s in _simulators(member).items() if not isinstance(s, RuleSimulator)}
+    doubted = {key: engines.pop(key) for key in list(engines) if doubt_drive(engines[key], drive)}
+    if doubted:
+        yield from _guard(doubted, _tell_doubt(doubted, setting))
+    for key, simulator in engines.items():
+        yield from _guard([key], _check(key, simulator, setting))
+
+
+def _guard(keys: Iterable[str], warnings: Iterator[str]) -> Iterator[str]:
+    """Yield the warnings of some engines, and at last that they refuse the robot if they do."""
+    try:
+        yield from warnings
+    except SimulationError as error:
+        yield f"{' and '.join(keys)}: every mission would fail, because of this: {error}"
+
+
+def choose_speed(experiment: Experiment) -> float:
+    """Return the greatest speed [m/s] that the controller asks for and the drive has."""
     speeds = [value for _, value in find_values(experiment.controller, "speed_mps", "controller")]
-    speed = min(max(speeds, default=math.inf), robot.drive.max_speed_mps)
-    found = drive_trial(simulator, robot, world, speed)
-    faults = _describe(found, speed)
+    return min(max(speeds, default=math.inf), experiment.robot.drive.max_speed_mps)
+
+
+def _make_setting(experiment: Experiment) -> Setting:
+    world = empty_world(next(iter(experiment.world.values())))
+    return Setting(experiment.robot, world, choose_speed(experiment))
+
+
+def _tell_doubt(simulators: Mapping[str, Simulator], setting: Setting) -> Iterator[str]:
+    """Yield the warning of engines that no step makes right for a drive."""
+    first = next(iter(simulators.values()))
+    faults = setting.describe(setting.in_engine(first).run())
+    shown = f"{faults}, and no step corrects that" if faults else "cannot be driven right"
+    yield (
+        f"{' and '.join(simulators)}: {setting.robot.name} {shown}, because "
+        f"{doubt_drive(first, setting.robot.drive)}; use "
+        f"{' '.join(map(choose_mujoco, simulators))}{try_mujoco(setting, first)}"
+    )
+
+
+def _check(key: str, simulator: Simulator, setting: Setting) -> Iterator[str]:
+    trial = setting.in_engine(simulator).run()
+    faults = setting.describe(trial)
     if not faults:
-        yield from _check_turning_point(key, simulator, robot, world, speed)
+        yield from _check_turning_point(key, simulator, *setting)
         return
-    trial, fix = found, ""
+    finest = simulator
     for finer in _refine(simulator):
-        trial = drive_trial(finer, robot, world, speed)
-        if not _describe(trial, speed):
+        finest = finer
+        if moves_right(setting, finer, trial):
             fix = f"set {_settings(key, finer)}, with which it moves as commanded"
             break
     else:
-        fix = _advise(trial, robot, speed)
-    yield f"{key}: at time_step={simulator.time_step:g}, {robot.name} {faults}; {fix}"
+        fix = f"no step down to {finest.time_step:g} s corrects that; "
+        fix += advise(key, simulator, setting, trial)
+    yield f"{key}: at time_step={simulator.time_step:g}, {setting.robot.name} {faults}; {fix}"
 
 
 def _check_turning_point(
@@ -110,7 +148,7 @@ def _check_turning_point(
         )
 
 
-def _empty_world(world: World) -> World:
+def empty_world(world: World) -> World:
     """Return level ground with the gravity and the ground's friction of a world."""
     frictions = [body.friction for body in world.bodies if body.is_ground]
     ground = dataclasses.replace(GROUND, friction=max(frictions, default=GROUND.friction))
@@ -128,57 +166,12 @@ def _refine(simulator: Any) -> Iterator[Simulator]:
     if isinstance(iterations := getattr(part, "solver_iterations", None), int):
         changes["solver_iterations"] = max(iterations, FINE_ITERATIONS)
     for halvings in range(1, MAX_HALVINGS + 1):
-        yield dataclasses.replace(part, time_step=part.time_step / 2**halvings, **changes)
+        step = part.time_step / 2**halvings
+        if step >= LEAST_STEP_S:
+            yield dataclasses.replace(part, time_step=step, **changes)
 
 
 def _settings(key: str, simulator: Any) -> str:
     names = ("time_step", "solver_iterations")
     values = {name: getattr(simulator, name, None) for name in names}
-    return " ".join(f"{key}.{name}={value:g}" for name, value in values.items() if value)
-
-
-def _describe(trial: TrialDrive, speed: float) -> str:
-    """Return what the robot does wrong; an empty text if nothing."""
-    if not all(map(math.isfinite, trial)):
-        return "has a pose that is no number"
-    faults = []
-    if trial.tilt_deg > MAX_TILT_DEG:
-        faults.append(f"stands at a tilt of {trial.tilt_deg:.0f} deg")
-    if trial.sunk_m > MAX_SUNK_M:
-        faults.append(f"sinks {1e3 * trial.sunk_m:.0f} mm into the ground")
-    if trial.drift_mps > TOLERANCE * speed:
-        faults.append(f"drifts {1e3 * trial.drift_mps:.0f} mm/s at rest")
-    if abs(trial.speed) > TOLERANCE:
-        faults.append(_compare("drives", trial.speed))
-    if abs(trial.turn) > TOLERANCE:
-        faults.append(_compare("turns", trial.turn))
-    return " and ".join(faults)
-
-
-def _compare(verb: str, deviation: float) -> str:
-    if deviation < -0.9:
-        return f"hardly {verb} at all"
-    direction = "faster" if deviation > 0 else "slower"
-    return f"{verb} {100 * abs(deviation):.0f} % {direction} than commanded"
-
-
-def _advise(trial: TrialDrive, robot: Robot, speed: float) -> str:
-    """Return what to correct if no finer step helps."""
-    same, drive = "a finer step does not change that", robot.drive
-    only_turn = not _describe(trial._replace(turn=0.0), math.inf)
-    push = speed * speed * elementary.tan(drive.steering_limit) / drive.wheelbase_m
-    if only_turn and push > FIRM_GRIP_MPS2:
-        return (
-            f"{same}, because the tightest turn at {speed:g} m/s needs more friction than wheels "
-            f"have; lower speed_mps of the controller or robot.drive.steering_limit_rad"
-        )
-    resistance = getattr(drive, "turning_resistance", None)
-    if resistance is not None and only_turn and trial.turn > -0.9:
-        return (
-            f"{same}; set robot.drive.turning_resistance={resistance / (1.0 + trial.turn):.3g} for "
-            f"simulators that do not compute it"
-        )
-    return (
-        f"{same}; compare the drive's wheels, casters and limits of effort, the friction, the "
-        f"masses and the collision shapes with the robot's"
-    )
+    return " ".join(f"{key}.{name}={value:.10g}" for name, value in values.items() if value)

@@ -100,7 +100,7 @@ def _adapt_drive(
     wheels = [adapt_wheel(elements, urdf, name, found, notes) for name in chosen.wheel_joints]
     lines = {
         "joints whose axis points to the right or down are turned round": notes.turned_round,
-        "wheels whose axis is not across the robot are straightened": notes.straightened,
+        "wheels that stand askew are set across the robot": notes.straightened,
         "wheels are taken as one cylinder": notes.reshaped,
         f"steering joints without limits stop at {stop:g} rad": notes.stops,
     }

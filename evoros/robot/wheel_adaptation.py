@@ -6,9 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from lxml.etree import _Element as Element
 
+from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.linear import length, product
-from evoros.drive.candidates import ALIGNED
+from evoros.drive.candidates import ALIGNED, NEARLY_ALIGNED, TURNING
+from evoros.drive.refusals import misaligned_error
 from evoros.drive.rolling import Wheel, group_shapes, measure_wheel
 from evoros.drive.wheels import LEFT, UP, tolerated
 from evoros.formats.strict_xml import require_child
@@ -18,8 +20,6 @@ from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
 _SAME = 1.0 - 1e-6  # cosine between two axes that are the same
-_MAX_LACK = 0.15  # of roundness, of a wheel whose axis is corrected
-_TURNING = ("continuous", "revolute")
 MOTOR_VELOCITY = 100.0  # [rad/s], of a joint that states none
 
 
@@ -40,7 +40,7 @@ def adapt_wheel(elements: Element, urdf: Urdf, name: str, fixed: bool, notes: No
     Raises:
         InputError: the joint or its link cannot be a wheel.
     """
-    joint = urdf.find_joint(name, *_TURNING, *(("fixed",) if fixed else ()))
+    joint = urdf.find_joint(name, *TURNING, *(("fixed",) if fixed else ()))
     rotation, shapes = urdf.poses[joint.child].rotation, group_shapes(urdf, joint.child)
     if not shapes:
         problem = f"wheel {joint.child!r} must have a <collision> or a <visual>"
@@ -68,14 +68,11 @@ def _point_left(urdf: Urdf, joint: Joint, notes: Notes) -> Array:
         notes.turned_round.append(joint.name)
     if abs(along) > _SAME:
         return joint.axis if along > 0.0 else -joint.axis
-    if abs(along) < ALIGNED:
-        round_about = measure_wheel(group_shapes(urdf, joint.child), left).roundness
-        if round_about > _MAX_LACK:
-            found = ", ".join(f"{x:g}" for x in urdf.axis_of(joint))
-            problem = f"joint {joint.name!r} must have its axis point to the left (y), not {found}"
-            raise urdf.error(problem, "turn its <axis> or its <origin>")
+    if abs(along) < NEARLY_ALIGNED:
+        raise misaligned_error(urdf, [joint])
     if abs(along) < 1.0 - 4e-5:  # half a degree
-        notes.straightened.append(joint.name)
+        angle = math.degrees(elementary.acos(abs(along)))
+        notes.straightened.append(f"{joint.name} ({angle:.1f} deg)")
     return left
 
 
@@ -124,7 +121,7 @@ def adapt_steering(
     Raises:
         InputError: the joint turns about another axis.
     """
-    joint = urdf.find_joint(name, *_TURNING, *(("fixed",) if fixed else ()))
+    joint = urdf.find_joint(name, *TURNING, *(("fixed",) if fixed else ()))
     rotation = urdf.poses[joint.child].rotation
     up: Array = rotation.T[:, UP]
     along = 1.0 if joint.type == "fixed" else float(urdf.axis_of(joint)[UP])

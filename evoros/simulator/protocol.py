@@ -10,6 +10,7 @@ from evoros.base.checks import instance_of
 from evoros.sensor.protocol import RANGE
 
 if TYPE_CHECKING:
+    from evoros.drive.protocol import Drive
     from evoros.robot.model import Robot
     from evoros.world.model import World
 
@@ -97,6 +98,20 @@ class SelectiveSimulator(Protocol):
             InputError: the simulator cannot simulate the world; the message does not name it.
         """
         ...
+
+
+@runtime_checkable
+class DoubtfulSimulator(Protocol):
+    """A simulator that cannot move every drive right; others need no ``doubt_drive``."""
+
+    def doubt_drive(self, drive: "Drive") -> str:
+        """Return why no step makes the engine right for a drive; an empty text if one may."""
+        ...
+
+
+def doubt_drive(simulator: Simulator, drive: "Drive") -> str:
+    """Return why a simulator cannot move a drive right; an empty text if it may."""
+    return simulator.doubt_drive(drive) if isinstance(simulator, DoubtfulSimulator) else ""
 
 
 @runtime_checkable

@@ -28,6 +28,8 @@ from evoros.base.checks import (
     number_between,
 )
 from evoros.base.errors import InputError
+from evoros.drive.protocol import Drive
+from evoros.drive.wheels import skids
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
 from evoros.simulator.engines.pybullet_model import Engine, Model, Settings
@@ -63,6 +65,15 @@ class PyBullet:
     def __post_init__(self) -> None:
         if find_spec("pybullet") is None:
             raise _not_installed()
+
+    def doubt_drive(self, drive: Drive) -> str:
+        """Return why no step is right for skid-steer (``docs/fidelity.md``)."""
+        if not skids(drive):
+            return ""
+        return (
+            "PyBullet limits friction along the two axes of the world, so that the heading of a "
+            "skid-steer robot changes how fast it turns"
+        )
 
     @contextmanager
     def open(self, robot: Robot, world: World) -> Iterator[PyBulletSimulation]:

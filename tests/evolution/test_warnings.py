@@ -24,6 +24,7 @@ from evoros.evolution.self_sight_check import check_housings, check_self_sight
 from evoros.evolution.sight_check import check_sight
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
+from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.floors import GROUND
 from evoros.world.model import World
@@ -266,12 +267,12 @@ def test_a_step_that_is_too_coarse_is_told_with_one_that_does() -> None:
 
 def test_a_motion_that_no_step_corrects_is_told() -> None:
     (line,) = check_drive(two_wheeler(wheel_friction=0.005))
-    assert "a finer step does not change that; compare" in line
+    assert "no step down to 0.00078125 s corrects that; compare" in line
     fast = build(
         "robot=two_wheeler", "robot.drive.max_speed_mps=3", "controller.avoidance.speed_mps=3"
     )
     (line,) = check_drive(replace(fast, simulator=PyBullet()))
-    assert "because the tightest turn at 3 m/s needs more friction" in line
+    assert "the tightest turn at 3 m/s needs more friction" in line
 
 
 def test_the_confirming_simulator_is_tried_too() -> None:
@@ -338,12 +339,15 @@ class StubSimulation:
     def advance(self, command: Array, duration: float) -> None:
         assert command.shape == (COMMAND_SIZE,)
         speed, lock = (0.0, 0.0) if self.fault == "stand" else command
+        if self.fault == "stick" and abs(command[STEERING]) < 0.3:
+            lock = 0.0
+        if self.fault == "halt" and speed < 0:
+            speed *= 0.7
         rate = speed * math.tan(lock) / self.robot.drive.wheelbase_m
         turn = rate * duration * (0.8 if self.fault == "slip" else 1.0)
         heading = self.pose[2] + 0.5 * turn
         self.pose += [*(speed * duration * np.array([np.cos(heading), np.sin(heading)])), turn]
         self.pose[0] += 0.05 * duration if self.fault == "drift" else 0.0
-        assert command[STEERING] >= 0
 
 
 @pytest.mark.parametrize(
@@ -351,6 +355,8 @@ class StubSimulation:
     [
         ("stand", "two_wheeler hardly drives at all and hardly turns at all; "),
         ("slip", "two_wheeler turns 20 % slower than commanded; "),
+        ("stick", "two_wheeler hardly turns at all at quarter lock; "),
+        ("halt", "two_wheeler drives back 30 % slower than commanded; "),
         ("drift", "two_wheeler drifts 50 mm/s at rest"),
         ("sink", "two_wheeler sinks 30 mm into the ground; "),
         ("tip", "two_wheeler stands at a tilt of 24 deg; "),
@@ -361,6 +367,34 @@ class StubSimulation:
 def test_each_fault_of_a_motion_has_its_words(fault: str, said: str) -> None:
     (line,) = check_drive(replace(build("robot=two_wheeler"), simulator=Stub(fault)))
     assert said in line
+
+
+def test_skid_steer_in_pybullet_is_told_once_with_the_engine_in_which_it_holds() -> None:
+    """PyBullet is right at no step, and MuJoCo was driven before it is proposed."""
+    experiment = build("robot=mule", "design=around", "confirmation=pybullet")
+    coarse = replace(experiment, simulator=PyBullet())
+    fine = replace(experiment, simulator=PyBullet(time_step=0.0025, solver_iterations=50))
+    keys = "simulator and confirmation.simulator: mule "
+    choices = "use simulator=mujoco simulator@confirmation.simulator=mujoco, in which it moves as"
+    for tried in (coarse, fine):
+        (line,) = check_drive(tried)
+        assert "because PyBullet limits friction" in line
+        assert "simulator.time_step=" not in line
+    (line,) = check_drive(fine)
+    assert line.startswith(keys)
+    assert choices in line
+    assert list(check_drive(replace(experiment, simulator=Mujoco(), confirmation=None))) == []
+
+
+def test_a_turning_resistance_is_proposed_only_if_it_was_driven_right() -> None:
+    """The drive assumes twice the resistance that wheels on this track have."""
+    assumed = ["robot=mule", "design=around", "robot.drive.turning_resistance=3"]
+    wrong = replace(build(*assumed), simulator=Mujoco())
+    (line,) = check_drive(wrong)
+    found = re.search(r"set robot\.drive\.turning_resistance=(\S+),", line)
+    assert found is not None, line
+    right = build(*assumed[:2], f"robot.drive.turning_resistance={found[1]}")
+    assert list(check_drive(replace(right, simulator=Mujoco()))) == []
 
 
 def test_a_simulator_without_fault_gives_no_warning() -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from lxml.etree import _Element as Element
 
@@ -10,16 +10,14 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import product
 from evoros.formats.strict_xml import element_error, local_tag, read_name
+from evoros.formats.urdf.gazebo import (
+    FrictionAxis,
+    Plugin,
+    read_friction_axes,
+    read_plugins,
+)
 from evoros.formats.urdf.parts import Joint, read_joint, read_shapes, read_visuals
 from evoros.geometry.shapes import Pose, Shape
-
-
-@dataclass(frozen=True)
-class Plugin:
-    """A plugin of Gazebo: its file and its class, and the texts of its children by their tags."""
-
-    name: str
-    texts: Mapping[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +33,8 @@ class Urdf:
     visuals: Mapping[str, tuple[Shape, ...]]  # visible shapes of each link, in its own frame
     plugins: tuple[Plugin, ...] = ()  # of Gazebo
     actuated: frozenset[str] = frozenset()  # joints of transmissions and of ros2_control
+    meshes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # files of each link
+    friction_axes: Mapping[str, FrictionAxis] = field(default_factory=dict)  # of links, for Gazebo
 
     def error(self, problem: str, fix: str) -> InputError:
         """Create the error for a part of this description, which the caller raises."""
@@ -105,8 +105,10 @@ def read_tree(robot: Element, source: str) -> Urdf:
         poses=_compute_poses(robot, root, links, joints),
         shapes={name: read_shapes(link) for name, link in links.items()},
         visuals={name: read_visuals(link) for name, link in links.items()},
-        plugins=tuple(_read_plugins(robot)),
+        plugins=read_plugins(robot),
         actuated=_find_actuated(robot),
+        meshes={name: _name_meshes(link) for name, link in links.items()},
+        friction_axes=read_friction_axes(robot),
     )
 
 
@@ -123,13 +125,9 @@ def read_frames(robot: Element, source: str) -> Urdf:
     return read_tree(bare, source)
 
 
-def _read_plugins(robot: Element) -> Iterator[Plugin]:
-    for plugin in robot.iterfind("gazebo//plugin"):
-        texts: dict[str, tuple[str, ...]] = {}
-        for child in plugin:
-            if isinstance(child.tag, str) and child.text and child.text.strip():
-                texts[child.tag] = (*texts.get(child.tag, ()), child.text.strip())
-        yield Plugin(f"{plugin.get('filename', '')} {plugin.get('name', '')}", texts)
+def _name_meshes(link: Element) -> tuple[str, ...]:
+    meshes = link.iterfind("*/geometry/mesh")
+    return tuple(str(mesh.get("filename", "")).rpartition("/")[2] for mesh in meshes)
 
 
 def _find_actuated(robot: Element) -> frozenset[str]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from evoros.base import elementary
 from evoros.base.errors import SimulationError
+from evoros.drive.wheels import skids
 from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_bodies import (
     MEETS,
@@ -127,21 +128,17 @@ def compile_model(
     spec = library.MjSpec()
     _set_options(spec, library, world, settings)
     bond = {"solref": [2 * settings.time_step, 1.0], "solimp": IMPEDANCE}
-    slides, skids = {**bond, "solreffriction": SLIDING}, {**bond, **SKIDDING}
+    slides, skidding = {**bond, "solreffriction": SLIDING}, {**bond, **SKIDDING}
     add_ground_pairs(spec, add_bodies(spec, library, world), slides, bond)
     for i, (robot, _) in enumerate(robots):
         making = Making(
             settings.wheel_friction, _gain(settings), bond, _prefix(robots, i), _masks(robots, i)
         )
         soles = add_robot(spec, library, robot, making)
-        add_ground_pairs(spec, soles, slides, skids if _skids(robot) else bond)
+        add_ground_pairs(spec, soles, slides, skidding if skids(robot.drive) else bond)
     model = spec.compile()
     parts = (_find_parts(model, robot, _prefix(robots, i)) for i, (robot, _) in enumerate(robots))
     return Model(library, model, library.MjData(model), tuple(parts))
-
-
-def _skids(robot: Robot) -> bool:
-    return not robot.drive.steering_joints and len(robot.drive.wheel_joints) > 2
 
 
 def _prefix(robots: Sequence[PlacedRobot], number: int) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from evoros.base.errors import SimulationError
-from evoros.robot.model import Robot
+from evoros.drive.wheels import skids
 from evoros.simulator.engines.pybullet_bodies import (
     ROBOT_BIT,
     add_body,
@@ -136,7 +136,7 @@ class Engine:
             collisionFilterMode=0,  # else a pair collides if only one of the two masks says so
             physicsClientId=client,
         )
-        if any(_skids(robot) for robot, _ in robots):
+        if any(skids(robot.drive) for robot, _ in robots):
             # Skid-steer: the engine's usual friction of a sliding wheel is not against its slip.
             bullet.setPhysicsEngineParameter(enableConeFriction=0, physicsClientId=client)
         numbers = [
@@ -164,10 +164,6 @@ class Engine:
             for number, (robot, home) in enumerate(robots)
         )
         return Model(loaded, ground, frames, falling, watched)
-
-
-def _skids(robot: Robot) -> bool:
-    return not robot.drive.steering_joints and len(robot.drive.wheel_joints) > 2
 
 
 def _group(robots: Sequence[PlacedRobot], number: int) -> Groups:

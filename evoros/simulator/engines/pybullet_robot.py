@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from lxml.etree import _Element as Element
 
 from evoros.drive.protocol import Drive
+from evoros.drive.wheels import skids
 from evoros.formats.urdf.merging import merge_fixed_links
 from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_bodies import FIXED, GROUND, MOVABLE, RAY, ROBOT, VISIBLE
@@ -94,7 +95,7 @@ def _rolls_on_cylinders(elements: Element, drive: Drive) -> bool:
     Otherwise it takes a prism with a margin of 1 mm around it, on which a robot drives up to 4 %
     too fast and not straight. Wheels that slip sideways turn better on prisms.
     """
-    if not drive.steering_joints and len(drive.wheel_joints) > 2:
+    if skids(drive):
         return False
     wheels = {
         child.get("link")

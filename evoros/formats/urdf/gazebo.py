@@ -1,0 +1,80 @@
+"""Reads the elements of a URDF that are for Gazebo: plugins and the friction of links."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from lxml.etree import _Element as Element
+
+from evoros.formats.strict_xml import element_error, local_tag, quote
+
+_COEFFICIENTS = ("mu", "mu1", "mu2")
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A plugin of Gazebo: its file and its class, and the texts of its children by their tags."""
+
+    name: str
+    texts: Mapping[str, tuple[str, ...]]
+
+
+class FrictionAxis(NamedTuple):
+    """The direction in which a link has its first coefficient of friction."""
+
+    direction: tuple[float, ...]  # x, y, z
+    frame: str  # the link whose frame it is in; empty: the frame of the link itself
+
+
+def read_plugins(robot: Element) -> tuple[Plugin, ...]:
+    """Read all plugins of a ``<robot>``."""
+    return tuple(map(_read_plugin, robot.iterfind("gazebo//plugin")))
+
+
+def _read_plugin(plugin: Element) -> Plugin:
+    texts: dict[str, tuple[str, ...]] = {}
+    for child in plugin:
+        if isinstance(child.tag, str) and child.text and child.text.strip():
+            texts[child.tag] = (*texts.get(child.tag, ()), child.text.strip())
+    return Plugin(f"{plugin.get('filename', '')} {plugin.get('name', '')}", texts)
+
+
+def read_friction_axes(robot: Element) -> dict[str, FrictionAxis]:
+    """Read ``<fdir1>`` of the links that have one, and check the coefficients of all.
+
+    Raises:
+        InputError: a direction is not of three numbers, or a coefficient is below 0.
+    """
+    axes = {}
+    for gazebo in robot.iterfind("gazebo[@reference]"):
+        for element in _find_all(gazebo, _COEFFICIENTS):
+            if _read_numbers(element, 1)[0] < 0.0:
+                problem = f"must be at least 0, not {_read_text(element)}"
+                raise element_error(element, problem, "write a coefficient of friction from 0 up")
+        for element in _find_all(gazebo, ("fdir1",)):
+            frames = [v for name, v in element.attrib.items() if str(name).endswith("expressed_in")]
+            numbers = _read_numbers(element, 3)
+            axes[str(gazebo.get("reference"))] = FrictionAxis(numbers, str((*frames, "")[0]))
+    return axes
+
+
+def _find_all(gazebo: Element, tags: tuple[str, ...]) -> Iterator[Element]:
+    return (child for tag in tags for child in gazebo.iter(tag))
+
+
+def _read_text(element: Element) -> str:
+    return str(element.get("value") or element.text or "").strip()
+
+
+def _read_numbers(element: Element, count: int) -> tuple[float, ...]:
+    """Read numbers, which Gazebo takes from the attribute ``value`` or from the text."""
+    try:
+        numbers = tuple(float(word) for word in _read_text(element).split())
+    except ValueError:
+        numbers = ()
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        expected = f"{count} finite number{'s' * (count > 1)}"
+        problem = f"must hold {expected}, not {quote(_read_text(element))}"
+        raise element_error(element, problem, f"write {expected} in <{local_tag(element)}>")
+    return numbers
