@@ -154,7 +154,9 @@ def empty_world(world: World) -> World:
     ground = dataclasses.replace(GROUND, friction=max(frictions, default=GROUND.friction))
     height = world.course.home_z_m
     course = Course(0.0, 0.0, height, 0.0, [[10.0, 0.0]], 1.0, 1.0, "forward", False)
-    return World("empty", (ground,), course, "preflight", "", gravity_mps2=world.gravity_mps2)
+    return World(
+        "empty level ground", (ground,), course, "preflight", "", gravity_mps2=world.gravity_mps2
+    )
 
 
 def _refine(simulator: Any) -> Iterator[Simulator]:

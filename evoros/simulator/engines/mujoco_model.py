@@ -108,7 +108,8 @@ class Models:
             except ValueError as error:
                 reason = " ".join(str(error).split())
                 raise SimulationError(
-                    f"MuJoCo refuses {name_robots(robots)} in {world.name}: {reason}"
+                    f"MuJoCo cannot compile {name_robots(robots)} in the world {world.name!r} "
+                    f"({reason}); use simulator=pybullet or simulator=planar"
                 ) from error
         self._kept[source] = model
         while len(self._kept) > KEPT:

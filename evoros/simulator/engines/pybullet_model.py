@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from evoros.base.errors import SimulationError
+from evoros.base.errors import SimulationError, single_line
 from evoros.drive.wheels import skids
 from evoros.simulator.engines.pybullet_bodies import (
     ROBOT_BIT,
@@ -16,7 +16,7 @@ from evoros.simulator.engines.pybullet_bodies import (
 from evoros.simulator.engines.pybullet_robot import Groups, LoadedRobot, load_robot
 from evoros.simulator.engines.pybullet_shapes import Frame
 from evoros.simulator.engines.set_down import home_frame
-from evoros.simulator.engines.teams import describe_for_engine, name_robots
+from evoros.simulator.engines.teams import describe_for_engine
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
@@ -81,8 +81,10 @@ class Engine:
             try:
                 self._model = self._build(robots, world, settings)
             except self.bullet.error as error:
-                reason = f"PyBullet refuses {name_robots(robots)} in {world.name}: {error}"
-                raise SimulationError(reason) from error
+                raise SimulationError(
+                    f"PyBullet cannot build the world {world.name!r} ({single_line(error)}); use "
+                    f"simulator=mujoco"
+                ) from error
             self._built_from = source
         self.bullet.setTimeStep(settings.time_step, self.client)  # a mission may have made it finer
         self._reset(self._model.robots)
@@ -152,18 +154,23 @@ class Engine:
         # A mission that ends at the first contact pushes nothing.
         pushing = falling or not world.course.end_on_collision
         watched = {n: measure_radius(bullet, client, n) for n in movable if pushing}
-        loaded = tuple(
-            load_robot(
-                bullet,
-                client,
-                robot,
-                home_frame(robot, home, world),
-                settings.wheel_friction,
-                _group(robots, number),
-            )
-            for number, (robot, home) in enumerate(robots)
-        )
+        loaded = tuple(self._load(robots, number, world, settings) for number in range(len(robots)))
         return Model(loaded, ground, frames, falling, watched)
+
+    def _load(
+        self, robots: Sequence[PlacedRobot], number: int, world: World, settings: Settings
+    ) -> LoadedRobot:
+        robot, home = robots[number]
+        frame, groups = home_frame(robot, home, world), _group(robots, number)
+        try:
+            return load_robot(
+                self.bullet, self.client, robot, frame, settings.wheel_friction, groups
+            )
+        except self.bullet.error as error:
+            raise SimulationError(
+                f"PyBullet cannot load the description of {robot.name} ({single_line(error)}); use "
+                f"simulator=mujoco, or simplify the robot's collision shapes and joints"
+            ) from error
 
 
 def _group(robots: Sequence[PlacedRobot], number: int) -> Groups:

@@ -1,0 +1,175 @@
+"""Wheels that go sideways, and wheels that only steer, are told from plain ones and refused."""
+
+import math
+
+import pytest
+from drive_cases import FRONT, PAIR, REAR, ROUND, Z, choose, joint, link, wheel
+from hypothesis import given
+from hypothesis import strategies as st
+
+from evoros.base.errors import InputError
+from evoros.drive.ackermann import AckermannDescription
+from evoros.drive.differential import DifferentialDescription
+from evoros.drive.skid_steer import SkidSteerDescription
+
+MESH = '<visual><geometry><mesh filename="package://r/meshes/{}"/></geometry></visual>'
+FOUR = ("fl", "0.2 0.1 0.05"), ("fr", "0.2 -0.1 0.05"), ("rl", "-0.2 0.1 0.05")
+FOUR += (("rr", "-0.2 -0.1 0.05"),)
+
+
+def refusal(*parts: str) -> str:
+    with pytest.raises(InputError) as caught:
+        choose(*parts)
+    message = str(caught.value)
+    assert message.startswith("r.urdf: ")
+    assert "\n" not in message
+    return message
+
+
+def four(name: str = "{}_wheel", body: str = ROUND, below: str = "") -> str:
+    """Return four wheels whose links have a name, a body and more parts ``below`` them."""
+    parts = []
+    for corner, xyz in FOUR:
+        child = name.format(corner)
+        parts += [link(child, body), joint(f"{corner}_joint", child, xyz)]
+        parts.append(below.replace("PARENT", child).replace("CORNER", corner))
+    return "".join(parts)
+
+
+ROLLERS = "".join(
+    link(f"CORNER_roller_{i}", "") + joint(f"CORNER_r{i}", f"CORNER_roller_{i}", "0 0 0", more=Z)
+    for i in range(3)
+).replace('<parent link="base"/>', '<parent link="PARENT"/>')
+
+
+@pytest.mark.parametrize(
+    ("robot", "reason"),
+    [
+        (four("{}_mecanum_wheel"), "mecanum wheels, as 'fl_mecanum_wheel' says"),
+        (four(body=ROUND + MESH.format("Mecanum_left.dae")), "'Mecanum_left.dae' says"),
+        (four(below=ROLLERS), "wheels with rollers, of which 'fl_wheel' has 3"),
+        (
+            four() + '<gazebo><plugin filename="libgazebo_ros_planar_move.so" name="m"/></gazebo>',
+            "Gazebo's plugin libgazebo_ros_planar_move.so",
+        ),
+        (
+            four() + '<gazebo><plugin filename="ign_ros2_control-system" name="c"><parameters>'
+            "/c/mecanum_drive_controller.yaml</parameters></plugin></gazebo>",
+            "Gazebo's plugin mecanum_drive_controller.yaml",
+        ),
+    ],
+)
+def test_wheels_that_go_sideways_are_refused_and_driven_as_plain_ones_if_asked(
+    robot: str, reason: str
+) -> None:
+    message = refusal(robot)
+    assert reason in message
+    assert "fl_joint" in message
+    assert "set robot.drive.kind=skid_steer" in message
+    if "roller" not in reason:
+        assert isinstance(choose(robot, kind="skid_steer"), SkidSteerDescription)
+
+
+def test_driven_omni_wheels_are_no_casters() -> None:
+    """Without a transmission, omni wheels beside two plain ones are casters."""
+    omni = wheel("omni_front", "0.2 0 0.05")
+    assert isinstance(choose(PAIR, omni), DifferentialDescription)
+    driven = "".join(
+        f'<transmission name="t{corner}"><joint name="{corner}_joint"/></transmission>'
+        for corner, _ in FOUR
+    )
+    message = refusal(four("{}_omni_wheel") + driven)
+    assert "omni wheels, as 'fl_omni_wheel' says" in message
+
+
+def test_three_omni_wheels_have_no_drive_to_choose() -> None:
+    parts = []
+    for i in range(3):
+        angle = i * 2.0 * math.pi / 3.0
+        x, y = 0.2 * math.cos(angle), 0.2 * math.sin(angle)
+        axis = f'<axis xyz="{math.cos(angle)} {math.sin(angle)} 0"/>'
+        parts += [link(f"omni_{i}"), joint(f"omni_{i}_joint", f"omni_{i}", f"{x} {y} 0", more=axis)]
+    message = refusal(*parts)
+    assert "omni_0_joint, omni_1_joint, omni_2_joint" in message
+    assert "docs/extending.md" in message
+
+
+def test_a_drive_plugin_that_moves_two_wheels_is_a_convenience() -> None:
+    move = '<gazebo><plugin filename="libgazebo_ros_planar_move.so" name="m"/></gazebo>'
+    assert isinstance(choose(PAIR, move), DifferentialDescription)
+
+
+FDIR = '<gazebo reference="{}_wheel"><fdir1 ignition:expressed_in="base">{}</fdir1></gazebo>'
+NAMESPACE = 'xmlns:ignition="x"'
+
+
+def test_friction_along_rollers_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """Some robots on plain wheels have it, so it alone refuses none."""
+    for direction, told in (("1 -1 0", True), ("1 0 0", False), ("0 1 0", False)):
+        caplog.clear()
+        turned = FDIR.format("fl", direction).replace("<fdir1", f"<fdir1 {NAMESPACE}")
+        assert isinstance(choose(FRONT, REAR, turned), SkidSteerDescription)
+        assert ("45 deg (<fdir1>)" in caplog.text) == told
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        ("<mu1>-0.5</mu1>", "<mu1> of robot 'r' must be at least 0, not -0.5"),
+        ('<mu2 value="-1"/>', "<mu2> of robot 'r' must be at least 0, not -1"),
+        ("<collision><surface><friction><ode><mu>x</mu></ode></friction></surface></collision>",
+         "<mu> of robot 'r' must hold 1 finite number, not 'x'"),
+        ("<fdir1>1 0</fdir1>", "<fdir1> of robot 'r' must hold 3 finite numbers, not '1 0'"),
+    ],
+)  # fmt: skip
+def test_friction_that_is_none_is_refused(content: str, problem: str) -> None:
+    with pytest.raises(InputError) as caught:
+        choose(PAIR, f'<gazebo reference="left_wheel">{content}</gazebo>')
+    assert problem in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def steering_front(axis: str) -> str:
+    """Return two front wheels on a joint each, about an axis."""
+    return wheel("fl", "0.2 0.1 0.05", more=axis) + wheel("fr", "0.2 -0.1 0.05", more=axis)
+
+
+def test_wheels_that_turn_about_the_vertical_steer() -> None:
+    message = refusal(steering_front(Z), REAR)
+    assert "steers it" in message
+    assert "fl_wheel_joint, fr_wheel_joint" in message
+    assert "drive@robot.drive=ackermann" in message
+    assert "robot.drive.kind=differential" in message
+    held = choose(steering_front(Z), REAR, kind="differential")
+    assert held.wheel_joints == ("rl_wheel_joint", "rr_wheel_joint")
+
+
+def test_steered_wheels_that_roll_are_no_such_wheels() -> None:
+    """A steering link may be called a wheel and look like one."""
+    parts = []
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        parts += [
+            link(f"{side}_steering_wheel"),
+            joint(f"{side}_steer", f"{side}_steering_wheel", f"0.2 {y} 0.05", more=Z),
+            wheel(f"front_{side}", "0 0 0", parent=f"{side}_steering_wheel"),
+        ]
+    assert isinstance(choose(*parts, REAR), AckermannDescription)
+
+
+def test_a_ball_that_turns_about_the_vertical_does_not_steer() -> None:
+    ball = '<collision><geometry><sphere radius="0.05"/></geometry></collision>'
+    front = link("front_wheel", ball) + joint("front_joint", "front_wheel", "0.2 0 0.05", more=Z)
+    assert isinstance(choose(PAIR, front), DifferentialDescription)
+
+
+@given(st.floats(0.0, 89.0), st.sampled_from(["level", "upright"]))
+def test_wheels_stand_askew_by_20_deg_at_most(angle: float, plane: str) -> None:
+    sine, cosine = math.sin(math.radians(angle)), math.cos(math.radians(angle))
+    xyz = f"{sine} {cosine} 0" if plane == "level" else f"0 {cosine} {sine}"
+    axis = f'<axis xyz="{xyz}"/>'
+    if angle < 19.99:
+        assert isinstance(choose(steering_front(axis), REAR), SkidSteerDescription)
+    elif angle > 20.01:
+        message = refusal(steering_front(axis), REAR)
+        assert "steer" in message
+        assert "fl_wheel_joint" in message
