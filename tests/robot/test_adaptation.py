@@ -215,6 +215,51 @@ def test_every_wheel_turns_forwards(tmp_path: Path, rpy: str, axis: str, forward
         assert numbers == pytest.approx([float(word) for word in forwards.split()], abs=2e-3)
 
 
+def slanted(degrees: float) -> str:
+    """Return two wheels whose axes are level and this far from across the robot."""
+    angle = math.radians(degrees)
+    more = f'<axis xyz="{math.sin(angle)} {math.cos(angle)} 0"/>{LIMIT}'
+    return wheel("left", more=more) + wheel("right", more=more)
+
+
+NAMED = DifferentialDescription(
+    wheel_joints=["left_wheel_joint", "right_wheel_joint"],
+    caster_links=[],
+    wheelbase_m=0.24,
+    steering_limit_rad=0.9,
+    max_speed_mps=0.5,
+)
+
+
+def test_a_wheel_askew_is_set_across_the_robot_with_its_angle_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = load(tmp_path, BASE, slanted(12.0), CASTER, drive=NAMED)
+    assert "left_wheel_joint (12.0 deg), right_wheel_joint (12.0 deg)" in told(caplog, "that stand askew")
+    axis = element(robot, "joint[@name='left_wheel_joint']/axis").get("xyz")
+    assert [float(x) for x in str(axis).split()] == pytest.approx([0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("wheels", "said"),
+    [
+        (slanted(25.0), "not 25 deg away: left_wheel_joint; turn its <axis>"),
+        (
+            slanted(0.0).replace('xyz="0.0 1.0 0"', 'xyz="0 0 1"'),
+            "turns its wheel about the vertical steers it",
+        ),
+    ],
+)
+def test_a_named_wheel_that_turns_elsewhere_is_refused(
+    tmp_path: Path, wheels: str, said: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, BASE, wheels, CASTER, drive=NAMED)
+    assert said in str(caught.value)
+    assert "steer" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
 TETRAHEDRA = {
     "mesh": '<geometry><mesh filename="wheel.stl" scale="0.001 0.001 0.001"/></geometry>',
     "box": '<geometry><box size="0.0707106781 0.03 0.0707106781"/></geometry>',

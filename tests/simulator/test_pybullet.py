@@ -20,6 +20,7 @@ from pybullet_cases import (
 )
 
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, Array, X, Y
+from evoros.base.errors import SimulationError
 from evoros.evolution.experiment import Experiment
 from evoros.mission.rollout import run_mission
 from evoros.sensor.sonar import Sonar
@@ -172,3 +173,20 @@ def test_a_link_of_500_parts_is_read_as_a_whole(shape: str) -> None:
         assert high[0] > 4.98
     finally:
         bullet.disconnect(client)
+
+
+def test_a_robot_that_the_engine_cannot_load_is_told_with_another_engine(
+    experiment: Experiment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def load_nothing(bullet: Any, client: int, urdf: str, frame: Any, flags: int) -> int:
+        return int(bullet.loadURDF("/no/such/file.urdf", *frame, physicsClientId=client))
+
+    monkeypatch.setattr("evoros.simulator.engines.pybullet_robot.load_urdf", load_nothing)
+    told = (
+        r"cannot load the description of erle_rover \(Cannot load URDF file.\); use simulator=muj"
+    )
+    with (
+        pytest.raises(SimulationError, match=told),
+        PyBullet().open(experiment.robot, experiment.world["boxes"]),
+    ):
+        pass
