@@ -44,3 +44,16 @@ def choose(*parts: str, **values: Any) -> Any:
 PAIR = wheel("left", "0 0.1 0.05") + wheel("right", "0 -0.1 0.05")
 FRONT = wheel("fl", "0.2 0.1 0.05") + wheel("fr", "0.2 -0.1 0.05")
 REAR = wheel("rl", "-0.2 0.1 0.05") + wheel("rr", "-0.2 -0.1 0.05")
+
+
+def steered(kind: str, limit: str) -> str:
+    parts = []
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        hinge = f"{side}_steering_hinge"
+        parts.append(link(hinge, ""))
+        parts.append(joint(f"{hinge}_joint", hinge, f"0.2 {y} 0.05", kind, more=Z + limit))
+        parts.append(wheel(f"front_{side}", "0 0 0", parent=hinge))
+    return "".join(parts)
+
+
+LIMIT = '<limit lower="-0.6" upper="0.6" effort="1" velocity="1"/>'

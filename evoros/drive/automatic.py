@@ -9,12 +9,19 @@ from typing import Annotated
 
 from evoros.base.checks import POSITIVE, checked, one_of
 from evoros.drive.ackermann import AckermannDescription
-from evoros.drive.candidates import Candidate, find_candidates, pair_up
+from evoros.drive.candidates import (
+    NEARLY_ALIGNED,
+    TURNING,
+    Candidate,
+    find_candidates,
+    pair_up,
+)
 from evoros.drive.differential import DifferentialDescription
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.drive.refusals import find_diagonal, refuse_misaligned, refuse_sideways
 from evoros.drive.skid_steer import AT_LEAST_ONE, SkidSteerDescription
-from evoros.drive.wheels import ANGLE, LINKS
+from evoros.drive.wheels import ANGLE, LINKS, UP
+from evoros.formats.urdf.parts import Joint
 from evoros.formats.urdf.tree import Urdf
 
 _LOG = logging.getLogger(__name__)
@@ -123,7 +130,7 @@ class AutomaticDescription:
 
     def _error(self, urdf: Urdf, found: Sequence[Candidate]) -> Exception:
         names = ", ".join(wheel.joint.name for wheel in found) or "none"
-        turning = [j.name for j in urdf.joints.values() if j.type in ("continuous", "revolute")]
+        turning = [_name_turning(urdf, j) for j in urdf.joints.values() if j.type in TURNING]
         wanted = "" if self.kind == "auto" else f" {self.kind}"
         return urdf.error(
             f"the{wanted} drive must be plain from wheels in pairs on the ground; wheels found: "
@@ -131,6 +138,11 @@ class AutomaticDescription:
             "name the joints, for example drive@robot.drive=differential "
             "'robot.drive.wheel_joints=[LEFT,RIGHT]' (or ackermann, skid_steer)",
         )
+
+
+def _name_turning(urdf: Urdf, joint: Joint) -> str:
+    upright = abs(float(urdf.axis_of(joint)[UP])) > NEARLY_ALIGNED
+    return f"{joint.name} (about the vertical)" if upright else joint.name
 
 
 def _select_driven(urdf: Urdf, found: Sequence[Candidate]) -> list[Candidate]:

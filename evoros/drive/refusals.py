@@ -38,7 +38,8 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
     Raises:
         InputError: it does; the error names the joints and the drive to choose knowingly.
     """
-    pairs = len(pair_up(wheels))
+    # A plugin that moves one pair of wheels sideways, steered or not, is a convenience of Gazebo.
+    pairs = len(_pair_up_unsteered(wheels))
     turning = [joint for joint in urdf.joints.values() if joint.type in TURNING]
     joints = [wheel.joint for wheel in wheels] if pairs else turning
     reason = next(filter(None, (_find_rollers(urdf, joint) for joint in joints)), "")
@@ -140,7 +141,11 @@ def _name_sideways_plugin(plugin: Plugin) -> str:
     return next((f"Gazebo's plugin {name}" for name in named), "")
 
 
+def _pair_up_unsteered(wheels: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:
+    return pair_up([wheel for wheel in wheels if wheel.steering is None])
+
+
 def _choose_kind(wheels: Sequence[Candidate]) -> str:
     """Return the drive that the wheels would form if they were plain ones."""
-    pairs = len(pair_up([wheel for wheel in wheels if wheel.steering is None]))
+    pairs = len(_pair_up_unsteered(wheels))
     return ("", "differential")[pairs] if pairs < 2 else "skid_steer"

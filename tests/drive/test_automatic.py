@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from drive_cases import FRONT, PAIR, RADIUS, REAR, Y, Z, choose, joint, link, wheel
+from drive_cases import FRONT, LIMIT, PAIR, RADIUS, REAR, Y, Z, choose, joint, link, steered, wheel
 
 from evoros.base.errors import InputError
 from evoros.drive.ackermann import AckermannDescription
@@ -27,19 +27,6 @@ def test_two_pairs_are_skid_steer() -> None:
     assert chosen.left_wheel_joints == ("fl_wheel_joint", "rl_wheel_joint")
     assert chosen.right_wheel_joints == ("fr_wheel_joint", "rr_wheel_joint")
     assert chosen.turning_resistance == 1.4
-
-
-def steered(kind: str, limit: str) -> str:
-    parts = []
-    for side, y in (("left", 0.1), ("right", -0.1)):
-        hinge = f"{side}_steering_hinge"
-        parts.append(link(hinge, ""))
-        parts.append(joint(f"{hinge}_joint", hinge, f"0.2 {y} 0.05", kind, more=Z + limit))
-        parts.append(wheel(f"front_{side}", "0 0 0", parent=hinge))
-    return "".join(parts)
-
-
-LIMIT = '<limit lower="-0.6" upper="0.6" effort="1" velocity="1"/>'
 
 
 @pytest.mark.parametrize(

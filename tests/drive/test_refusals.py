@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from drive_cases import FRONT, PAIR, REAR, ROUND, Z, choose, joint, link, wheel
+from drive_cases import FRONT, LIMIT, PAIR, REAR, ROUND, Z, choose, joint, link, steered, wheel
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,8 +13,12 @@ from evoros.drive.differential import DifferentialDescription
 from evoros.drive.skid_steer import SkidSteerDescription
 
 MESH = '<visual><geometry><mesh filename="package://r/meshes/{}"/></geometry></visual>'
-FOUR = ("fl", "0.2 0.1 0.05"), ("fr", "0.2 -0.1 0.05"), ("rl", "-0.2 0.1 0.05")
-FOUR += (("rr", "-0.2 -0.1 0.05"),)
+FOUR = (
+    ("fl", "0.2 0.1 0.05"),
+    ("fr", "0.2 -0.1 0.05"),
+    ("rl", "-0.2 0.1 0.05"),
+    ("rr", "-0.2 -0.1 0.05"),
+)
 
 
 def refusal(*parts: str) -> str:
@@ -94,9 +98,10 @@ def test_three_omni_wheels_have_no_drive_to_choose() -> None:
     assert "docs/extending.md" in message
 
 
-def test_a_drive_plugin_that_moves_two_wheels_is_a_convenience() -> None:
+def test_a_plugin_that_moves_one_pair_of_wheels_sideways_is_a_convenience() -> None:
     move = '<gazebo><plugin filename="libgazebo_ros_planar_move.so" name="m"/></gazebo>'
     assert isinstance(choose(PAIR, move), DifferentialDescription)
+    assert isinstance(choose(steered("revolute", LIMIT), REAR, move), AckermannDescription)
 
 
 FDIR = '<gazebo reference="{}_wheel"><fdir1 ignition:expressed_in="base">{}</fdir1></gazebo>'
@@ -173,3 +178,11 @@ def test_wheels_stand_askew_by_20_deg_at_most(angle: float, plane: str) -> None:
         message = refusal(steering_front(axis), REAR)
         assert "steer" in message
         assert "fl_wheel_joint" in message
+
+
+def test_what_turns_about_the_vertical_is_told_where_no_wheel_is_found() -> None:
+    legs = "".join(
+        link(f"{corner}_leg") + joint(f"{corner}_joint", f"{corner}_leg", xyz, more=Z)
+        for corner, xyz in FOUR
+    )
+    assert "turning joints: fl_joint (about the vertical), fr_joint (about" in refusal(legs)

@@ -235,7 +235,8 @@ def test_a_wheel_askew_is_set_across_the_robot_with_its_angle_told(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     robot = load(tmp_path, BASE, slanted(12.0), CASTER, drive=NAMED)
-    assert "left_wheel_joint (12.0 deg), right_wheel_joint (12.0 deg)" in told(caplog, "that stand askew")
+    line = told(caplog, "that stand askew")
+    assert "left_wheel_joint (12.0 deg), right_wheel_joint (12.0 deg)" in line
     axis = element(robot, "joint[@name='left_wheel_joint']/axis").get("xyz")
     assert [float(x) for x in str(axis).split()] == pytest.approx([0.0, 1.0, 0.0])
 
