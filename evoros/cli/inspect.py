@@ -1,5 +1,6 @@
 """The command ``evoros-inspect``: shows a robot or a world, and writes the YAML to start from."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 NAME = "evoros-inspect"
 DEFAULT_FOLDER = "mine"
+SIMULATOR = "simulator="
 USAGE = """evoros-inspect shows what evoros reads of a robot or a world that somebody else wrote,
 and writes the YAML files with which evoros uses them.
 
@@ -26,6 +28,8 @@ evoros-inspect robot FILE world FILE [robot.key=value ...] [world.key=value ...]
 The keys are those of the group's YAML files, as docs/your_robot.md explains them:
   evoros-inspect robot scout.urdf.xacro arguments.laser=true packages=[../sensors]
   evoros-inspect world depot.world model_paths=[models] vehicles=hold_still
+  evoros-inspect world depot.world course.home_x_m=2 course.home_y_m=-1
+simulator=NAME is the simulator to build them for; default: planar, or physics on uneven ground.
 
 Options
   --config-dir FOLDER   folder for robot/NAME.yaml, world/NAME.yaml and pictures; default: mine
@@ -71,28 +75,33 @@ def evoros_inspect(arguments: Sequence[str]) -> int:
 
 def _inspect(arguments: Sequence[str]) -> None:
     words, options = _split_options(arguments)
-    requests = _parse(words)
+    simulators = [word for word in words if word.startswith(SIMULATOR)]
+    requests = _parse([word for word in words if word not in simulators])
     folder = expand_home(options.get("--config-dir", DEFAULT_FOLDER))
     if "--name" in options and len(requests) > 1:
         raise InputError("--name: names one part, and there are two; inspect them one by one")
-    chosen: list[str] = []
+    chosen: list[str] = []  # the parts, and what a run with them needs besides
+    further: list[str] = []
     shown: list[str] = []
-    design = "around"
     for request in requests:
-        own = _describe(request, options.get("--name"), chosen, folder)
-        inspection = _write_yaml(own, folder, chosen)
+        own, simulator = _describe(request, options.get("--name"), chosen, folder)
+        simulator = simulators[-1] if simulators else simulator
+        inspection = _write_yaml(own, folder, chosen, simulator)
         picture = (folder / own.path).with_suffix(".png")
         _write(picture, inspection.picture, replace=True)
         print_result(_format(inspection, shown))
         files = [folder / own.path, picture]
         chosen.append(f"{own.group}={own.name}")
         if inspection.design is not None:
-            design = inspection.design.name
             files.append(folder / inspection.design.path)
             _write_design(inspection.design, folder, chosen)
         print_result("written " + "\n        ".join(map(str, files)))
         shown += inspection.messages
-    print_result(_suggest(folder, chosen, design))
+        further = [word for word in further if not word.startswith(SIMULATOR)]
+        further += inspection.choices
+    print_result(
+        f"to use  {shlex.join(['evoros', '--config-dir', str(folder), *chosen, *further])}"
+    )
 
 
 def _split_options(arguments: Sequence[str]) -> tuple[list[str], dict[str, str]]:
@@ -137,10 +146,16 @@ def _parse(words: Sequence[str]) -> list[Request]:
     return [Request(group, files[group], values.get(group, {})) for group in (ROBOT, WORLD)]
 
 
-def _describe(request: Request, name: str | None, chosen: Sequence[str], folder: Path) -> "OwnFile":
-    """Describe the YAML file of a part; a world without a course gets one that fits the robot."""
+def _describe(
+    request: Request, name: str | None, chosen: Sequence[str], folder: Path
+) -> "tuple[OwnFile, str]":
+    """Describe the YAML file of a part, and choose the simulator that it needs.
+
+    A world without a course gets one that fits the robot.
+    """
     from evoros.config.own_files import ROBOT, OwnFile, choose_name, is_bundled
-    from evoros.session.inspection import plan_course
+    from evoros.session.course_planning import plan_course
+    from evoros.session.inspection import LEVEL, UNEVEN, find_robot
 
     own_name = name or choose_name(request.file, request.group)
     if is_bundled(request.group, own_name):  # it would win over the user's
@@ -150,21 +165,29 @@ def _describe(request: Request, name: str | None, chosen: Sequence[str], folder:
     title = f"{own_name}, read from {request.file.name} by evoros-inspect."
     if request.group == ROBOT:
         values = {"description": str(request.file), **ROBOT_KEYS, **request.values}
-    else:
-        values = {"sdf": str(request.file), **request.values}
-        if "course" not in values:
-            values["course"] = plan_course(values, folder, chosen)
-    return OwnFile(request.group, own_name, title, values)
+        return OwnFile(request.group, own_name, title, values), LEVEL
+    values = {"sdf": str(request.file), **request.values}
+    planned = plan_course(values, find_robot(chosen, folder))
+    values["course"] = planned.course
+    if not planned.is_level:
+        title += f" Its ground is not level, so that it needs {UNEVEN}."
+    simulator = LEVEL if planned.is_level else UNEVEN
+    return OwnFile(request.group, own_name, title, values), simulator
 
 
-def _write_yaml(own: "OwnFile", folder: Path, chosen: Sequence[str]) -> "Inspection":
+def _write_yaml(
+    own: "OwnFile", folder: Path, chosen: Sequence[str], simulator: str
+) -> "Inspection":
     """Write the YAML file and build the part from it; a failure leaves no file."""
-    from evoros.session.inspection import inspect_part
+    from evoros.config.own_files import ROBOT
+    from evoros.session.inspection import inspect_robot, inspect_world
 
     path = folder / own.path
     _write(path, own.text.encode())
     try:
-        return inspect_part(own.group, own.name, folder, chosen)
+        if own.group == ROBOT:
+            return inspect_robot(own.name, folder, simulator)
+        return inspect_world(own.name, folder, chosen, simulator)
     except BaseException:
         path.unlink()
         raise
@@ -203,9 +226,3 @@ def _format(inspection: "Inspection", shown: Sequence[str]) -> str:
     rows = [*inspection.rows, *(("told", message) for message in messages)]
     width = max(len(name) for name, _ in rows)
     return "\n".join([inspection.title, *(f"  {name:<{width}}  {text}" for name, text in rows)])
-
-
-def _suggest(folder: Path, chosen: Sequence[str], design: str) -> str:
-    word = f" design={design}" if any(word.startswith("robot=") for word in chosen) else ""
-    option = f" --config-dir {folder}"
-    return f"to use  evoros{option} {' '.join(chosen)}{word} simulator=planar"

@@ -26,15 +26,20 @@ def check_home(experiment: Experiment) -> Iterator[str]:
     """Yield a warning for each body that is in the robot's way at home, or will be.
 
     Raises:
-        InputError: the robot stands in an obstacle at home, or it touches one and missions end on
-            collision.
+        InputError: see ``check_place``.
     """
     for name, world in experiment.world.items():
-        for message in _check_home(experiment.robot, world):
+        for message in check_place(world, experiment.robot):
             yield f"world.{name} ({world.source}): {message}"
 
 
-def _check_home(robot: Robot, world: World) -> Iterator[str]:
+def check_place(world: World, robot: Robot) -> Iterator[str]:
+    """Yield a warning for each body that is in the way of a robot at the home of a world.
+
+    Raises:
+        InputError: the robot stands in an obstacle at home, or it touches one and missions end on
+            collision.
+    """
     course, bodies = world.course, world.obstacles
     place = f"at home ({course.home_x_m:g}, {course.home_y_m:g})"
     touched = _list_touched(robot.outline, course, bodies, robot.height_m)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +12,7 @@ from evoros.base.arrays import Array
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.layer_values import find_avoidance_range
 from evoros.geometry.footprint import Footprint, distances, project_bodies
+from evoros.robot.model import Robot
 from evoros.world.course import Course
 from evoros.world.model import World
 
@@ -20,6 +22,8 @@ MAX_RATIO = 3.0
 
 It is 2.5 in ``world=dense``, where the evolved designs of the studies still make progress.
 """
+FIT_RATIO = 2.0
+"""The fit ratio that suits a course, which a message or a suggestion names."""
 CELL_M = 0.1  # of the grid on which a way is searched
 MAX_CELLS = 400  # along each side of that grid
 
@@ -28,25 +32,69 @@ def check_routes(experiment: Experiment) -> Iterator[str]:
     """Yield a warning for each fault of a course."""
     worlds: dict[str, list[str]] = {}
     for name, world in experiment.world.items():
-        obstacles = project_bodies(world.obstacles, experiment.robot.height_m)
-        for message in _check_route(experiment, world, obstacles):
+        for message in _check_world(experiment, world):
             worlds.setdefault(message, []).append(f"world.{name}")
     for message, names in worlds.items():
         yield f"{', '.join(names)}: {message}"
 
 
-def _check_route(
-    experiment: Experiment, world: World, obstacles: Sequence[Footprint]
-) -> Iterator[str]:
-    robot, course = experiment.robot, world.course
+def _check_world(experiment: Experiment, world: World) -> Iterator[str]:
+    yield from check_route(world, experiment.robot)
+    fault = find_range_fault(world, experiment.robot, experiment.controller)
+    if fault is not None:
+        yield (
+            f"half of the course lies within {fault.usual_m:.2g} m of an obstacle, but {fault.key} "
+            f"is {fault.range_m:g} m, so that the robot avoids most of the time; lower it to about "
+            f"{fault.better_m:.2g} m"
+        )
+
+
+def check_route(world: World, robot: Robot) -> Iterator[str]:
+    """Yield a warning for each fault of the course of a world for a robot."""
+    course, obstacles = world.course, project_bodies(world.obstacles, robot.height_m)
     yield from _check_spacing(course)
     if not obstacles:
         return
     half_width = float(np.abs(robot.outline[:, 1]).max())
     yield from _check_waypoints(course, obstacles, half_width)
-    yield from _check_range(experiment.controller, course, obstacles)
     if world.sampler is None:  # a generated world has a passage
         yield from _check_passages(course, obstacles, half_width, robot.name)
+
+
+@dataclass(frozen=True)
+class RangeFault:
+    """A range of the avoidance that is too long for the free space of a course."""
+
+    key: str
+    range_m: float
+    usual_m: float  # free space at half of the route's places
+
+    @property
+    def better_m(self) -> float:
+        """A range that fits."""
+        return max(FIT_RATIO * self.usual_m, 0.1)
+
+
+def find_range_fault(
+    world: World, robot: Robot, controller: object, max_ratio: float = MAX_RATIO
+) -> RangeFault | None:
+    """Return the range with which a controller avoids all the time; None if it does not.
+
+    ``max_ratio`` is the greatest ratio of the range to the free space at half of the places.
+    """
+    found = find_avoidance_range(controller)
+    obstacles = project_bodies(world.obstacles, robot.height_m)
+    if found is None or not obstacles:
+        return None
+    course = world.course
+    goals = np.array([course.home[:2], *course.waypoints, course.home[:2]])
+    legs = [
+        a + (b - a) * np.linspace(0.0, 1.0, 1 + math.ceil(math.dist(a, b) / STEP_M))[:, None]
+        for a, b in pairwise(goals)
+    ]
+    free = _free_space(np.concatenate(legs), obstacles)
+    usual = float(np.median(free[free > 0.0])) if (free > 0.0).any() else 0.0
+    return RangeFault(*found, usual) if found[1] > max_ratio * usual else None
 
 
 def _check_spacing(course: Course) -> Iterator[str]:
@@ -72,28 +120,6 @@ def _check_waypoints(
                 f"acceptance_m ({course.acceptance_m:g} m) of the waypoint ({_point(point)}); move "
                 f"the waypoint, or raise course.acceptance_m"
             )
-
-
-def _check_range(
-    controller: object, course: Course, obstacles: Sequence[Footprint]
-) -> Iterator[str]:
-    found = find_avoidance_range(controller)
-    if found is None:
-        return
-    key, limit = found
-    goals = np.array([course.home[:2], *course.waypoints, course.home[:2]])
-    legs = [
-        a + (b - a) * np.linspace(0.0, 1.0, 1 + math.ceil(math.dist(a, b) / STEP_M))[:, None]
-        for a, b in pairwise(goals)
-    ]
-    free = _free_space(np.concatenate(legs), obstacles)
-    usual = float(np.median(free[free > 0.0])) if (free > 0.0).any() else 0.0
-    if limit > MAX_RATIO * usual:
-        yield (
-            f"half of the course lies within {usual:.2g} m of an obstacle, but {key} is {limit:g} "
-            f"m, so that the robot avoids most of the time; lower it to about "
-            f"{max(2.0 * usual, 0.1):.2g} m"
-        )
 
 
 def _free_space(points: Array, obstacles: Sequence[Footprint]) -> Array:

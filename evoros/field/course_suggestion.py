@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.random import Generator
@@ -10,96 +10,54 @@ from numpy.typing import NDArray
 
 from evoros.base import elementary
 from evoros.base.arrays import Array
-from evoros.geometry.footprint import Footprint, distances
+from evoros.field.free_space import FreeSpace
+from evoros.geometry.footprint import Footprint
 from evoros.world.course import Course
 
-CELL_M = 0.1
-MARGIN_M = 0.2  # free space beside the robot
+AROUND_M = 3.0
+"""How far outside of all obstacles a course may lead, if it finds too little room among them."""
+ATTEMPTS = ((0.0, 0.2), (AROUND_M, 1.0), (AROUND_M, 0.2), (AROUND_M, 0.05))
+"""How far outside of all obstacles a course is looked for, and the free space [m] beside it."""
 OPEN_SIDE_M = 3.0  # half the side of the square that is suggested among no obstacles
 SHORTEST_LEG_M, LONGEST_LEG_M = 1.5, 8.0
-MAX_HALF_EXTENT_M = 20.0  # how far from the middle of a large world a course may reach
 HOMES, CORNERS, TRIES = 12, 60, 4000
 LARGE_ENOUGH_M = 24.0  # size of a loop, below which other homes are tried
+ROOM_M = 12.0  # size of a loop, below which other attempts are made
 DETOUR = 3.0  # how much larger a loop must be for each metre that its home is off the origin
+HEIGHT_M = 0.02  # of the robot's frame above the ground when it is set down
 CRUISE_MPS = 0.15  # average speed, with avoidance, for which the time limit allows
 
 
-@dataclass(frozen=True, eq=False)
-class FreeSpace:
-    """A grid of places where the centre of a robot meets no obstacle."""
-
-    low: Array  # (2,) [m], corner of the grid
-    free: NDArray[np.bool_]  # (rows along y, columns along x), cells of ``CELL_M``
-
-    @classmethod
-    def around(cls, footprints: Sequence[Footprint], radius_m: float) -> "FreeSpace":
-        """Return the places that are farther than ``radius_m`` from all footprints."""
-        corners = np.concatenate([footprint.vertices for footprint in footprints])
-        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-        if np.abs(middle).max() < MAX_HALF_EXTENT_M / 2:
-            middle = np.zeros(2)  # worlds are usually built around their origin
-        low = np.maximum(corners.min(axis=0), middle - MAX_HALF_EXTENT_M)
-        high = np.maximum(np.minimum(corners.max(axis=0), middle + MAX_HALF_EXTENT_M), low + 1.0)
-        columns, rows = np.ceil((high - low) / CELL_M).astype(int)
-        space = cls(low, np.ones((rows, columns), dtype=np.bool_))
-        for footprint in footprints:
-            space._block(footprint, radius_m)
-        return space
-
-    def _block(self, footprint: Footprint, radius_m: float) -> None:
-        reach = footprint.radius + radius_m
-        ends = footprint.vertices.min(axis=0) - reach, footprint.vertices.max(axis=0) + reach
-        cells = (np.floor((end - self.low) / CELL_M).astype(int) for end in ends)
-        (x0, y0), (x1, y1) = (np.clip(cell, 0, self.free.shape[::-1]) for cell in cells)
-        column, row = np.meshgrid(np.arange(x0, x1 + 1), np.arange(y0, y1 + 1))
-        window = self.free[y0 : y1 + 1, x0 : x1 + 1]
-        column, row = (
-            column[: len(window), : window.shape[1]],
-            row[: len(window), : window.shape[1]],
-        )
-        centres = self.low + CELL_M * (np.column_stack((column.ravel(), row.ravel())) + 0.5)
-        window &= (distances(footprint, centres) > radius_m).reshape(window.shape)
-
-    def centres(self) -> Array:
-        """Return the centres (n, 2) [m] of all free cells."""
-        row, column = np.nonzero(self.free)
-        centres: Array = self.low + CELL_M * (np.column_stack((column, row)) + 0.5)
-        return centres
-
-    def is_open(self, start: Array, end: Array) -> bool:
-        """Return whether all cells on the straight line between two points are free."""
-        count = 2 + int(math.dist(start, end) / (CELL_M / 2))
-        points = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
-        column, row = np.floor((points - self.low) / CELL_M).astype(int).T
-        inside = (row >= 0) & (column >= 0)
-        inside &= (row < self.free.shape[0]) & (column < self.free.shape[1])
-        return bool(inside.all() and self.free[row, column].all())
-
-
 def suggest_course(
-    footprints: Sequence[Footprint], robot_radius_m: float, height_m: float = 0.02
-) -> Course:
+    footprints: Sequence[Footprint],
+    robot_radius_m: float,
+    ground: Sequence[Footprint] | None = None,
+    home: tuple[float, float] | None = None,
+) -> Course | None:
     """Suggest home and up to four waypoints with free straight lines between them.
 
-    ``footprints`` are those of all obstacles that the robot can touch; it is set down with its
-    frame ``height_m`` above the ground. The suggestion is deterministic. If the world has no room
-    for two points that see each other, the course is a small square around the origin.
+    ``footprints`` are those of all obstacles that the robot can touch. The course stays on the
+    ``ground``, which has no end if it is None, and starts at ``home`` if that is given. The
+    suggestion is deterministic. It is a small square around the origin if nothing stands in a world
+    without end, and None if there is no room for two points that see each other.
     """
-    home, corners = np.zeros(2), OPEN_SIDE_M * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]])
-    if footprints:
-        space = FreeSpace.around(footprints, robot_radius_m + MARGIN_M)
-        route = _find_route(space, np.random.default_rng(0))
-        if route is not None:
-            home, corners = route[0], route[1:]
-    closed = np.vstack((home, corners, home))
-    length = 2.0 * float(np.linalg.norm(np.diff(closed, axis=0), axis=1).sum())
-    first = corners[0] - home
+    route = _find_widest_route(footprints, robot_radius_m, ground, home)
+    return None if route is None else create_course(route.tolist(), robot_radius_m)
+
+
+def create_course(route: Sequence[Sequence[float]], robot_radius_m: float) -> Course:
+    """Return the course along a route (n, 2) [m] from home, with all its other values.
+
+    They allow for a slow robot of this radius, which starts towards the first corner.
+    """
+    (home_x, home_y), (x, y) = route[0], route[1]
+    length = 2.0 * sum(math.dist(a, b) for a, b in pairwise([*route, route[0]]))
     return Course(
-        home_x_m=round(float(home[0]), 2),
-        home_y_m=round(float(home[1]), 2),
-        home_z_m=height_m,
-        home_yaw_rad=round(elementary.atan2(first[1], first[0]), 3),
-        waypoints=[[round(float(x), 2), round(float(y), 2)] for x, y in corners],
+        home_x_m=round(home_x, 2),
+        home_y_m=round(home_y, 2),
+        home_z_m=HEIGHT_M,
+        home_yaw_rad=round(elementary.atan2(y - home_y, x - home_x), 3),
+        waypoints=[[round(x, 2), round(y, 2)] for x, y in route[1:]],
         acceptance_m=round(min(1.0, max(0.3, robot_radius_m)), 2),
         time_limit_s=60.0 * math.ceil(length / CRUISE_MPS / 60.0),
         direction="random",
@@ -107,8 +65,31 @@ def suggest_course(
     )
 
 
-def _find_route(space: FreeSpace, rng: Generator) -> Array | None:
-    """Find home and corners (n, 2) [m] that form a long loop of open legs."""
+def _find_widest_route(
+    footprints: Sequence[Footprint],
+    radius_m: float,
+    ground: Sequence[Footprint] | None,
+    home: tuple[float, float] | None,
+) -> Array | None:
+    """Find a route among the obstacles, or around them if there is too little room."""
+    if not footprints and ground is None:
+        corners = OPEN_SIDE_M * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]])
+        return np.vstack(((0.0, 0.0) if home is None else home, corners))
+    best: tuple[float, Array] | None = None
+    for around, margin in ATTEMPTS:
+        space = FreeSpace.around(footprints, radius_m + margin, around, ground, home)
+        found = _find_route(space, home, np.random.default_rng(0))
+        if found is not None and (best is None or found[0] > best[0]):
+            best = found
+        if best is not None and best[0] >= ROOM_M:
+            break
+    return None if best is None else best[1]
+
+
+def _find_route(
+    space: FreeSpace, given: tuple[float, float] | None, rng: Generator
+) -> tuple[float, Array] | None:
+    """Find home and corners (n, 2) [m] that form a long loop of open legs, and how good it is."""
     centres = space.centres()
     if len(centres) < 2:
         return None
@@ -116,9 +97,13 @@ def _find_route(space: FreeSpace, rng: Generator) -> Array | None:
     homes = by_distance[[0, *np.sort(rng.integers(len(centres), size=HOMES))]]
     if space.is_open(np.zeros(2), np.zeros(2)):
         homes[0] = 0.0
+    if given is not None:
+        homes = np.array([given])
     best: tuple[float, Array] | None = None
     for home in homes:
         near = centres[np.linalg.norm(centres - home, axis=1) < 2.0 * LONGEST_LEG_M]
+        if not len(near):
+            continue
         chosen = near[rng.integers(len(near), size=CORNERS)]
         found = _find_loop(space, np.vstack((home, chosen)), rng)
         if found is None:
@@ -128,7 +113,7 @@ def _find_route(space: FreeSpace, rng: Generator) -> Array | None:
             best = value, found[1]
         if best is not None and best[0] >= LARGE_ENOUGH_M:
             break
-    return None if best is None else best[1]
+    return best
 
 
 def _find_loop(space: FreeSpace, points: Array, rng: Generator) -> tuple[float, Array] | None:

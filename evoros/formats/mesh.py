@@ -2,7 +2,8 @@
 
 import hashlib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,6 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import product
-from evoros.base.log import LOGGER
 from evoros.formats.mesh_cache import Found, load, store
 from evoros.formats.mesh_dae import Submesh, read_dae
 from evoros.geometry.shapes import Shape, Vector
@@ -23,13 +23,32 @@ TOLD_M = 0.01  # deviation from which on the user is told
 Corners = tuple[Vector, ...]
 
 
+@dataclass(frozen=True)
+class Mesh:
+    """A mesh as convex shapes."""
+
+    shapes: tuple[Shape, ...]
+    deviation_m: float  # largest distance of the mesh's surface from that of the shapes
+    remarks: tuple[str, ...]  # what is left out or not applied
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is approximated, left out or not applied."""
+        if self.deviation_m <= TOLD_M:
+            return self.remarks
+        count = len(self.shapes)
+        parts = "its convex hull stands" if count == 1 else f"{count} convex parts stand"
+        deviation = f"up to {1e3 * self.deviation_m:.0f} mm off its surface"
+        return (f"{parts} for the mesh, {deviation}", *self.remarks)
+
+
 def read_mesh(
     path: Path,
     scale: Vector = (1.0, 1.0, 1.0),
     submesh: str = "",
     center: bool = False,
     up_axis: bool = False,
-) -> tuple[Shape, ...]:
+) -> Mesh:
     """Read an STL, OBJ or DAE file as convex shapes in the mesh's frame.
 
     ``submesh`` selects one part of the file by its name, and ``center`` moves the middle of its
@@ -59,6 +78,15 @@ def read_hull(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> Shape:
         problem = "must have a part of at least 1 mm"
         raise InputError(f"{path}: {problem}; correct the scale, or export the mesh again")
     return _shape(_corners(_find_extremes(points)))
+
+
+@lru_cache(maxsize=256)
+def find_hull_gap(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> float:
+    """Return how far [m] the convex hull of a mesh file is off the mesh's surface."""
+    from evoros.geometry.convex_parts import find_gap  # with scipy, which takes long to import
+    from evoros.geometry.triangles import weld
+
+    return find_gap(weld(_triangles(path, scale, "", False)))
 
 
 def _find_extremes(points: Array) -> Array:
@@ -101,9 +129,7 @@ def _read_content(path: Path) -> bytes:
 
 
 @lru_cache(maxsize=1024)
-def _read(
-    path: Path, key: str, scale: Vector, submesh: str, center: bool, up_axis: bool
-) -> tuple[Shape, ...]:
+def _read(path: Path, key: str, scale: Vector, submesh: str, center: bool, up_axis: bool) -> Mesh:
     found = load(key)
     if found is None:
         found = _convert(_triangles(path, scale, submesh, center, up_axis))
@@ -111,22 +137,19 @@ def _read(
             problem = "must have a part of at least 1 mm"
             raise InputError(f"{path}: {problem}; correct the scale, or export the mesh again")
         store(key, found)
-    _tell(path, found, up_axis)
-    return tuple(map(_shape, found.parts))
+    remarks = tuple(_list_remarks(path, found, up_axis))
+    return Mesh(tuple(map(_shape, found.parts)), found.deviation_m, remarks)
 
 
-def _tell(path: Path, found: Found, up_axis: bool) -> None:
-    """Tell what is approximated, left out or not applied."""
-    if found.deviation_m > TOLD_M:
-        text = "%s: %d convex parts stand for the mesh, up to %.0f mm off its surface"
-        LOGGER.warning(text, path, len(found.parts), 1e3 * found.deviation_m)
+def _list_remarks(path: Path, found: Found, up_axis: bool) -> Iterator[str]:
+    """Yield what is left out or not applied."""
     if found.dropped:
-        LOGGER.warning("%s: parts below 1 mm are left out, %d in number", path, found.dropped)
+        yield f"parts below 1 mm are left out, {found.dropped} in number"
     with path.open("rb") as file:
         axis = re.search(rb"<up_axis>\s*([XY]_UP)", file.read(100_000))
     if axis and path.suffix.lower() == ".dae" and not up_axis:
-        text = "%s: its up axis %s is not applied, as in Gazebo Classic and RViz; z is up"
-        LOGGER.info(text, path, axis[1].decode())
+        name = axis[1].decode()
+        yield f"its up axis {name} is not applied, as in Gazebo Classic and RViz; z is up"
 
 
 def _convert(triangles: Array) -> Found:

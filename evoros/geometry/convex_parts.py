@@ -47,6 +47,13 @@ def make_piece(surface: Surface) -> Piece | None:
     return Piece(surface, hull, depth, max(depth, gap), np.concatenate(suspects))
 
 
+def find_gap(surface: Surface) -> float:
+    """Return how far [m] the hull of a surface bridges its hollows."""
+    hull = make_hull(surface.points)
+    extent = float(np.ptp(surface.points, axis=0).max())
+    return 0.0 if hull is None else _widest_gap(surface, hull, extent)[0]
+
+
 def _depths(corners: Array, hull: Hull) -> Array:
     """Return how deep [m] in the hull each of the triangles (n, 3, 3) lies."""
     # A valley may end on the hull, so its middle counts, too.

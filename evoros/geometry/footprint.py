@@ -144,6 +144,13 @@ def bounding_circle(footprint: Footprint) -> tuple[float, float, float]:
     return x, y, float(reach) + footprint.radius
 
 
+def find_bounds(*footprints: Footprint) -> tuple[Array, Array]:
+    """Return the lowest and the highest x, y (2,) [m] of footprints."""
+    low = np.min([shape.vertices.min(axis=0) - shape.radius for shape in footprints], axis=0)
+    high = np.max([shape.vertices.max(axis=0) + shape.radius for shape in footprints], axis=0)
+    return low, high
+
+
 def convex_hull(points: Array) -> Array:
     """Return the corners of the convex hull of points (n, 2), counter-clockwise.
 

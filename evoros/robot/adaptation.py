@@ -28,6 +28,7 @@ from evoros.robot.body_adaptation import (
     complete_body,
     hold_joints,
     place_on_ground,
+    replace_lost_body,
     show_as_collisions,
 )
 from evoros.robot.caster_adaptation import Casters, add_supports, centre_of_mass, find_casters
@@ -82,6 +83,12 @@ def adapt(
     notes += _complete_masses(elements, read_tree(elements, source), chosen, wheels)
     casters, chosen = _adapt_casters(elements, source, chosen, wheels, rolling_groups)
     urdf = read_tree(elements, source)
+    rolling_groups |= {*chosen.caster_links}
+    replaced = replace_lost_body(elements, urdf, rolling_groups, reader, wheels)
+    if replaced:
+        urdf = read_tree(elements, source)
+        replaced += _complete_masses(elements, urdf, chosen, wheels)
+    notes += replaced
     notes += [*casters.notes, *_complete_motors(elements, urdf, driven, wheels[0].radius)]
     for note in [*reader.finish(), *notes]:
         _LOG.warning("%s: %s", source, note)

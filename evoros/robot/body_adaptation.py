@@ -93,6 +93,35 @@ def complete_body(
     return [f"the body has {lack}, so the hull of its visuals collides"]
 
 
+def replace_lost_body(
+    elements: Element,
+    urdf: Urdf,
+    rolling: Collection[str],
+    reader: SolidsReader,
+    wheels: Sequence[Wheel],
+) -> list[str]:
+    """Give a body whose meshes are missing a box around the wheels, if too little of it is left.
+
+    ``rolling`` are all wheels and casters.
+    """
+    body = [name for name in urdf.poses if name not in rolling and not CASTER.search(name)]
+    solid = _points([(s, urdf.poses[n] @ s.pose) for n in body for s in urdf.shapes[n]])
+    if not reader.lacks_meshes or (len(solid) and not _is_small(solid, wheels)):
+        return []
+    points = _points([(s, urdf.poses[n] @ s.pose) for n in urdf.poses for s in urdf.shapes[n]])
+    low, high = points.min(axis=0), points.max(axis=0)
+    low[2] = max(_MIN_CLEARANCE_M, min(wheel.radius for wheel in wheels) / 2)
+    high[2] = max(high[2], low[2] + _MIN_CLEARANCE_M)
+    x, y, z = ((low + high) / 2).tolist()
+    length, width, height = (high - low).tolist()
+    base = next(name for name in urdf.poses if name != GROUND_LINK)
+    pose = urdf.poses[base].inverse() @ Pose((x, y, z))
+    link = next(link for link in elements.findall("link") if link.get("name") == base)
+    link.append(build_collision(Shape("box", (length, width, height), pose)))
+    size = f"{length:.2f} x {width:.2f} x {height:.2f} m"
+    return [f"meshes of the body are missing, so a box around its wheels stands for it, {size}"]
+
+
 def _is_small(solid: Array, wheels: Sequence[Wheel]) -> bool:
     """Return whether points (n, 3) cover little of the space between the wheels."""
     centres = np.array([wheel.centre[:2] for wheel in wheels])

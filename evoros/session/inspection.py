@@ -3,37 +3,34 @@
 import logging
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
 from evoros.base.log import withhold_messages
 from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.config.own_design import plan_design
-from evoros.config.own_files import ROBOT, OwnFile
+from evoros.config.own_files import OwnFile
 from evoros.evolution.experiment import Experiment
-from evoros.field.course_suggestion import suggest_course
-from evoros.formats.sdf.reading import SdfOptions
+from evoros.evolution.route_check import FIT_RATIO, MAX_RATIO, check_routes, find_range_fault
 from evoros.formats.urdf.tree import read_tree
-from evoros.geometry.footprint import bottom_height, project_bodies, project_shape, top_height
+from evoros.geometry.footprint import bottom_height, find_bounds, project_shape, top_height
 from evoros.robot.model import Robot
 from evoros.robot.own_sensors import OwnSensor, find_own_sensors
 from evoros.session.figures import draw_robot_picture, draw_world_picture
-from evoros.world.course import Course
-from evoros.world.floors import settle
-from evoros.world.loading import read_world
-from evoros.world.model import LOW_M, World
+from evoros.world.model import World
 
 SAMPLES = 60
 """Random designs whose sensors the picture of a robot shows."""
 
-START = Course(0.0, 0.0, 0.0, 0.0, [[0.5, 0.0]], 0.3, 60.0, "forward", True)
-"""Finds the floor of a world that has no course yet: the floor around its origin."""
+LEVEL, UNEVEN = "simulator=planar", "simulator=physics"
+"""The simulators that worlds with level ground and others need."""
+
+INDOOR = "controller=indoor"
+"""The controller for worlds that are too narrow for the default one."""
 
 Rows = Sequence[tuple[str, str]]
 
@@ -46,37 +43,19 @@ class Inspection:
     rows: Rows
     messages: Sequence[str]  # what the readers assumed, changed or left out
     picture: bytes  # PNG
+    choices: Sequence[str] = ()  # with which a run uses it, besides its own
     design: OwnFile | None = None  # with the sensors that a robot has already
 
 
-def inspect_part(group: str, name: str, folder: Path, overrides: Sequence[str]) -> Inspection:
-    """Describe the robot or the world that ``GROUP=NAME`` chooses with ``--config-dir`` FOLDER.
+def inspect_robot(name: str, folder: Path, simulator: str) -> Inspection:
+    """Describe the robot that ``robot=NAME`` chooses with ``--config-dir`` FOLDER.
+
+    The inspection has a design with the sensors that the robot has.
 
     Raises:
-        InputError: the configuration cannot be composed, or the part cannot be used.
+        InputError: the configuration cannot be composed, or the robot cannot be used.
     """
-    design = ["design=around"] if group == ROBOT else []
-    experiment, messages = _build([f"{group}={name}", *design, *overrides], folder)
-    title = f"{group} {name}"
-    if group == ROBOT:
-        return _inspect_robot(title, name, experiment, messages)
-    rows = [row for world in experiment.world.values() for row in describe_world(world)]
-    return Inspection(title, rows, messages, draw_world_picture(experiment.world))
-
-
-def require_design(name: str, folder: Path, overrides: Sequence[str]) -> None:
-    """Require that the design of this name fits the robot that ``overrides`` choose.
-
-    Raises:
-        InputError: it does not.
-    """
-    _build([*overrides, f"design={name}"], folder)
-
-
-def _inspect_robot(
-    title: str, name: str, experiment: Experiment, messages: Sequence[str]
-) -> Inspection:
-    """Describe a robot, and plan a design with the sensors that it has."""
+    experiment, messages = _build([f"robot={name}", "design=around", simulator], folder)
     robot, places = experiment.robot, _sample_places(experiment)
     own = find_own_sensors(robot)
     first_line = f"The sensors of {name}, read from its description by evoros-inspect."
@@ -85,40 +64,66 @@ def _inspect_robot(
     if own.sensors:
         rows.append(("has", _describe_own(own.sensors)))
     picture = draw_robot_picture(robot, places)
-    return Inspection(title, rows, [*messages, *own.notes, *notes], picture, design)
+    messages = [*messages, *own.notes, *notes]
+    chosen = [f"design={design.name if design is not None else 'around'}", simulator]
+    return Inspection(f"robot {name}", rows, messages, picture, chosen, design)
 
 
-def plan_course(
-    values: Mapping[str, Any], folder: Path, overrides: Sequence[str]
-) -> dict[str, Any]:
-    """Suggest a course for the world that ``load_world`` reads with ``values``.
-
-    It suits the robot that ``overrides`` choose, else one as large as the bundled rover.
+def inspect_world(name: str, folder: Path, robot: Sequence[str], simulator: str) -> Inspection:
+    """Describe the world that ``world=NAME`` chooses, and choose a controller that fits it.
 
     Raises:
-        InputError: the world cannot be read.
+        InputError: the configuration cannot be composed, or the world cannot be used.
     """
-    robot = _build(overrides, folder if overrides else None)[0].robot
-    radius = float(np.linalg.norm(robot.outline, axis=1).max())
-    sdf = str(values["sdf"])
-    keys = {entry.name: values[entry.name] for entry in fields(SdfOptions) if entry.name in values}
-    try:
-        options = SdfOptions(**keys)
-    except InputError as error:
-        raise InputError(str(error).replace("SdfOptions.", "world.")) from None
-    with withhold_messages():  # building the world will repeat them
-        world = read_world(sdf, options, values.get("arguments", {}))
-        bodies = settle(world.bodies, START, sdf)
-    obstacles = [body for body in bodies if not body.is_ground]
-    course = suggest_course(project_bodies(obstacles, max(robot.height_m, LOW_M)), radius)
-    values = {"_target_": f"{Course.__module__}.{Course.__name__}", **vars(course)}
-    return values | {"waypoints": [list(point) for point in course.waypoints]}
+    words = [f"world={name}", *robot, simulator]
+    experiment, messages = _build(words, folder)
+    choices = [simulator, *_choose_controller(experiment, words, folder)]
+    if len(choices) > 1:
+        experiment, messages = _build([*words, *choices[1:]], folder)
+    messages += check_routes(experiment)
+    rows = [row for world in experiment.world.values() for row in describe_world(world)]
+    picture = draw_world_picture(experiment.world)
+    return Inspection(f"world {name}", rows, messages, picture, choices)
+
+
+def _choose_controller(experiment: Experiment, words: Sequence[str], folder: Path) -> Sequence[str]:
+    """Choose a controller whose avoidance suits the worlds; nothing if the default one does."""
+    if not _find_ranges(experiment, FIT_RATIO):
+        return []
+    faults = _find_ranges(_build([*words, INDOOR], folder)[0], MAX_RATIO)
+    return [INDOOR, *(f"{key}={value:.2g}" for key, value in faults.items())]
+
+
+def _find_ranges(experiment: Experiment, max_ratio: float) -> dict[str, float]:
+    """Return ranges of avoidance that suit the worlds, by the keys of those that are too long."""
+    robot, controller = experiment.robot, experiment.controller
+    worlds = experiment.world.values()
+    faults = [find_range_fault(world, robot, controller, max_ratio) for world in worlds]
+    return {fault.key: fault.better_m for fault in faults if fault is not None}
+
+
+def find_robot(overrides: Sequence[str], folder: Path) -> Robot:
+    """Build the robot that ``overrides`` choose.
+
+    Raises:
+        InputError: the configuration cannot be composed, or the robot cannot be used.
+    """
+    return _build([*overrides, LEVEL], folder if overrides else None)[0].robot
+
+
+def require_design(name: str, folder: Path, overrides: Sequence[str]) -> None:
+    """Require that the design of this name fits the robot that ``overrides`` choose.
+
+    Raises:
+        InputError: it does not.
+    """
+    _build([*overrides, f"design={name}", LEVEL], folder)
 
 
 def _build(overrides: Sequence[str], folder: Path | None) -> tuple[Experiment, list[str]]:
     """Build the experiment; return it with the warnings of all readers, in their order."""
     with withhold_messages() as records:
-        experiment = compose(["simulator=planar", *overrides], folder).build()
+        experiment = compose(overrides, folder).build()
     told = [record.getMessage() for record in records if record.levelno >= logging.INFO]
     return experiment, list(dict.fromkeys(told))
 
@@ -221,8 +226,7 @@ def _describe_extent(world: World) -> str:
     ]
     if not placed:
         return "no obstacles"
-    corners = np.concatenate([project_shape(*solid).vertices for solid in placed])
-    (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+    (x0, y0), (x1, y1) = find_bounds(*(project_shape(*solid) for solid in placed))
     lowest = min(bottom_height(*solid) for solid in placed)
     highest = max(top_height(*solid) for solid in placed)
     return f"x {x0:.1f}..{x1:.1f}, y {y0:.1f}..{y1:.1f}, z {lowest:.2f}..{highest:.2f} m"

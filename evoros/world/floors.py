@@ -69,6 +69,16 @@ def is_level(shape: Shape, pose: Pose) -> bool:
     return shape.kind != "heightfield"
 
 
+def has_level_ground(bodies: Sequence[Body]) -> bool:
+    """Whether all ground of a world is level: there is no tilted plane and no height field."""
+    return all(
+        is_level(shape, body.pose @ shape.pose)
+        for body in bodies
+        if body.is_ground
+        for shape in body.shapes
+    )
+
+
 def _height_at(shape: Shape, pose: Pose, point: Sequence[float]) -> float | None:
     x, y = point[0] - pose.position[0], point[1] - pose.position[1]
     if shape.kind == "plane":

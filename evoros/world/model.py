@@ -9,10 +9,10 @@ import numpy as np
 from evoros.base.checks import POSITIVE, TEXT, checked, instance_of, invalid, sequence_of
 from evoros.base.errors import InputError
 from evoros.formats.sdf.writer import write_sdf, write_surfaces
-from evoros.geometry.footprint import bottom_height, contains, project_shape, top_height
+from evoros.geometry.footprint import contains, find_bounds, project_bodies
 from evoros.geometry.shapes import Body
 from evoros.world.course import A_COURSE, Course
-from evoros.world.floors import MAT_M, ground_height, is_level, plane_normal
+from evoros.world.floors import MAT_M, ground_height, has_level_ground, plane_normal
 
 LOW_M = 0.3
 """An obstacle whose underside is higher than this above the ground may stand over a waypoint."""
@@ -90,12 +90,7 @@ class World:
     @property
     def is_level(self) -> bool:
         """Whether the ground is level: there is no tilted plane and no height field."""
-        return all(
-            is_level(shape, body.pose @ shape.pose)
-            for body in self.bodies
-            if body.is_ground
-            for shape in body.shapes
-        )
+        return has_level_ground(self.bodies)
 
 
 def _check_names(world: World) -> None:
@@ -126,18 +121,19 @@ def _check_ground(world: World) -> None:
 
 
 def _check_course(world: World) -> None:
+    """Require that home and the waypoints are not inside an obstacle."""
     course = world.course
-    points = {f"waypoint {i} {point}": point for i, point in enumerate(course.waypoints)}
-    points[f"home ({course.home_x_m}, {course.home_y_m})"] = (course.home_x_m, course.home_y_m)
+    points = {f"waypoint {i}": point for i, point in enumerate(course.waypoints)}
+    points["home"] = (course.home_x_m, course.home_y_m)
     for body in world.obstacles:
-        for shape in body.shapes:
-            pose = body.pose @ shape.pose
-            if bottom_height(shape, pose) > LOW_M or top_height(shape, pose) <= 0.0:
-                continue
-            footprint = project_shape(shape, pose)
-            for name, point in points.items():
-                if contains(footprint, point):
+        for footprint in project_bodies([body], LOW_M):
+            for name, (x, y) in points.items():
+                if contains(footprint, (x, y)):
+                    keys = "home_x_m and home_y_m" if name == "home" else "waypoints"
+                    low, high = find_bounds(footprint)
                     raise InputError(
-                        f"{world.source}: {name} of the course must not lie inside the obstacle "
-                        f"{body.name!r}; move one of the two"
+                        f"{world.source}: {name} of the course, ({x:g}, {y:g}) m, must not lie "
+                        f"inside the obstacle {body.name!r}, which covers x {low[0]:.2f}.."
+                        f"{high[0]:.2f} and y {low[1]:.2f}..{high[1]:.2f} m; set its {keys} to a "
+                        f"free place, or let evoros-inspect world suggest a course"
                     )

@@ -18,7 +18,7 @@ from evoros.geometry.footprint import (
 )
 from evoros.geometry.polygon import polygon_distance
 from evoros.geometry.shapes import Body, Pose
-from evoros.world.floors import ground_height
+from evoros.world.floors import ground_height, has_level_ground
 from evoros.world.model import World
 
 GAP_M = 0.002
@@ -38,14 +38,20 @@ class _Placed(NamedTuple):
 
 @lru_cache(maxsize=64)
 def standing_obstacles(world: World) -> tuple[Body, ...]:
+    """Return the obstacles of a world as they stand, see ``stand``."""
+    return stand(world.bodies)
+
+
+def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
     """Return the obstacles with each movable body set straight down onto what is below it.
 
     That is the ground, or the highest shape below its footprint. A body into which another one
     reaches stays where it is. Where the ground is not level, each obstacle is lowered by the height
     of the ground below it.
     """
-    bodies, is_level = list(world.obstacles), world.is_level
-    floor = [body for body in world.bodies if body.is_ground]
+    bodies = [body for body in all_bodies if not body.is_ground]
+    floor = [body for body in all_bodies if body.is_ground]
+    is_level = has_level_ground(all_bodies)
     grounds = [0.0 if is_level else _ground_below(floor, body) for body in bodies]
     lowest = [min(bottom_height(s, body.pose @ s.pose) for s in body.shapes) for body in bodies]
     falls = [

@@ -1,24 +1,33 @@
 """A suggested course is one that a robot can drive: its straight legs meet no obstacle."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evoros.base.arrays import Array
-from evoros.field.course_suggestion import suggest_course
+from evoros.field.course_suggestion import AROUND_M, ATTEMPTS, suggest_course
+from evoros.field.free_space import CELL_M
 from evoros.geometry.footprint import Footprint, distances
 from evoros.world.course import Course
 
 RADIUS_M = 0.3
-CELL_DIAGONAL_M = 0.1 * math.sqrt(2.0)
+CELL_DIAGONAL_M = CELL_M * math.sqrt(2.0)
 
 
 def rectangle(x: float, y: float, length: float, width: float) -> Footprint:
     corners = np.array([[-length, -width], [length, -width], [length, width], [-length, width]])
     return Footprint(corners / 2 + (x, y))
+
+
+def suggest(obstacles: Sequence[Footprint], **keys: Any) -> Course:
+    course = suggest_course(obstacles, RADIUS_M, **keys)
+    assert course is not None
+    return course
 
 
 def points_along(course: Course) -> Array:
@@ -38,20 +47,20 @@ def test_the_legs_stay_clear_of_every_obstacle(obstacles: list[Footprint]) -> No
     walls = [rectangle(0, y, 18, 0.2) for y in (-9, 9)] + [
         rectangle(x, 0, 0.2, 18) for x in (-9, 9)
     ]
-    course = suggest_course([*obstacles, *walls], RADIUS_M)
+    course = suggest([*obstacles, *walls])
     # Waypoints are rounded to centimetres, and a leg is followed from cell to cell.
     least = min(distances(each, points_along(course)).min() for each in (*obstacles, *walls))
-    assert least > RADIUS_M + 0.2 - CELL_DIAGONAL_M / 2 - 0.01
-    assert course == suggest_course([*obstacles, *walls], RADIUS_M)
+    assert least > RADIUS_M + min(margin for _, margin in ATTEMPTS) - CELL_DIAGONAL_M / 2 - 0.01
+    assert course == suggest([*obstacles, *walls])
 
 
 def test_a_world_that_leaves_the_origin_free_starts_there() -> None:
-    course = suggest_course([rectangle(x, y, 1, 1) for x in (-4, 4) for y in (-4, 4)], RADIUS_M)
+    course = suggest([rectangle(x, y, 1, 1) for x in (-4, 4) for y in (-4, 4)])
     assert course.home[:2] == (0.0, 0.0)
 
 
 def test_an_empty_world_gets_a_square_around_the_origin() -> None:
-    course = suggest_course([], RADIUS_M)
+    course = suggest([])
     lengths = {round(math.dist(a, b), 9) for a, b in pairwise(course.waypoints)}
     assert len(course.waypoints) == 4
     assert len(lengths) == 1
@@ -61,12 +70,45 @@ def test_two_rooms_without_a_door_are_not_connected() -> None:
     walls = [rectangle(0, y, 12, 0.2) for y in (-3, 3)] + [
         rectangle(x, 0, 0.2, 6) for x in (-6, 2, 6)
     ]
-    course = suggest_course(walls, RADIUS_M)
+    course = suggest(walls)
     stops = np.array([course.home[:2], *course.waypoints])
     assert (stops[:, 0] < 2).all()  # home is at the origin, left of the wall between the rooms
 
 
 def test_the_time_limit_allows_for_driving_both_phases_slowly() -> None:
-    course = suggest_course([], RADIUS_M)
+    course = suggest([])
     length = np.linalg.norm(np.diff(course.route(True), axis=0), axis=1).sum()
     assert course.time_limit_s >= length / 0.29
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.lists(places, min_size=1, max_size=4))
+def test_a_few_things_in_the_open_leave_room_around_them(obstacles: list[Footprint]) -> None:
+    course = suggest(obstacles)
+    points = points_along(course)
+    assert min(distances(each, points).min() for each in obstacles) > RADIUS_M
+    corners = np.concatenate([each.vertices for each in obstacles])
+    assert (points >= corners.min(axis=0) - AROUND_M - CELL_M).all()
+    assert (points <= corners.max(axis=0) + AROUND_M + CELL_M).all()
+
+
+def test_a_course_stays_on_its_ground() -> None:
+    """The slab ends 0.5 m beside the box on three sides; the robot has a radius of 0.3 m."""
+    slab, box = rectangle(1, 0, 5, 2), rectangle(0, 0, 1, 1)
+    points = points_along(suggest([box], ground=[slab]))
+    assert distances(box, points).min() > RADIUS_M
+    low, high = np.array([-1.5, -1.0]) + RADIUS_M, np.array([3.5, 1.0]) - RADIUS_M
+    assert (points > low - 0.01).all()
+    assert (points < high + 0.01).all()
+
+
+def test_a_chosen_home_is_kept_or_there_is_no_course() -> None:
+    box = rectangle(0, 0, 1, 1)
+    assert suggest([box], home=(4.0, 1.0)).home[:2] == (4.0, 1.0)
+    assert suggest([], home=(4.0, 1.0)).home[:2] == (4.0, 1.0)
+    assert suggest_course([box], RADIUS_M, home=(0.2, 0.0)) is None
+
+
+def test_a_room_without_room_has_no_course() -> None:
+    walls = [rectangle(0, y, 2, 0.2) for y in (-1, 1)] + [rectangle(x, 0, 0.2, 2) for x in (-1, 1)]
+    assert suggest_course(walls, RADIUS_M, ground=[rectangle(0, 0, 2, 2)]) is None

@@ -1,6 +1,7 @@
 """Mesh files become convex shapes in metres, with z up; each faulty file gives one clear line."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,6 +88,10 @@ def write(path: Path, text: str) -> Path:
     return path
 
 
+def read(path: Path, *arguments: Any, **keys: Any) -> tuple[Shape, ...]:
+    return read_mesh(path, *arguments, **keys).shapes
+
+
 def bounds(*shapes: Shape) -> list[list[float]]:
     corners = np.concatenate([shape.corners for shape in shapes])
     return [corners.min(axis=0).round(9).tolist(), corners.max(axis=0).round(9).tolist()]
@@ -94,7 +99,7 @@ def bounds(*shapes: Shape) -> list[list[float]]:
 
 def refused(path: Path, submesh: str = "") -> str:
     with pytest.raises(InputError) as caught:
-        read_mesh(path, submesh=submesh)
+        read(path, submesh=submesh)
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
     assert "\n" not in message
@@ -106,7 +111,7 @@ def refused(path: Path, submesh: str = "") -> str:
 def test_an_stl_is_read_in_metres_and_scaled(tmp_path: Path, file_type: str) -> None:
     path = tmp_path / "box.STL"
     trimesh.creation.box((1.0, 2.0, 4.0)).export(path, file_type=file_type)
-    [shape] = read_mesh(path, (0.1, 1.0, -0.5))
+    [shape] = read(path, (0.1, 1.0, -0.5))
     assert shape.kind == "convex"
     assert len(shape.corners) == 8
     assert bounds(shape) == [[-0.05, -1.0, -1.0], [0.05, 1.0, 1.0]]
@@ -114,14 +119,14 @@ def test_an_stl_is_read_in_metres_and_scaled(tmp_path: Path, file_type: str) -> 
 
 def test_an_obj_is_read_without_its_materials(tmp_path: Path) -> None:
     path = write(tmp_path / "boxes.obj", TWO_BOXES)
-    assert bounds(*read_mesh(path)) == [[0, 0, 0], [5, 1, 1]]
-    assert sorted(len(shape.corners) for shape in read_mesh(path)) == [4, 8]
+    assert bounds(*read(path)) == [[0, 0, 0], [5, 1, 1]]
+    assert sorted(len(shape.corners) for shape in read(path)) == [4, 8]
 
 
 def test_a_submesh_is_read_alone_and_centred(tmp_path: Path) -> None:
     path = write(tmp_path / "boxes.obj", TWO_BOXES)
-    assert bounds(*read_mesh(path, submesh="right")) == [[3, 0, 0], [5, 1, 1]]
-    assert bounds(*read_mesh(path, submesh="right", center=True)) == [
+    assert bounds(*read(path, submesh="right")) == [[3, 0, 0], [5, 1, 1]]
+    assert bounds(*read(path, submesh="right", center=True)) == [
         [-1, -0.5, -0.5],
         [1, 0.5, 0.5],
     ]
@@ -130,25 +135,22 @@ def test_a_submesh_is_read_alone_and_centred(tmp_path: Path) -> None:
 
 def test_a_submesh_of_an_obj_may_be_a_group(tmp_path: Path) -> None:
     path = write(tmp_path / "boxes.obj", TWO_BOXES.replace("usemtl paint", "g corner"))
-    assert bounds(*read_mesh(path, submesh="corner")) == [[3, 0, 0], [5, 1, 1]]
+    assert bounds(*read(path, submesh="corner")) == [[3, 0, 0], [5, 1, 1]]
 
 
 def test_a_dae_has_a_unit_and_poses(tmp_path: Path) -> None:
     path = write(tmp_path / "wedges.dae", DAE.format(up="Z_UP"))
-    assert bounds(*read_mesh(path, submesh="left")) == [[5, 0, 0], [6, 2, 3]]
-    assert bounds(*read_mesh(path, submesh="right")) == [[-4, 0, 0], [0, 2, 6]]
-    assert bounds(*read_mesh(path, submesh="wedge")) == bounds(*read_mesh(path))
+    assert bounds(*read(path, submesh="left")) == [[5, 0, 0], [6, 2, 3]]
+    assert bounds(*read(path, submesh="right")) == [[-4, 0, 0], [0, 2, 6]]
+    assert bounds(*read(path, submesh="wedge")) == bounds(*read(path))
 
 
 @pytest.mark.parametrize("up", ["X_UP", "Y_UP", "Z_UP"])
-def test_the_coordinates_of_a_dae_have_z_up_whatever_it_says(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, up: str
-) -> None:
-    caplog.set_level("INFO")
+def test_the_coordinates_of_a_dae_have_z_up_whatever_it_says(tmp_path: Path, up: str) -> None:
     path = write(tmp_path / "wedges.dae", DAE.format(up=up))
-    assert bounds(*read_mesh(path, submesh="left")) == [[5, 0, 0], [6, 2, 3]]
-
-    assert [f"up axis {up} is not applied" in text for text in caplog.messages] == [True] * (
+    mesh = read_mesh(path, submesh="left")
+    assert bounds(*mesh.shapes) == [[5, 0, 0], [6, 2, 3]]
+    assert [f"up axis {up} is not applied" in note for note in mesh.notes] == [True] * (
         up != "Z_UP"
     )
 
@@ -166,19 +168,19 @@ def test_a_dae_is_turned_as_its_up_axis_says_if_asked(
 ) -> None:
     """COLLADA: Y_UP has x to the right and -z ahead; X_UP has -y to the right and -z ahead."""
     path = write(tmp_path / "wedges.dae", DAE.format(up=up))
-    assert bounds(*read_mesh(path, submesh="left", up_axis=True)) == turned
+    assert bounds(*read(path, submesh="left", up_axis=True)) == turned
 
 
 def test_a_dae_with_a_slip_in_a_name_is_read(tmp_path: Path) -> None:
     text = DAE.format(up="Z_UP").replace('name="left"', 'name="<STL & BINARY>"')
-    assert bounds(*read_mesh(write(tmp_path / "wedges.dae", text), submesh="a")) == [
+    assert bounds(*read(write(tmp_path / "wedges.dae", text), submesh="a")) == [
         [5, 0, 0],
         [6, 2, 3],
     ]
 
 
 def test_the_hull_of_several_shapes_is_one_shape(tmp_path: Path) -> None:
-    hull = hull_of(read_mesh(write(tmp_path / "boxes.obj", TWO_BOXES)))
+    hull = hull_of(read(write(tmp_path / "boxes.obj", TWO_BOXES)))
     assert hull.kind == "convex"
     assert bounds(hull) == [[0, 0, 0], [5, 1, 1]]
 
@@ -203,50 +205,47 @@ def test_a_mesh_is_read_once_and_a_damaged_cache_does_not_matter(
     tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = write(tmp_path / "boxes.obj", TWO_BOXES)
-    first = read_mesh(path)
+    first = read(path)
     [file] = cache.iterdir()
     with monkeypatch.context() as patch:
         patch.setattr(mesh_parts, "divide_mesh", lambda triangles: pytest.fail("divided again"))
         mesh._read.cache_clear()
-        assert read_mesh(path) == first
+        assert read(path) == first
     for damage in ("", "{}", '{"parts": [[]], "dropped": 0, "deviation_m": 0}', "[[[", "\0"):
         file.write_text(damage)
         mesh._read.cache_clear()
-        assert read_mesh(path) == first
+        assert read(path) == first
     write(path, TWO_BOXES.replace("v 5 0 0", "v 6 0 0"))
-    assert bounds(*read_mesh(path)) == [[0, 0, 0], [6, 1, 1]]
+    assert bounds(*read(path)) == [[0, 0, 0], [6, 1, 1]]
 
 
 def test_a_cache_that_cannot_be_written_does_not_matter(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(write(tmp_path / "file", "")))
-    assert len(read_mesh(write(tmp_path / "boxes.obj", TWO_BOXES))) == 2
+    assert len(read(write(tmp_path / "boxes.obj", TWO_BOXES))) == 2
 
 
-def test_what_is_left_out_is_told_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_what_is_left_out_is_noted_whenever_the_mesh_is_read(tmp_path: Path) -> None:
     path = write(
         tmp_path / "boxes.obj", TWO_BOXES + "v 9 9 9\nv 9 9.0001 9\nv 9 9 9.0001\nf 13 14 15\n"
     )
-    assert len(read_mesh(path)) == 2
-    read_mesh(path)
-    [message] = caplog.messages
-    assert message == f"{path}: parts below 1 mm are left out, 1 in number"
+    for _ in range(2):
+        mesh = read_mesh(path)
+        assert len(mesh.shapes) == 2
+        assert mesh.notes == ("parts below 1 mm are left out, 1 in number",)
 
 
-def test_how_far_the_parts_are_off_is_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_how_far_the_parts_are_off_is_noted(tmp_path: Path) -> None:
     path = tmp_path / "ball.stl"
     trimesh.creation.icosphere(4, 1.0).export(path)
-    read_mesh(path)
-    [message] = caplog.messages
-    assert message.startswith(f"{path}: 1 convex parts stand for the mesh, up to ")
+    [note] = read_mesh(path).notes
+    assert note.startswith("its convex hull stands for the mesh, up to ")
 
 
 def test_a_negative_scale_mirrors(tmp_path: Path) -> None:
     path = write(tmp_path / "boxes.obj", TWO_BOXES)
-    plain, mirrored = read_mesh(path), read_mesh(path, (-2.0, 2.0, 2.0))
+    plain, mirrored = read(path), read(path, (-2.0, 2.0, 2.0))
     expected = {tuple((-2 * x, 2 * y, 2 * z) for x, y, z in shape.corners) for shape in plain}
     assert {frozenset(corners) for corners in expected} == {
         frozenset(shape.corners) for shape in mirrored

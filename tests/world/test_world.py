@@ -12,7 +12,7 @@ from evoros.world.loading import load_world
 
 
 @pytest.mark.parametrize(
-    ("x", "y", "place"), [(5.0, -5.0, r"waypoint 1 \(5.0, -5.0\)"), (0.0, 0.0, "home")]
+    ("x", "y", "place"), [(5.0, -5.0, r"waypoint 1 of the course, \(5, -5\) m"), (0.0, 0.0, "home")]
 )
 def test_a_place_in_an_obstacle_is_refused_by_name(x: float, y: float, place: str) -> None:
     with pytest.raises(InputError, match=rf"^test\.sdf: {place}.*'rock'"):

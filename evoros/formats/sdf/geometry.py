@@ -189,13 +189,16 @@ def _read_mesh(mesh: Element, reading: Reading) -> tuple[Shape, ...]:
     reading.read(place)
     try:
         up_axis = reading.options.mesh_up_axis == "apply"
-        return read_mesh(place.resolve(), (x, y, z), name, center, up_axis)
+        found = read_mesh(place.resolve(), (x, y, z), name, center, up_axis)
     except InputError as error:
         text = str(error)
         raise MeshMissingError(
             str(element_error(element, f"names a mesh that cannot be read: {text}",
                               "or set missing_meshes=box"))
         ) from None  # fmt: skip
+    for note in found.notes:
+        reading.notes.add_file(place.resolve(), note)
+    return found.shapes
 
 
 def _read_submesh(submesh: Element | None) -> tuple[str, bool]:

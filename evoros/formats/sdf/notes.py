@@ -1,6 +1,7 @@
 """What the SDF reader leaves out or assumes: one warning for each kind, with a count."""
 
 import logging
+from pathlib import Path
 
 from lxml.etree import _Element as Element
 
@@ -23,6 +24,11 @@ class Notes:
         text = f"{locate(element)} {problem}"
         _, others = self._notes.setdefault(kind or f"{local_tag(element)} {problem}", (text, []))
         others.append(text)
+
+    def add_file(self, path: Path, problem: str) -> None:
+        """Note once how a file that is not XML is used; ``problem`` is a sentence about it."""
+        text = f"{path}: {problem}"
+        self._notes.setdefault(text, (text, [text]))
 
     def report(self) -> None:
         """Log one warning for each kind."""

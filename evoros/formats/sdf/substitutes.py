@@ -1,5 +1,6 @@
 """A box that stands for a mesh that cannot be read."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -22,12 +23,14 @@ def substitute_box(
     It is the box around the link's first visual that can be read, else the homogeneous box with
     the link's inertia; None if there is neither.
     """
+    silent = copy(reading)  # how a visual is read does not matter: only its box is used
+    silent.notes = Notes()
     for visual in link.findall("visual"):
         geometry = visual.find("geometry")
         if geometry is None:
             continue
         try:
-            shapes = read_geometry(geometry, reading)
+            shapes = read_geometry(geometry, silent)
         except InputError:
             continue
         box = _bounding_box(shapes)

@@ -27,10 +27,18 @@ class SolidsReader:
     def __init__(self, missing_meshes: str) -> None:
         self.missing_meshes = missing_meshes
         self.notes: list[str] = []
-        self._converted = 0
+        self._divided = 0
+        self._hulls = 0
+        self._meshes: list[str] = []  # what is approximated, by file
         self._empty: list[str] = []
         self._boxes: list[str] = []
+        self._lost: list[str] = []  # missing meshes for which no box stands
         self._strange: list[str] = []
+
+    @property
+    def lacks_meshes(self) -> bool:
+        """Whether a mesh is missing."""
+        return bool(self._boxes or self._lost)
 
     def rewrite_collisions(self, robot: Element) -> None:
         """Replace every collision of another kind by collisions that engines know.
@@ -90,8 +98,11 @@ class SolidsReader:
 
     def finish(self) -> list[str]:
         """Return a line for each kind of assumption."""
-        if self._converted:
-            self.notes.append(f"{self._converted} collision meshes are taken as convex parts")
+        self.notes += dict.fromkeys(self._meshes)
+        if self._divided:
+            self.notes.append(f"{self._divided} collision meshes are taken as convex parts")
+        if self._hulls:
+            self.notes.append(f"{self._hulls} collision meshes are taken as their convex hulls")
         if self._empty:
             names = ", ".join(dict.fromkeys(self._empty))
             self.notes.append(f"shapes without a size are left out, of the links {names}")
@@ -101,6 +112,9 @@ class SolidsReader:
         if self._boxes:
             names = ", ".join(dict.fromkeys(self._boxes))
             self.notes.append(f"missing meshes are replaced by boxes: {names}")
+        if self._lost:
+            names = ", ".join(dict.fromkeys(self._lost))
+            self.notes.append(f"missing meshes of links without inertia are left out: {names}")
         return self.notes
 
     def _read_mesh(
@@ -109,27 +123,39 @@ class SolidsReader:
         name = str(solid.get("filename")).removeprefix("file://")
         if not Path(name).is_file():
             if self.missing_meshes == "box":
-                self._boxes.append(name)
                 box = _box_of_inertia(link)
-                return (box,) if box is not None else ()
+                (self._lost if box is None else self._boxes).append(name)
+                return () if box is None else (box,)
             fix = "add the folder of its package to robot.packages, or set robot.missing_meshes=box"
             raise element_error(solid, f"names the mesh {name}, which does not exist", fix)
         x, y, z = read_values(solid, "scale", 3, "1 1 1")
-        parts = read_parts(Path(name), (x, y, z), hull)
-        self._converted += not hull
+        parts = self._read_file(Path(name), (x, y, z), hull)
         return tuple(Shape("convex", (), pose @ part.pose, corners=part.corners) for part in parts)
 
+    def _read_file(self, path: Path, scale: Vector, hull: bool) -> tuple[Shape, ...]:
+        """Read a mesh as its hull or as convex parts, few enough for an engine."""
+        from evoros.formats.mesh import (  # its libraries load slowly
+            TOLD_M,
+            find_hull_gap,
+            hull_of,
+            read_hull,
+            read_mesh,
+        )
 
-def read_parts(path: Path, scale: Vector, hull: bool) -> tuple[Shape, ...]:
-    """Read a mesh as its hull or as convex parts, few enough for an engine."""
-    from evoros.formats.mesh import hull_of, read_hull, read_mesh  # its libraries load slowly
-
-    if hull:
-        return (simplify(read_hull(path, scale)),)
-    parts = read_mesh(path, scale)
-    if len(parts) > _MAX_PARTS:
-        parts = (hull_of(parts),)
-    return tuple(map(simplify, parts))
+        if hull:
+            return (simplify(read_hull(path, scale)),)
+        mesh = read_mesh(path, scale)
+        if len(mesh.shapes) <= _MAX_PARTS:
+            self._divided += 1
+            self._meshes += [f"{path}: {note}" for note in mesh.notes]
+            return tuple(map(simplify, mesh.shapes))
+        self._hulls += 1
+        count, gap = len(mesh.shapes), find_hull_gap(path, scale)
+        off = f", up to {1e3 * gap:.0f} mm off its surface" if gap > TOLD_M else ""
+        note = f"its convex hull stands for the mesh{off}: it has {count} convex parts"
+        notes = (f"{note}, and engines take {_MAX_PARTS}", *mesh.remarks)
+        self._meshes += [f"{path}: {note}" for note in notes]
+        return (simplify(hull_of(mesh.shapes)),)
 
 
 def simplify(shape: Shape) -> Shape:

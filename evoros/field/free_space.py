@@ -1,0 +1,100 @@
+"""A grid of the places at which the centre of a robot meets no obstacle and stands on ground."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evoros.base.arrays import Array
+from evoros.geometry.footprint import Footprint, distances
+
+CELL_M = 0.1
+MAX_HALF_EXTENT_M = 20.0  # how far from the middle of a large world the grid reaches
+
+
+@dataclass(frozen=True, eq=False)
+class FreeSpace:
+    """A grid of places where the centre of a robot meets no obstacle."""
+
+    low: Array  # (2,) [m], corner of the grid
+    free: NDArray[np.bool_]  # (rows along y, columns along x), cells of ``CELL_M``
+
+    @classmethod
+    def around(
+        cls,
+        footprints: Sequence[Footprint],
+        radius_m: float,
+        margin_m: float = 0.0,
+        ground: Sequence[Footprint] | None = None,
+        home: tuple[float, float] | None = None,
+    ) -> "FreeSpace":
+        """Return the places that are farther than ``radius_m`` from all footprints.
+
+        The grid reaches ``margin_m`` beyond the footprints and ``home``, or beyond the ground if
+        there are none. Places are free as far as the ``ground`` reaches, which has no end if it is
+        None.
+        """
+        corners = np.concatenate([shape.vertices for shape in footprints or ground or ()])
+        corners = corners if home is None else np.vstack((corners, home))
+        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        if np.abs(middle).max() < MAX_HALF_EXTENT_M / 2:
+            middle = np.zeros(2)  # worlds are usually built around their origin
+        low = np.maximum(corners.min(axis=0) - margin_m, middle - MAX_HALF_EXTENT_M)
+        high = np.minimum(corners.max(axis=0) + margin_m, middle + MAX_HALF_EXTENT_M)
+        columns, rows = np.ceil((np.maximum(high, low + 1.0) - low) / CELL_M).astype(int)
+        space = cls(low, np.ones((rows, columns), dtype=np.bool_))
+        if ground is not None:
+            space._keep_on(ground, radius_m)
+        for footprint in footprints:
+            window, near = space._find_near(footprint, radius_m)
+            space.free[window] &= ~near
+        return space
+
+    def _keep_on(self, ground: Sequence[Footprint], radius_m: float) -> None:
+        """Keep the places around which there is ground up to a radius."""
+        from scipy.ndimage import distance_transform_edt  # takes long to import
+
+        pad = 2 + math.ceil(radius_m / CELL_M)  # the ground may end beside the grid
+        rows, columns = self.free.shape
+        shape = (rows + 2 * pad, columns + 2 * pad)
+        wide = FreeSpace(self.low - pad * CELL_M, np.zeros(shape, dtype=np.bool_))
+        for footprint in ground:
+            window, near = wide._find_near(footprint, 0.0)
+            wide.free[window] |= near
+        if not wide.free.all():
+            # The nearest cell without ground begins up to a cell before its centre.
+            reach = CELL_M * (distance_transform_edt(wide.free) - 1.0)
+            self.free[:] = reach[pad : pad + rows, pad : pad + columns] > radius_m
+
+    def _find_near(
+        self, footprint: Footprint, radius_m: float
+    ) -> tuple[tuple[slice, slice], NDArray[np.bool_]]:
+        """Return a window of the grid, and which of its cells are within a radius of a shape."""
+        reach = footprint.radius + radius_m
+        ends = footprint.vertices.min(axis=0) - reach, footprint.vertices.max(axis=0) + reach
+        cells = (np.floor((end - self.low) / CELL_M).astype(int) for end in ends)
+        rows, columns = self.free.shape
+        (x0, y0), (x1, y1) = (np.clip(cell, 0, (columns, rows)) for cell in cells)
+        x, y = np.arange(x0, min(x1 + 1, columns)), np.arange(y0, min(y1 + 1, rows))
+        column, row = np.meshgrid(x, y)
+        centres = self.low + CELL_M * (np.column_stack((column.ravel(), row.ravel())) + 0.5)
+        near = distances(footprint, centres) <= radius_m
+        window = slice(y0, y0 + len(y)), slice(x0, x0 + len(x))
+        return window, near.reshape(column.shape)
+
+    def centres(self) -> Array:
+        """Return the centres (n, 2) [m] of all free cells."""
+        row, column = np.nonzero(self.free)
+        centres: Array = self.low + CELL_M * (np.column_stack((column, row)) + 0.5)
+        return centres
+
+    def is_open(self, start: Array, end: Array) -> bool:
+        """Return whether all cells on the straight line between two points are free."""
+        count = 2 + int(math.dist(start, end) / (CELL_M / 2))
+        points = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
+        column, row = np.floor((points - self.low) / CELL_M).astype(int).T
+        inside = (row >= 0) & (column >= 0)
+        inside &= (row < self.free.shape[0]) & (column < self.free.shape[1])
+        return bool(inside.all() and self.free[row, column].all())
