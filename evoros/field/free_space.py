@@ -54,19 +54,18 @@ class FreeSpace:
 
     def _keep_on(self, ground: Sequence[Footprint], radius_m: float) -> None:
         """Keep the places around which there is ground up to a radius."""
-        from scipy.ndimage import distance_transform_edt  # takes long to import
-
-        pad = 2 + math.ceil(radius_m / CELL_M)  # the ground may end beside the grid
+        reach = radius_m / CELL_M + 1.0  # a cell without ground begins before its centre
+        pad = math.ceil(reach)  # the ground may end beside the grid
         rows, columns = self.free.shape
         shape = (rows + 2 * pad, columns + 2 * pad)
         wide = FreeSpace(self.low - pad * CELL_M, np.zeros(shape, dtype=np.bool_))
         for footprint in ground:
             window, near = wide._find_near(footprint, 0.0)
             wide.free[window] |= near
-        if not wide.free.all():
-            # The nearest cell without ground begins up to a cell before its centre.
-            reach = CELL_M * (distance_transform_edt(wide.free) - 1.0)
-            self.free[:] = reach[pad : pad + rows, pad : pad + columns] > radius_m
+        for y in range(-pad, pad + 1):
+            for x in range(-pad, pad + 1):
+                if math.hypot(x, y) <= reach:
+                    self.free[:] &= wide.free[pad + y :, pad + x :][:rows, :columns]
 
     def _find_near(
         self, footprint: Footprint, radius_m: float

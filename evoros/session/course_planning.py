@@ -12,9 +12,10 @@ from evoros.base.log import withhold_messages
 from evoros.evolution.home_check import check_place
 from evoros.evolution.route_check import check_route
 from evoros.field.course_suggestion import AROUND_M, OPEN_SIDE_M, create_course, suggest_course
+from evoros.field.steep_places import find_steep_places
 from evoros.formats.sdf.reading import SdfOptions
 from evoros.geometry.footprint import Footprint, project_bodies, project_shape
-from evoros.geometry.shapes import Body
+from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
 from evoros.world.course import Course
 from evoros.world.floors import has_level_ground, settle
@@ -154,16 +155,23 @@ def _suggest(place: _Place, start: Course) -> Course | None:
     below = max(place.robot.height_m, LOW_M) + HEADROOM_M
     fixed = [body for body in obstacles if body.mass is None]
     movable = [body for body in obstacles if body.mass is not None]
-    shapes = (*project_bodies(fixed, below), *project_bodies(movable))
+    shapes = [*project_bodies(fixed, below), *project_bodies(movable)]
+    for shape, pose in _list_ground(bodies):
+        if shape.kind == "heightfield":
+            shapes += find_steep_places(shape, pose)
     return suggest_course(shapes, place.radius_m, _find_ground(bodies), place.home)
 
 
 def _find_ground(bodies: Sequence[Body]) -> list[Footprint] | None:
     """Return where the ground of a world is; None if it has no end."""
-    shapes = [(s, body.pose @ s.pose) for body in bodies if body.is_ground for s in body.shapes]
+    shapes = _list_ground(bodies)
     if any(shape.kind == "plane" for shape, _ in shapes):
         return None
     return [project_shape(shape, pose) for shape, pose in shapes]
+
+
+def _list_ground(bodies: Sequence[Body]) -> list[tuple[Shape, Pose]]:
+    return [(s, body.pose @ s.pose) for body in bodies if body.is_ground for s in body.shapes]
 
 
 def _accept(place: _Place, course: Course) -> World | None:

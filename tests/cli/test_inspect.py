@@ -1,15 +1,19 @@
 """evoros-inspect: from somebody else's robot and world to files that evoros runs."""
 
 import math
+import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from documents import files, write
 
 from evoros.base.console import DONE, INPUT
 from evoros.cli.inspect import evoros_inspect
 from evoros.config.compose import compose
+from evoros.evolution.experiment import Experiment
+from evoros.evolution.route_check import check_routes
 from evoros.filter.bias import Bias
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.sensor.bumper import Bumper
@@ -212,3 +216,131 @@ def test_wrong_words_are_named_in_one_line(
     assert named in error
     assert error.count("\n") == 1
     assert not (folder / "mine").exists()
+
+
+def world_of(folder: Path, content: str) -> str:
+    """Write a world and return its file."""
+    file = folder / "site.world"
+    file.write_text(f"<sdf version='1.6'><world name='site'>{content}</world></sdf>")
+    return str(file)
+
+
+def model(name: str, pose: str, geometry: str) -> str:
+    collision = f"<collision name='c'><geometry>{geometry}</geometry></collision>"
+    link = f"<link name='l'>{collision}</link>"
+    return f"<model name='{name}'><static>1</static><pose>{pose}</pose>{link}</model>"
+
+
+def box(name: str, x: float, y: float, size: str, z: float = 0.0) -> str:
+    return model(name, f"{x} {y} {z} 0 0 0", f"<box><size>{size}</size></box>")
+
+
+def plane(normal: str = "0 0 1") -> str:
+    return model("floor", "0 0 0 0 0 0", f"<plane><normal>{normal}</normal></plane>")
+
+
+def use(output: str) -> Experiment:
+    """Build the experiment of the command that is suggested, whose courses must be in order."""
+    command, option, folder, *words = shlex.split(output.split("to use")[1])
+    assert (command, option) == ("evoros", "--config-dir")
+    experiment = compose(words, folder).build()
+    assert list(check_routes(experiment)) == []
+    return experiment
+
+
+ORIGIN = {
+    "a box": box("box", 0, 0, "1 1 1", 0.5),
+    "a low table": box("table", 0, 0, "1.2 1.2 0.1", 0.7),
+    "a slab": box("slab", 0, 0, "2 2 0.2", 0.1),
+    "a roof": box("roof", 0, 0, "9 9 0.1", 0.25) + box("wall", 3, 3, "1 1 1", 0.5),
+}
+
+
+@pytest.mark.parametrize("content", ORIGIN.values(), ids=ORIGIN)
+def test_the_suggested_course_is_one_that_a_run_takes(
+    folder: Path, content: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert evoros_inspect(["world", world_of(folder, plane() + content)]) == DONE
+    (world,) = use(capsys.readouterr().out).world.values()
+    assert len(world.course.waypoints) >= 1
+
+
+def test_a_body_that_may_fall_is_not_over_the_course(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    falls = box("falls", 0, 0, "2 2 1", 5.0).replace("<static>1</static>", "")
+    assert evoros_inspect(["world", world_of(folder, plane() + falls)]) == DONE
+    (world,) = use(capsys.readouterr().out).world.values()
+    stops = np.array([world.course.home[:2], *world.course.waypoints])
+    assert (np.abs(stops).max(axis=1) > 1.0).all()
+
+
+def test_uneven_ground_is_inspected_in_an_engine_that_takes_it(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = world_of(folder, plane("0.05 0 1") + box("box", 0, 0, "1 1 1", 0.5))
+    assert evoros_inspect(["world", site]) == DONE
+    output = capsys.readouterr().out
+    assert "simulator=physics" in output.splitlines()[-1]
+    use(output)
+    assert "simulator=physics" in (folder / "mine/world/site.yaml").read_text().splitlines()[0]
+    assert evoros_inspect(["world", site, "--name", "flat", "simulator=planar"]) == INPUT
+    assert "must have level ground" in capsys.readouterr().err
+    assert evoros_inspect(["world", site, "--name", "bullet", "simulator=pybullet"]) == DONE
+    assert "simulator=pybullet" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_the_controller_suits_the_free_space(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sides = "".join(box(f"side{y}", 0, y, "12 0.1 1", 0.5) for y in (-0.8, 0.8))
+    ends = "".join(box(f"end{x}", x, 0, "0.1 1.6 1", 0.5) for x in (-6, 6))
+    assert evoros_inspect(["world", world_of(folder, plane() + sides + ends)]) == DONE
+    output = capsys.readouterr().out
+    assert "controller=indoor" in output.splitlines()[-1]
+    use(output)
+    assert evoros_inspect(["world", world_of(folder, plane()), "--name", "open"]) == DONE
+    assert "controller" not in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_a_world_without_room_says_how_to_give_a_course(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = world_of(folder, plane() + box("rock", 0, 0, "60 60 3", 1.5))
+    assert evoros_inspect(["world", site]) == INPUT
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "world.course.home_x_m=X" in error
+    given = ["world.course.home_x_m=40", "course.home_y_m=1", "course.waypoints=[[44, 1], [44, 5]]"]
+    assert evoros_inspect(["world", site, *given]) == DONE
+    (world,) = use(capsys.readouterr().out).world.values()
+    assert world.course.home == (40.0, 1.0, 0.02, 0.0)  # the first waypoint is straight ahead
+    assert world.course.waypoints == ((44.0, 1.0), (44.0, 5.0))
+
+
+def test_a_given_home_gets_waypoints_and_wrong_values_are_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = world_of(folder, plane() + box("box", 0, 0, "1 1 1", 0.5))
+    home = ["course.home_x_m=-2", "course.home_y_m=2.5"]
+    assert evoros_inspect(["world", site, *home]) == DONE
+    (world,) = use(capsys.readouterr().out).world.values()
+    assert world.course.home[:2] == (-2.0, 2.5)
+    for wrong in ("course.home_x_m=left", "course.waypoints=[[1, 2, 3]]", "course=here"):
+        assert evoros_inspect(["world", site, "--name", "other", wrong]) == INPUT
+        error = capsys.readouterr().err
+        assert "world.course" in error
+        assert error.count("\n") == 1
+
+
+def test_the_table_tells_what_evoros_tells_of_meshes_and_counts_radii(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trimesh.creation.icosphere(4, 1.0).export(folder / "ball.stl")
+    ball = model("ball", "0 0 1 0 0 0", "<mesh><uri>ball.stl</uri></mesh>")
+    post = "<cylinder><radius>0.5</radius><length>1</length></cylinder>"
+    post = model("post", "4 0 0.5 0 0 0", post)
+    assert evoros_inspect(["world", world_of(folder, plane() + ball + post)]) == DONE
+    output = capsys.readouterr().out
+    assert "ball.stl: its convex hull stands for the mesh, up to" in output
+    assert "x -1.0..4.5, y -1.0..1.0" in output

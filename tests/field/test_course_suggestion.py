@@ -6,13 +6,16 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evoros.base.arrays import Array
 from evoros.field.course_suggestion import AROUND_M, ATTEMPTS, suggest_course
 from evoros.field.free_space import CELL_M
+from evoros.field.steep_places import MAX_SLOPE, find_steep_places
 from evoros.geometry.footprint import Footprint, distances
+from evoros.geometry.shapes import Pose, Shape
 from evoros.world.course import Course
 
 RADIUS_M = 0.3
@@ -112,3 +115,19 @@ def test_a_chosen_home_is_kept_or_there_is_no_course() -> None:
 def test_a_room_without_room_has_no_course() -> None:
     walls = [rectangle(0, y, 2, 0.2) for y in (-1, 1)] + [rectangle(x, 0, 0.2, 2) for x in (-1, 1)]
     assert suggest_course(walls, RADIUS_M, ground=[rectangle(0, 0, 2, 2)]) is None
+
+
+@pytest.mark.parametrize("count", [9, 200])
+@pytest.mark.parametrize("slope", [0.9 * MAX_SLOPE, 1.1 * MAX_SLOPE])
+def test_a_ramp_is_steep_where_it_rises(count: int, slope: float) -> None:
+    """A field of 16 m by 8 m is level up to its middle and rises from there on."""
+    x = np.linspace(-8.0, 8.0, count)
+    heights = tuple(map(tuple, np.tile(slope * np.maximum(x, 0.0), (5, 1)).tolist()))
+    places = find_steep_places(Shape("heightfield", (16.0, 8.0), heights=heights), Pose((3, 0, 0)))
+    if slope < MAX_SLOPE:
+        assert places == []
+        return
+    points = np.array([[x + 3.0, y] for x in (-7.5, -0.5, 0.5, 7.5) for y in (-3.9, 0.0, 3.9)])
+    gaps = np.min([distances(place, points) for place in places], axis=0)
+    assert (gaps[:6] > 0.3).all()
+    assert (gaps[6:] == 0.0).all()

@@ -262,3 +262,24 @@ def test_a_state_inserts_and_deletes_models(tmp_path: Path) -> None:
     )
     bodies = load(tmp_path, f"{model('old')}{model('kept')}{state}").bodies
     assert [body.name for body in bodies] == ["kept", "new"]
+
+
+def test_what_stands_for_a_mesh_is_told_once_in_every_world(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    import trimesh
+
+    path = tmp_path / "worlds" / "ball.stl"
+    path.parent.mkdir()
+    trimesh.creation.icosphere(4, 1.0).export(path)
+    mesh = "<geometry><mesh><uri>ball.stl</uri></mesh></geometry>"
+    balls = "".join(
+        f"<model name='{name}'>{STATIC}<link name='l'><collision name='c'>{mesh}</collision></link>"
+        f"</model>"
+        for name in ("a", "b")
+    )
+    for _ in range(2):
+        caplog.clear()
+        load(tmp_path, balls)
+        (line,) = caplog.messages
+        assert line.startswith(f"{path}: its convex hull stands for the mesh, up to ")

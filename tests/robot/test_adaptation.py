@@ -487,6 +487,49 @@ def test_a_missing_mesh_is_an_error_or_a_box(
         load(tmp_path, base, WHEELS, CASTER, missing_meshes="ignore")
 
 
+def test_a_mesh_of_many_parts_is_its_hull_and_told_so(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A sieve of 9 x 9 bars, 6 mm wide and 12 mm apart: its hull is up to 3 mm off, at the top."""
+    import trimesh
+
+    bars = []
+    for i in range(9):
+        for j in range(9):
+            bar = trimesh.creation.box((0.012, 0.006, 0.1))
+            bars.append(bar.apply_translation((0.03 * (i - 4), 0.02 * (j - 4), 0.13)))
+    sieve: Any = trimesh.util.concatenate(bars)
+    sieve.export(tmp_path / "sieve.stl")
+    robot = load(
+        tmp_path,
+        link("base_link", MESH.format("sieve.stl"), INERTIAL.format(2.0, 0.02)),
+        WHEELS,
+        CASTER,
+    )
+    assert shapes(robot, "base_link") == ["convex"]
+    line = told(caplog, "its convex hull stands for the mesh")
+    assert "it has 81 convex parts, and engines take 64" in line
+    assert told(caplog, "1 collision meshes are taken as their convex hulls")
+    assert not any("taken as convex parts" in message for message in caplog.messages)
+
+
+def test_a_body_whose_mesh_is_missing_has_a_box(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The mass is in a frame, so that the link of the mesh has no inertia to make a box of."""
+    body = link("base_link", MESH.format("package://bot/meshes/body.dae"))
+    mass = link("mass", INERTIAL.format(2.0, 0.02)) + joint("mass_joint", "mass")
+    robot = load(tmp_path, body, mass, WHEELS, CASTER, missing_meshes="box")
+    assert shapes(robot, "base_link") == ["box"]
+    low, high = robot.outline.min(axis=0), robot.outline.max(axis=0)
+    assert low == pytest.approx([-0.14, -0.135])  # from the caster to the front of the wheels
+    assert high == pytest.approx([0.05, 0.135])
+    assert robot.height_m == pytest.approx(0.1)
+    assert "package://bot/meshes/body.dae" in told(caplog, "without inertia are left out")
+    assert "0.19 x 0.27 x 0.08 m" in told(caplog, "a box around its wheels stands for it")
+    assert not any("replaced by boxes" in message for message in caplog.messages)
+
+
 def test_shapes_without_a_size_are_left_out(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
