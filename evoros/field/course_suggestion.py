@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -16,8 +17,23 @@ from evoros.world.course import Course
 
 AROUND_M = 3.0
 """How far outside of all obstacles a course may lead, if it finds too little room among them."""
-ATTEMPTS = ((0.0, 0.2), (AROUND_M, 1.0), (AROUND_M, 0.2), (AROUND_M, 0.05))
-"""How far outside of all obstacles a course is looked for, and the free space [m] beside it."""
+
+
+class Attempt(NamedTuple):
+    """Where a course is looked for."""
+
+    around_m: float  # outside of all obstacles
+    margin_m: float  # free space beside the robot
+    reach_m: float = 20.0  # from the middle of a large world
+
+
+ATTEMPTS = (
+    Attempt(0.0, 0.2),
+    Attempt(AROUND_M, 1.0),
+    Attempt(AROUND_M, 0.2),
+    Attempt(AROUND_M, 0.05),
+    Attempt(AROUND_M, 0.2, 60.0),
+)
 OPEN_SIDE_M = 3.0  # half the side of the square that is suggested among no obstacles
 SHORTEST_LEG_M, LONGEST_LEG_M = 1.5, 8.0
 HOMES, CORNERS, TRIES = 12, 60, 4000
@@ -76,14 +92,33 @@ def _find_widest_route(
         corners = OPEN_SIDE_M * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]])
         return np.vstack(((0.0, 0.0) if home is None else home, corners))
     best: tuple[float, Array] | None = None
-    for around, margin in ATTEMPTS:
-        space = FreeSpace.around(footprints, radius_m + margin, around, ground, home)
+    for attempt in ATTEMPTS:
+        space = _find_free(footprints, radius_m, attempt, ground, home)
         found = _find_route(space, home, np.random.default_rng(0))
         if found is not None and (best is None or found[0] > best[0]):
             best = found
         if best is not None and best[0] >= ROOM_M:
             break
     return None if best is None else best[1]
+
+
+def _find_free(
+    footprints: Sequence[Footprint],
+    radius_m: float,
+    attempt: Attempt,
+    ground: Sequence[Footprint] | None,
+    home: tuple[float, float] | None,
+) -> FreeSpace:
+    """Return the free space among the obstacles and around them, or on the ground without any."""
+    corners = np.concatenate([shape.vertices for shape in footprints or ground or ()])
+    corners = corners if home is None else np.vstack((corners, home))
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    middle = (low + high) / 2
+    if np.abs(middle).max() < attempt.reach_m / 2:
+        middle = np.zeros(2)  # worlds are usually built around their origin
+    low = np.maximum(low - attempt.around_m, middle - attempt.reach_m)
+    high = np.minimum(high + attempt.around_m, middle + attempt.reach_m)
+    return FreeSpace.within(low, high, footprints, radius_m + attempt.margin_m, ground)
 
 
 def _find_route(

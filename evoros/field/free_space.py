@@ -11,7 +11,6 @@ from evoros.base.arrays import Array
 from evoros.geometry.footprint import Footprint, distances
 
 CELL_M = 0.1
-MAX_HALF_EXTENT_M = 20.0  # how far from the middle of a large world the grid reaches
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,27 +21,18 @@ class FreeSpace:
     free: NDArray[np.bool_]  # (rows along y, columns along x), cells of ``CELL_M``
 
     @classmethod
-    def around(
+    def within(
         cls,
+        low: Array,
+        high: Array,
         footprints: Sequence[Footprint],
         radius_m: float,
-        margin_m: float = 0.0,
         ground: Sequence[Footprint] | None = None,
-        home: tuple[float, float] | None = None,
     ) -> "FreeSpace":
-        """Return the places that are farther than ``radius_m`` from all footprints.
+        """Return the places between two corners [m] that are farther than a radius from footprints.
 
-        The grid reaches ``margin_m`` beyond the footprints and ``home``, or beyond the ground if
-        there are none. Places are free as far as the ``ground`` reaches, which has no end if it is
-        None.
+        Places are free as far as the ``ground`` reaches, which has no end if it is None.
         """
-        corners = np.concatenate([shape.vertices for shape in footprints or ground or ()])
-        corners = corners if home is None else np.vstack((corners, home))
-        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-        if np.abs(middle).max() < MAX_HALF_EXTENT_M / 2:
-            middle = np.zeros(2)  # worlds are usually built around their origin
-        low = np.maximum(corners.min(axis=0) - margin_m, middle - MAX_HALF_EXTENT_M)
-        high = np.minimum(corners.max(axis=0) + margin_m, middle + MAX_HALF_EXTENT_M)
         columns, rows = np.ceil((np.maximum(high, low + 1.0) - low) / CELL_M).astype(int)
         space = cls(low, np.ones((rows, columns), dtype=np.bool_))
         if ground is not None:

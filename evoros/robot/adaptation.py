@@ -82,13 +82,9 @@ def adapt(
     notes += correct_inertias(elements, _extent(read_tree(elements, source), wheels))
     notes += _complete_masses(elements, read_tree(elements, source), chosen, wheels)
     casters, chosen = _adapt_casters(elements, source, chosen, wheels, rolling_groups)
+    rolling = rolling_groups | {*chosen.caster_links}
+    notes += _replace_lost_body(elements, source, chosen, wheels, rolling, reader)
     urdf = read_tree(elements, source)
-    rolling_groups |= {*chosen.caster_links}
-    replaced = replace_lost_body(elements, urdf, rolling_groups, reader, wheels)
-    if replaced:
-        urdf = read_tree(elements, source)
-        replaced += _complete_masses(elements, urdf, chosen, wheels)
-    notes += replaced
     notes += [*casters.notes, *_complete_motors(elements, urdf, driven, wheels[0].radius)]
     for note in [*reader.finish(), *notes]:
         _LOG.warning("%s: %s", source, note)
@@ -152,6 +148,21 @@ def _complete_masses(
     if not given:
         return []
     return [f"masses are assumed from the size (500 kg/m3), of {', '.join(given)}"]
+
+
+def _replace_lost_body(
+    elements: Element,
+    source: str,
+    drive: DriveDescription,
+    wheels: Sequence[Wheel],
+    rolling: set[str],
+    reader: SolidsReader,
+) -> list[str]:
+    """Give a body whose meshes are missing a box, and a mass if it has none."""
+    notes = replace_lost_body(elements, read_tree(elements, source), rolling, reader, wheels)
+    if notes:
+        notes += _complete_masses(elements, read_tree(elements, source), drive, wheels)
+    return notes
 
 
 def _has_mass(links: dict[str, Element], urdf: Urdf, link: str) -> bool:

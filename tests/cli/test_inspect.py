@@ -306,16 +306,20 @@ def test_the_controller_suits_the_free_space(
 def test_a_world_without_room_says_how_to_give_a_course(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    site = world_of(folder, plane() + box("rock", 0, 0, "60 60 3", 1.5))
+    site = world_of(folder, plane() + box("rock", 0, 0, "200 200 3", 1.5))
     assert evoros_inspect(["world", site]) == INPUT
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "world.course.home_x_m=X" in error
-    given = ["world.course.home_x_m=40", "course.home_y_m=1", "course.waypoints=[[44, 1], [44, 5]]"]
+    given = [
+        "world.course.home_x_m=140",
+        "course.home_y_m=1",
+        "course.waypoints=[[144, 1], [144, 5]]",
+    ]
     assert evoros_inspect(["world", site, *given]) == DONE
     (world,) = use(capsys.readouterr().out).world.values()
-    assert world.course.home == (40.0, 1.0, 0.02, 0.0)  # the first waypoint is straight ahead
-    assert world.course.waypoints == ((44.0, 1.0), (44.0, 5.0))
+    assert world.course.home == (140.0, 1.0, 0.02, 0.0)  # the first waypoint is straight ahead
+    assert world.course.waypoints == ((144.0, 1.0), (144.0, 5.0))
 
 
 def test_a_given_home_gets_waypoints_and_wrong_values_are_refused(

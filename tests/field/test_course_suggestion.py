@@ -53,7 +53,10 @@ def test_the_legs_stay_clear_of_every_obstacle(obstacles: list[Footprint]) -> No
     course = suggest([*obstacles, *walls])
     # Waypoints are rounded to centimetres, and a leg is followed from cell to cell.
     least = min(distances(each, points_along(course)).min() for each in (*obstacles, *walls))
-    assert least > RADIUS_M + min(margin for _, margin in ATTEMPTS) - CELL_DIAGONAL_M / 2 - 0.01
+    assert (
+        least
+        > RADIUS_M + min(attempt.margin_m for attempt in ATTEMPTS) - CELL_DIAGONAL_M / 2 - 0.01
+    )
     assert course == suggest([*obstacles, *walls])
 
 
@@ -103,6 +106,11 @@ def test_a_course_stays_on_its_ground() -> None:
     low, high = np.array([-1.5, -1.0]) + RADIUS_M, np.array([3.5, 1.0]) - RADIUS_M
     assert (points > low - 0.01).all()
     assert (points < high + 0.01).all()
+
+
+def test_a_course_leads_around_what_is_very_large() -> None:
+    course = suggest([rectangle(1, 5, 60, 70)])
+    assert distances(rectangle(1, 5, 60, 70), points_along(course)).min() > RADIUS_M
 
 
 def test_a_chosen_home_is_kept_or_there_is_no_course() -> None:
