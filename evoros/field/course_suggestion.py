@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.field.free_space import FreeSpace
-from evoros.geometry.footprint import Footprint
+from evoros.geometry.footprint import Footprint, find_bounds
 from evoros.world.course import Course
 
 AROUND_M = 3.0
@@ -110,9 +110,9 @@ def _find_free(
     home: tuple[float, float] | None,
 ) -> FreeSpace:
     """Return the free space among the obstacles and around them, or on the ground without any."""
-    corners = np.concatenate([shape.vertices for shape in footprints or ground or ()])
-    corners = corners if home is None else np.vstack((corners, home))
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    low, high = find_bounds(*(footprints or ground or ()))
+    if home is not None:
+        low, high = np.minimum(low, home), np.maximum(high, home)
     middle = (low + high) / 2
     if np.abs(middle).max() < attempt.reach_m / 2:
         middle = np.zeros(2)  # worlds are usually built around their origin

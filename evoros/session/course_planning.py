@@ -14,7 +14,7 @@ from evoros.evolution.route_check import check_route
 from evoros.field.course_suggestion import AROUND_M, OPEN_SIDE_M, create_course, suggest_course
 from evoros.field.steep_places import find_steep_places
 from evoros.formats.sdf.reading import SdfOptions
-from evoros.geometry.footprint import Footprint, project_bodies, project_shape
+from evoros.geometry.footprint import Footprint, find_bounds, project_bodies, project_shape
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
 from evoros.world.course import Course
@@ -137,8 +137,7 @@ def _list_starts(place: _Place) -> Iterator[Course]:
     yield _start(home)
     shapes = project_bodies(place.bodies)
     if shapes and place.home is None:
-        corners = np.concatenate([shape.vertices for shape in shapes])
-        x, y = ((corners.min(axis=0) + corners.max(axis=0)) / 2).tolist()
+        x, y = np.mean(find_bounds(*shapes), axis=0).tolist()
         yield _start((x, y))
 
 
