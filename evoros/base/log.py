@@ -19,6 +19,8 @@ The folder's name would not do: two folders may have the same name in different 
 """
 _LOCK = Lock()
 _PROGRESS = "is_progress"  # an attribute of records
+TOLD = "is_told"
+"""The attribute of records about what a reader left out or assumed."""
 
 
 @contextmanager

@@ -118,7 +118,7 @@ def _cut_after_root(text: str) -> str:
 
 
 def _quote_values(tag: re.Match[str]) -> str:
-    """Return a start tag with quotes around the values of its attributes; an absent one is empty."""
+    """Return a start tag with all values of attributes in quotes; an absent one is empty."""
     return tag[0] if tag[1] else _PAIR.sub(_quote_value, tag[0])
 
 

@@ -1,6 +1,7 @@
 """Read a mesh file as convex shapes."""
 
 import hashlib
+import logging
 import re
 from collections.abc import Iterable
 from functools import lru_cache
@@ -12,9 +13,9 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import product
-from evoros.base.log import LOGGER
 from evoros.formats.mesh_cache import Found, load, store
 from evoros.formats.mesh_dae import Submesh, read_dae
+from evoros.formats.notes import Notes
 from evoros.geometry.shapes import Shape, Vector
 
 FORMATS = (".stl", ".obj", ".dae")
@@ -29,12 +30,13 @@ def read_mesh(
     submesh: str = "",
     center: bool = False,
     up_axis: bool = False,
+    notes: Notes | None = None,
 ) -> tuple[Shape, ...]:
     """Read an STL, OBJ or DAE file as convex shapes in the mesh's frame.
 
     ``submesh`` selects one part of the file by its name, and ``center`` moves the middle of its
-    bounding box to the origin. ``up_axis`` turns a DAE as its ``<up_axis>`` says. Results are kept
-    in the user's cache folder.
+    bounding box to the origin. ``up_axis`` turns a DAE as its ``<up_axis>`` says. ``notes`` gets
+    what is approximated, left out or not applied. Results are kept in the user's cache folder.
 
     Raises:
         InputError: the file cannot be read, is empty, or has no such submesh.
@@ -42,7 +44,10 @@ def read_mesh(
     content = _read_content(path)
     parameters = repr((path.suffix.lower(), (*map(float, scale),), submesh, bool(center), up_axis))
     key = hashlib.sha256(parameters.encode() + content).hexdigest()
-    return _read(path, key, scale, submesh, center, up_axis)
+    found = _read(path, key, scale, submesh, center, up_axis)
+    if notes is not None:
+        _tell(path, found, up_axis, content, notes)
+    return tuple(map(_shape, found.parts))
 
 
 @lru_cache(maxsize=256)
@@ -103,7 +108,7 @@ def _read_content(path: Path) -> bytes:
 @lru_cache(maxsize=1024)
 def _read(
     path: Path, key: str, scale: Vector, submesh: str, center: bool, up_axis: bool
-) -> tuple[Shape, ...]:
+) -> Found:
     found = load(key)
     if found is None:
         found = _convert(_triangles(path, scale, submesh, center, up_axis))
@@ -111,22 +116,22 @@ def _read(
             problem = "must have a part of at least 1 mm"
             raise InputError(f"{path}: {problem}; correct the scale, or export the mesh again")
         store(key, found)
-    _tell(path, found, up_axis)
-    return tuple(map(_shape, found.parts))
+    return found
 
 
-def _tell(path: Path, found: Found, up_axis: bool) -> None:
-    """Tell what is approximated, left out or not applied."""
+def _tell(path: Path, found: Found, up_axis: bool, content: bytes, notes: Notes) -> None:
+    """Note what is approximated, left out or not applied."""
     if found.deviation_m > TOLD_M:
-        text = "%s: %d convex parts stand for the mesh, up to %.0f mm off its surface"
-        LOGGER.warning(text, path, len(found.parts), 1e3 * found.deviation_m)
+        deviation = f"up to {1e3 * found.deviation_m:.0f} mm off its surface"
+        text = f"{path}: {len(found.parts)} convex parts stand for the mesh, {deviation}"
+        notes.tell(text, "deviation of a mesh", path.name)
     if found.dropped:
-        LOGGER.warning("%s: parts below 1 mm are left out, %d in number", path, found.dropped)
-    with path.open("rb") as file:
-        axis = re.search(rb"<up_axis>\s*([XY]_UP)", file.read(100_000))
+        text = f"{path}: parts below 1 mm are left out, {found.dropped} in number"
+        notes.tell(text, "small parts of a mesh", path.name)
+    axis = re.search(rb"<up_axis>\s*([XY]_UP)", content[:100_000])
     if axis and path.suffix.lower() == ".dae" and not up_axis:
-        text = "%s: its up axis %s is not applied, as in Gazebo Classic and RViz; z is up"
-        LOGGER.info(text, path, axis[1].decode())
+        text = f"its up axis {axis[1].decode()} is not applied, as in Gazebo Classic and RViz"
+        notes.tell(f"{path}: {text}; z is up", "up axis of a mesh", path.name, logging.INFO)
 
 
 def _convert(triangles: Array) -> Found:

@@ -73,13 +73,24 @@ def source_of(element: Element) -> str:
 
 def locate(element: Element) -> str:
     """Return file, line, tag and the names of the elements around an element."""
-    source = source_of(element)
     owners = [
         f" of {local_tag(owner)} {quote(owner.get('name', ''))}"
         for owner in itertools.chain([element], element.iterancestors())
         if owner.get("name") is not None
     ]
-    return f"{source}:{element.sourceline}: <{local_tag(element)}>{''.join(owners)}"
+    return f"{place_of(element)}: <{local_tag(element)}>{''.join(owners)}"
+
+
+def place_of(element: Element) -> str:
+    """Return the file and line of an element."""
+    return f"{source_of(element)}:{element.sourceline}"
+
+
+def name_of(element: Element) -> str:
+    """Return the name in quotes of the nearest model around an element, else of any around it."""
+    owners = [o for o in itertools.chain([element], element.iterancestors()) if o.get("name")]
+    models = [owner for owner in owners if owner.tag == "model"]
+    return quote(next((str(owner.get("name")) for owner in (*models, *owners)), ""))
 
 
 def local_tag(element: Element) -> str:

@@ -62,7 +62,15 @@ def test_any_text_is_read_or_an_input_error(text: str) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["<sdf>", "<sdf></a>", "x -- y", "<!DOCTYPE sdf><gz:a/>", "<sdf>&nbsp;</sdf>", "<!-- -- -->", "<a b='1' b='2'/>"],
+    [
+        "<sdf>",
+        "<sdf></a>",
+        "x -- y",
+        "<!DOCTYPE sdf><gz:a/>",
+        "<sdf>&nbsp;</sdf>",
+        "<!-- -- -->",
+        "<a b='1' b='2'/>",
+    ],
 )
 def test_what_is_not_clear_stays_an_error(text: str) -> None:
     with pytest.raises(InputError, match=r"^w\.sdf:1: "):

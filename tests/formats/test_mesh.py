@@ -1,5 +1,6 @@
 """Mesh files become convex shapes in metres, with z up; each faulty file gives one clear line."""
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import trimesh
 from evoros.base.errors import InputError
 from evoros.formats import mesh
 from evoros.formats.mesh import hull_of, read_mesh
+from evoros.formats.notes import Notes
 from evoros.geometry import mesh_parts
 from evoros.geometry.shapes import Shape
 
@@ -146,8 +148,9 @@ def test_the_coordinates_of_a_dae_have_z_up_whatever_it_says(
 ) -> None:
     caplog.set_level("INFO")
     path = write(tmp_path / "wedges.dae", DAE.format(up=up))
-    assert bounds(*read_mesh(path, submesh="left")) == [[5, 0, 0], [6, 2, 3]]
-
+    notes = Notes(logging.getLogger("evoros"))
+    assert bounds(*read_mesh(path, submesh="left", notes=notes)) == [[5, 0, 0], [6, 2, 3]]
+    notes.report()
     assert [f"up axis {up} is not applied" in text for text in caplog.messages] == [True] * (
         up != "Z_UP"
     )
@@ -228,8 +231,10 @@ def test_what_is_left_out_is_told_once(tmp_path: Path, caplog: pytest.LogCapture
     path = write(
         tmp_path / "boxes.obj", TWO_BOXES + "v 9 9 9\nv 9 9.0001 9\nv 9 9 9.0001\nf 13 14 15\n"
     )
-    assert len(read_mesh(path)) == 2
-    read_mesh(path)
+    notes = Notes(logging.getLogger("evoros"))
+    assert len(read_mesh(path, notes=notes)) == 2
+    read_mesh(path, notes=notes)
+    notes.report()
     [message] = caplog.messages
     assert message == f"{path}: parts below 1 mm are left out, 1 in number"
 
@@ -239,7 +244,9 @@ def test_how_far_the_parts_are_off_is_told(
 ) -> None:
     path = tmp_path / "ball.stl"
     trimesh.creation.icosphere(4, 1.0).export(path)
-    read_mesh(path)
+    notes = Notes(logging.getLogger("evoros"))
+    read_mesh(path, notes=notes)
+    notes.report()
     [message] = caplog.messages
     assert message.startswith(f"{path}: 1 convex parts stand for the mesh, up to ")
 

@@ -159,7 +159,6 @@ UNUSABLE = [
      "</model>", "model", "'m::l'"),
     ("<torus/>", "geometry", "torus"),
     ("<mesh/>", "geometry", "<uri>"),
-    ("<mesh><uri>a.stl</uri><scale>1 0 1</scale></mesh>", "geometry", "scale"),
     ("<polyline><point>0 0</point><point>1 0</point></polyline>", "geometry", "three or more"),
     ("<polyline><point>0 0</point><point>1 1</point><point>1 0</point><point>0 1</point>"
      "</polyline>", "geometry", "simple polygon"),

@@ -4,7 +4,7 @@ import re
 
 from lxml.etree import _Element as Element
 
-from evoros.formats.sdf.notes import Notes
+from evoros.formats.notes import Notes
 from evoros.formats.strict_xml import element_error, local_tag
 
 # Of <physics>, only gravity is used: the rest configures Gazebo's solver.

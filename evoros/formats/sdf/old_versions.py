@@ -8,9 +8,9 @@ the later form, of which there are many, stay as they are.
 from lxml import etree
 from lxml.etree import _Element as Element
 
-from evoros.formats.sdf.notes import Notes
+from evoros.formats.notes import Notes
 
-_POSED = "model link inertial collision visual joint light actor sensor".split()
+_POSED = ["model", "link", "inertial", "collision", "visual", "joint", "light", "actor", "sensor"]
 _TO_CHILDREN = {
     "model": "static",
     "include": "filename",

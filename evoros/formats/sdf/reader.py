@@ -22,6 +22,7 @@ from evoros.formats.sdf.elements import check_elements
 from evoros.formats.sdf.frames import Frames, Path, read_pose
 from evoros.formats.sdf.inclusion import expand_includes
 from evoros.formats.sdf.links import Link, read_link
+from evoros.formats.sdf.named_files import require_files
 from evoros.formats.sdf.old_versions import modernize
 from evoros.formats.sdf.reading import Reading, SdfOptions
 from evoros.formats.sdf.scaling import scale_model
@@ -62,12 +63,13 @@ def read_sdf(
         InputError: the content, or a file that it names, cannot be read or simulated; the message
             has file, line and element.
     """
-    reading = Reading(file or FilePath(source).absolute(), options or SdfOptions())
+    reading = Reading(file or FilePath(source).absolute(), options or SdfOptions(), source)
     root = parse_leniently(content, source)
     container = _choose_container(root, reading)
     _insert_and_delete(container)
     expand_includes(container, reading)
     left_out = settle_vehicles(container, reading)
+    require_files(container, reading)
     check_elements(root, reading.notes)
     frames = Frames(container)
     for state in container.findall("state"):
