@@ -106,9 +106,7 @@ def _read_content(path: Path) -> bytes:
 
 
 @lru_cache(maxsize=1024)
-def _read(
-    path: Path, key: str, scale: Vector, submesh: str, center: bool, up_axis: bool
-) -> Found:
+def _read(path: Path, key: str, scale: Vector, submesh: str, center: bool, up_axis: bool) -> Found:
     found = load(key)
     if found is None:
         found = _convert(_triangles(path, scale, submesh, center, up_axis))

@@ -44,6 +44,11 @@ class Absences:
         self._source = source
         self._absences: list[Absence] = []
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all that is absent, each once."""
+        return tuple(dict.fromkeys(absence.name for absence in self._absences))
+
     def add(self, name: str, place: str, sentence: str, remedy: Remedy) -> None:
         """Add something; ``sentence`` says what is wrong, in case nothing else is absent."""
         self._absences.append(Absence(name, place, sentence, remedy))
@@ -56,7 +61,7 @@ class Absences:
         """
         if not self._absences:
             return
-        first, names = self._absences[0], {absence.name for absence in self._absences}
+        first, names = self._absences[0], self.names
         if len(names) == 1:
             more = len(self._absences) - 1
             again = f" (and {more} times more)" if more else ""

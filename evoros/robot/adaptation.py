@@ -14,6 +14,7 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base.linear import length
+from evoros.base.log import TOLD
 from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.candidates import CASTER
 from evoros.drive.differential import DifferentialDescription
@@ -57,15 +58,13 @@ class AdaptedRobot:
     from."""
 
 
-def adapt(
-    description: Element, source: str, drive: DriveDescription, missing_meshes: str
-) -> AdaptedRobot:
+def adapt(description: Element, source: str, drive: DriveDescription, missing: str) -> AdaptedRobot:
     """Rewrite a copy of a ``<robot>`` for a drive.
 
     Raises:
         InputError: a part cannot be understood, or the drive does not fit.
     """
-    elements, reader = deepcopy(description), SolidsReader(missing_meshes)
+    elements, reader = deepcopy(description), SolidsReader(missing)
     reader.rewrite_collisions(elements)
     notes = show_as_collisions(elements, read_tree(elements, source), reader)
     urdf = read_tree(elements, source)
@@ -83,8 +82,9 @@ def adapt(
     casters, chosen = _adapt_casters(elements, source, chosen, wheels, rolling_groups)
     urdf = read_tree(elements, source)
     notes += [*casters.notes, *_complete_motors(elements, urdf, driven, wheels[0].radius)]
+    reader.mesh_notes.report()
     for note in [*reader.finish(), *notes]:
-        _LOG.warning("%s: %s", source, note)
+        _LOG.warning("%s: %s", source, note, extra={TOLD: True})
     return AdaptedRobot(elements, read_tree(elements, source), chosen, casters.exposed)
 
 

@@ -1,6 +1,7 @@
 """SDF 1.0, whose attributes became elements: the same worlds in both forms."""
 
 import logging
+from collections.abc import Mapping
 
 import pytest
 from hypothesis import given
@@ -54,11 +55,11 @@ def test_both_forms_give_the_same_bodies(a: float, b: float, static: str, kind: 
     assert describe(old(before).bodies) == describe(world(after, "1.2"))
 
 
-def _as_attributes(values: dict[str, object] | dict[str, str]) -> str:
+def _as_attributes(values: Mapping[str, object]) -> str:
     return " ".join(f"{name}='{value}'" for name, value in values.items())
 
 
-def _as_elements(values: dict[str, object] | dict[str, str]) -> str:
+def _as_elements(values: Mapping[str, object]) -> str:
     return "".join(f"<{name}>{value}</{name}>" for name, value in values.items())
 
 

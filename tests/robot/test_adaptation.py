@@ -432,13 +432,13 @@ def test_a_missing_mesh_is_an_error_or_a_box(
 ) -> None:
     mesh = MESH.format("package://bot/meshes/body.dae")
     base = link("base_link", mesh, BOX, INERTIAL.format(2.0, 0.02))
-    with pytest.raises(InputError, match=r"bot\.urdf:2: <mesh>.*body\.dae.*missing_meshes=box"):
+    with pytest.raises(InputError, match=r"bot\.urdf:2: <mesh>.*body\.dae.*robot\.missing=box"):
         load(tmp_path, base, WHEELS, CASTER)
-    robot = load(tmp_path, base, WHEELS, CASTER, missing_meshes="box")
+    robot = load(tmp_path, base, WHEELS, CASTER, missing="box")
     assert set(shapes(robot, "base_link")) == {"box", "convex"}  # its lower part is cut off
-    assert "package://bot/meshes/body.dae" in told(caplog, "missing meshes are replaced by boxes")
-    with pytest.raises(InputError, match=r"robot\.missing_meshes"):
-        load(tmp_path, base, WHEELS, CASTER, missing_meshes="ignore")
+    assert "package://bot/meshes/body.dae" in told(caplog, "absent meshes are replaced by boxes")
+    with pytest.raises(InputError, match=r"robot\.missing"):
+        load(tmp_path, base, WHEELS, CASTER, missing="ignore")
 
 
 def test_shapes_without_a_size_are_left_out(

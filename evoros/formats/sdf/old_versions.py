@@ -70,5 +70,5 @@ def _move(source: Element, attribute: str, owner: Element, tag: str) -> bool:
         return False
     child = etree.SubElement(owner, tag)
     child.text = text
-    child.sourceline = source.sourceline
+    child.sourceline = source.sourceline  # type: ignore[misc]  # the stubs know no setter
     return True

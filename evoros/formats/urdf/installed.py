@@ -5,7 +5,7 @@ DESTINATION share/NAME)`` fills from elsewhere in the sources.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
@@ -25,6 +25,18 @@ def find_installed(package: Path, inner: str) -> Path | None:
             rest = inner if place == "." else inner[len(place) :].lstrip("/")
             found = package / source / rest if rest else package / source
             if found.exists():
+                return found
+    return None
+
+
+def locate(path: Path, packages: Iterable[Path]) -> Path | None:
+    """Return an existing path, or the source of what is installed there in one of the packages."""
+    if path.exists():
+        return path
+    for package in packages:
+        if path.is_relative_to(package):
+            found = find_installed(package, str(path.relative_to(package)))
+            if found is not None:
                 return found
     return None
 

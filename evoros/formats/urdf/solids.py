@@ -1,5 +1,6 @@
 """Rewrites the solids of a URDF as boxes, cylinders, spheres and convex polyhedra."""
 
+import logging
 import math
 from pathlib import Path
 
@@ -8,12 +9,14 @@ from lxml.etree import _Element as Element
 
 from evoros.base import elementary
 from evoros.base.linear import principal_axes, product
+from evoros.formats.notes import Notes
 from evoros.formats.strict_xml import element_error, require_child
 from evoros.formats.urdf.elements import build_collision
 from evoros.formats.urdf.parts import read_origin, read_shape, read_tensor, read_value, read_values
 from evoros.geometry.shapes import Pose, Shape, Vector
 
-MISSING_MESHES = ("error", "box")
+_LOG = logging.getLogger(__name__)
+
 _PRIMITIVES = ("box", "cylinder", "sphere", "convex")
 _SOLIDS = (*_PRIMITIVES, "mesh", "capsule", "ellipsoid")
 _MAX_PARTS = 64  # convex parts of a mesh; one with more is taken as its hull
@@ -24,12 +27,14 @@ _ELLIPSOID_RINGS = 9
 class SolidsReader:
     """Reads the solids of one description, and keeps account of what it had to assume."""
 
-    def __init__(self, missing_meshes: str) -> None:
-        self.missing_meshes = missing_meshes
+    def __init__(self, missing: str) -> None:
+        self.missing = missing
+        self.mesh_notes = Notes(_LOG)
         self.notes: list[str] = []
         self._converted = 0
         self._empty: list[str] = []
         self._boxes: list[str] = []
+        self._absent: list[str] = []
         self._strange: list[str] = []
 
     def rewrite_collisions(self, robot: Element) -> None:
@@ -100,7 +105,10 @@ class SolidsReader:
             self.notes.append(f"elements that a <geometry> cannot have are left out: {names}")
         if self._boxes:
             names = ", ".join(dict.fromkeys(self._boxes))
-            self.notes.append(f"missing meshes are replaced by boxes: {names}")
+            self.notes.append(f"absent meshes are replaced by boxes: {names}")
+        if self._absent:
+            names = ", ".join(dict.fromkeys(self._absent))
+            self.notes.append(f"absent meshes are left out: {names}")
         return self.notes
 
     def _read_mesh(
@@ -108,25 +116,29 @@ class SolidsReader:
     ) -> tuple[Shape, ...]:
         name = str(solid.get("filename")).removeprefix("file://")
         if not Path(name).is_file():
-            if self.missing_meshes == "box":
-                self._boxes.append(name)
-                box = _box_of_inertia(link)
-                return (box,) if box is not None else ()
-            fix = "add the folder of its package to robot.packages, or set robot.missing_meshes=box"
-            raise element_error(solid, f"names the mesh {name}, which does not exist", fix)
+            return self._replace_absent(link, solid, name)
         x, y, z = read_values(solid, "scale", 3, "1 1 1")
-        parts = read_parts(Path(name), (x, y, z), hull)
+        parts = read_parts(Path(name), (x, y, z), hull, self.mesh_notes)
         self._converted += not hull
         return tuple(Shape("convex", (), pose @ part.pose, corners=part.corners) for part in parts)
 
+    def _replace_absent(self, link: Element, solid: Element, name: str) -> tuple[Shape, ...]:
+        """Return what stands for an absent mesh: the box with the link's inertia, or nothing."""
+        if self.missing == "error":
+            fix = "add the folder of its package to robot.packages, or set robot.missing=leave_out"
+            raise element_error(solid, f"names the absent mesh {name}, which is needed", fix)
+        box = _box_of_inertia(link) if self.missing == "box" else None
+        (self._absent if box is None else self._boxes).append(name)
+        return () if box is None else (box,)
 
-def read_parts(path: Path, scale: Vector, hull: bool) -> tuple[Shape, ...]:
+
+def read_parts(path: Path, scale: Vector, hull: bool, notes: Notes) -> tuple[Shape, ...]:
     """Read a mesh as its hull or as convex parts, few enough for an engine."""
     from evoros.formats.mesh import hull_of, read_hull, read_mesh  # its libraries load slowly
 
     if hull:
         return (simplify(read_hull(path, scale)),)
-    parts = read_mesh(path, scale)
+    parts = read_mesh(path, scale, notes=notes)
     if len(parts) > _MAX_PARTS:
         parts = (hull_of(parts),)
     return tuple(map(simplify, parts))
