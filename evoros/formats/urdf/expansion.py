@@ -57,7 +57,7 @@ def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
         root = _fill_placeholders(content.decode(errors="replace"), file, options.arguments, root)
     resolve_files(root, file, packages)
     if options.missing == "error":
-        collect_absent_meshes(root, absences, options.packages_key)
+        collect_absent_meshes(root, absences, packages)
     absences.require_none(choose_instead(absences, options))
     return file, root
 

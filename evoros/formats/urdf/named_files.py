@@ -48,7 +48,7 @@ def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
     notes.report()
 
 
-def collect_absent_meshes(root: Element, absences: Absences, packages_key: str) -> None:
+def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIndex) -> None:
     """Collect the absent meshes that links collide with.
 
     If there are some, or packages are absent, those are added that links show which collide with
@@ -61,10 +61,18 @@ def collect_absent_meshes(root: Element, absences: Absences, packages_key: str) 
         meshes += [mesh for link in bare for mesh in link.iterfind("visual/geometry/mesh")]
     for mesh in filter(_is_absent, meshes):
         name = str(mesh.get("filename"))
-        package = _package_of(name)
-        text = f"add the folder that holds {{}} to {packages_key}"
-        remedy = Remedy(text, package) if package else Remedy("correct the path {}", name)
+        remedy = _find_remedy(name, packages)
         absences.add(name, _place(mesh), f"{locate(mesh)} names the absent mesh {name}", remedy)
+
+
+def _find_remedy(name: str, packages: PackageIndex) -> Remedy:
+    package = _package_of(name)
+    if not package:
+        return Remedy("correct the path {}", name)
+    folder = packages.find(package)
+    if folder is None:
+        return Remedy("add the folder that holds {} to robot.packages", package)
+    return Remedy("complete the folder {}", str(folder))
 
 
 def _is_absent(mesh: Element) -> bool:

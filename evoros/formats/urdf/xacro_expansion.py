@@ -87,7 +87,7 @@ def choose_instead(absences: Absences, options: ReadOptions) -> str:
     choices = []
     if names:
         ignored = ",".join([*options.ignored_packages, *names])
-        choices.append(f"type 'robot.ignored_packages=[{ignored}]' if only accessories need them")
+        choices.append(f"type 'robot.ignored_packages=[{ignored}]' if only accessories need it")
     if len(names) < len(absences.names):
         choices.append("set robot.missing=leave_out or robot.missing=box for meshes")
     return ", or ".join(choices)
