@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 
 from lxml.etree import _Element as Element
 
-from evoros.base.log import TOLD
 from evoros.formats.strict_xml import local_tag, locate, name_of
 
 _NAMED = 3  # further things of a kind whose names its line has
@@ -49,7 +48,7 @@ class Notes:
         for kind in self._kinds.values():
             first, count = kind.texts[0], len(kind.texts)
             more = "" if count == 1 else f" (and {count - 1} more of this kind{_list(kind.names)})"
-            self._log.log(kind.level, "%s%s", first, more, extra={TOLD: True})
+            self._log.log(kind.level, "%s%s", first, more)
             for text in kind.texts if count > 1 else ():
                 self._log.debug("%s", text)
         self._kinds.clear()

@@ -14,7 +14,6 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base.linear import length
-from evoros.base.log import TOLD
 from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.candidates import CASTER
 from evoros.drive.differential import DifferentialDescription
@@ -84,7 +83,7 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
     notes += [*casters.notes, *_complete_motors(elements, urdf, driven, wheels[0].radius)]
     reader.mesh_notes.report()
     for note in [*reader.finish(), *notes]:
-        _LOG.warning("%s: %s", source, note, extra={TOLD: True})
+        _LOG.warning("%s: %s", source, note)
     return AdaptedRobot(elements, read_tree(elements, source), chosen, casters.exposed)
 
 

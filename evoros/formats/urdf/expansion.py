@@ -9,7 +9,6 @@ from xml.sax.saxutils import escape
 from lxml.etree import _Element as Element
 
 from evoros.base.errors import InputError
-from evoros.base.log import TOLD
 from evoros.base.resources import find_file
 from evoros.formats.lenient_xml import parse_leniently
 from evoros.formats.missing import Absences
@@ -106,7 +105,7 @@ def _fill_placeholders(
     empty = [name for name in found if not values[name]]
     if empty:
         names = ", ".join(empty)
-        _LOG.warning("%s: the placeholders %s are left empty", file, names, extra={TOLD: True})
+        _LOG.warning("%s: the placeholders %s are left empty", file, names)
     filled = _PLACEHOLDER.sub(lambda match: escape(values[match[1]]), text)
     return parse(filled.encode(), str(file))
 

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
-from evoros.base.log import TOLD
 from evoros.base.resources import PACKAGE
 from evoros.formats.missing import Absences, Remedy
 from evoros.formats.urdf import xacro_child
@@ -74,7 +73,7 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
     _tell_skipped(file, answer)
     if absences.names and not answer["needed"] and not _hangs(answer["text"]):
         text = "%s: left out, because they are absent and nothing that is used needs them: %s"
-        _LOG.warning(text, file, ", ".join(absences.names), extra={TOLD: True})
+        _LOG.warning(text, file, ", ".join(absences.names))
         return str(answer["text"]), Absences(str(file))
     return str(answer["text"]), absences
 
@@ -125,10 +124,10 @@ def _tell_skipped(file: Path, answer: Mapping[str, Any]) -> None:
     if skipped:
         left_out = ", ".join(dict.fromkeys(skipped))
         text = "%s: of ignored packages, left out: %s"
-        _LOG.warning(text, file, left_out, extra={TOLD: True})
+        _LOG.warning(text, file, left_out)
     if answer["unlike"]:
         text = "%s: found in another case of letters: %s"
-        _LOG.warning(text, file, ", ".join(dict.fromkeys(answer["unlike"])), extra={TOLD: True})
+        _LOG.warning(text, file, ", ".join(dict.fromkeys(answer["unlike"])))
 
 
 def _hangs(text: str) -> bool:
