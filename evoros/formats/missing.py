@@ -31,6 +31,7 @@ class Remedy:
 class Absence:
     """Something absent: its name in the description, and where and why it is missed."""
 
+    kind: str  # package, file, model or mesh
     name: str
     place: str  # file and line
     sentence: str  # with the place, of this absence alone
@@ -49,12 +50,17 @@ class Absences:
         """The names of all that is absent, each once."""
         return tuple(dict.fromkeys(absence.name for absence in self._absences))
 
-    def add(self, name: str, place: str, sentence: str, remedy: Remedy) -> None:
-        """Add something; ``sentence`` says what is wrong, in case nothing else is absent."""
-        self._absences.append(Absence(name, place, sentence, remedy))
+    def names_of(self, kind: str) -> tuple[str, ...]:
+        """Return the names of all absent things of a kind, each once."""
+        names = (absence.name for absence in self._absences if absence.kind == kind)
+        return tuple(dict.fromkeys(names))
+
+    def add(self, absence: Absence) -> None:
+        """Add something that is absent."""
+        self._absences.append(absence)
 
     def require_none(self, choices: str) -> None:
-        """Require that nothing is absent; ``choices`` are the keys to type instead.
+        """Require that nothing is absent; ``choices``, if any, are the keys to type instead.
 
         Raises:
             InputError: something is; the message has all of it.
@@ -65,13 +71,12 @@ class Absences:
         if len(names) == 1:
             more = len(self._absences) - 1
             again = f" (and {more} times more)" if more else ""
-            raise InputError(f"{first.sentence}{again}; {first.remedy}; or {choices}")
-        listed = ", ".join(self._list())
-        remedies = "; ".join(self._merge())
-        raise InputError(
-            f"{self._source}: names {len(names)} things that are absent: {listed}; {remedies}; "
-            f"or {choices}"
-        )
+            problem = f"{first.sentence}{again}"
+        else:
+            listed = ", ".join(self._list())
+            problem = f"{self._source}: names {len(names)} things that are absent: {listed}"
+        instead = f"; or {choices}" if choices else ""
+        raise InputError(f"{problem}; {'; '.join(self._merge())}{instead}")
 
     def _list(self) -> Iterator[str]:
         """Yield each name with its first place and how often it is missed."""
@@ -81,7 +86,8 @@ class Absences:
         for name, where in places.items():
             place = where[0].removeprefix(f"{self._source}:")
             line = f"line {place}" if place.isdigit() else place
-            yield f"{name} ({line}{f', {len(where)} times' if len(where) > 1 else ''})"
+            title = f"package {name}" if name in self.names_of("package") else name
+            yield f"{title} ({line}{f', {len(where)} times' if len(where) > 1 else ''})"
 
     def _merge(self) -> Iterator[str]:
         """Yield each remedy once, with all its subjects."""

@@ -68,7 +68,7 @@ def test_what_nothing_calls_is_left_out_and_told(
     with caplog.at_level(logging.WARNING):
         expand(name)
     (message,) = caplog.messages
-    assert "absent and nothing that is used needs them: package lms1xx, package zed2" in message
+    assert "absent and nothing that is used needs them: lms1xx, zed2" in message
 
 
 @pytest.mark.parametrize(
@@ -168,3 +168,11 @@ def test_a_loaded_file_that_is_absent_is_named(tmp_path: Path) -> None:
     message = refused(write(tmp_path, "${xacro.load_yaml('sizes.yaml')}" + BASE))
     assert "sizes.yaml does not exist" in message
     assert "Errno" not in message
+
+
+def test_an_included_file_that_is_absent_is_named_without_keys_that_do_not_help(
+    tmp_path: Path,
+) -> None:
+    message = refused(write(tmp_path, f'{BASE}\n<xacro:include filename="gone.xacro"/><xacro:x/>'))
+    assert message.endswith("r.xacro:2: includes gone.xacro, which does not exist; "
+                            "correct the name gone.xacro")  # fmt: skip

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from lxml.etree import _Element as Element
 
-from evoros.formats.missing import MissingFileError
+from evoros.formats.missing import Absence, MissingFileError
 from evoros.formats.sdf.reading import Reading
 from evoros.formats.strict_xml import element_error, find_child, locate, place_of, read_text
 
@@ -36,7 +36,9 @@ def find_uri(shape: Element) -> Element | None:
 def add_absence(element: Element, uri: str, reading: Reading) -> None:
     """Collect that nothing is at an address that an element names."""
     problem, remedy = reading.addresses.explain(uri, reading.folder_of(element))
-    reading.absences.add(uri, place_of(element), f"{locate(element)} {problem}", remedy)
+    kind = "model" if element.tag == "include" else "mesh"
+    sentence = f"{locate(element)} {problem}"
+    reading.absences.add(Absence(kind, uri, place_of(element), sentence, remedy))
 
 
 def require_file(uri: Element, reading: Reading) -> Path:

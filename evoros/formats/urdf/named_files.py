@@ -8,7 +8,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.errors import InputError
 from evoros.formats.letter_case import find_in_any_case
-from evoros.formats.missing import Absences, Remedy
+from evoros.formats.missing import Absence, Absences, Remedy
 from evoros.formats.notes import Notes
 from evoros.formats.strict_xml import element_error, locate, place_of, source_of
 from evoros.formats.urdf.installed import locate as locate_installed
@@ -62,7 +62,8 @@ def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIn
     for mesh in filter(_is_absent, meshes):
         name = str(mesh.get("filename"))
         remedy = _find_remedy(name, packages)
-        absences.add(name, _place(mesh), f"{locate(mesh)} names the absent mesh {name}", remedy)
+        sentence = f"{locate(mesh)} names the absent mesh {name}"
+        absences.add(Absence("mesh", name, _place(mesh), sentence, remedy))
 
 
 def _find_remedy(name: str, packages: PackageIndex) -> Remedy:

@@ -16,7 +16,7 @@ from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.base.resources import PACKAGE
-from evoros.formats.missing import Absences, Remedy
+from evoros.formats.missing import Absence, Absences, Remedy
 from evoros.formats.urdf import xacro_child
 from evoros.formats.urdf.packages import PackageIndex
 
@@ -82,12 +82,12 @@ def choose_instead(absences: Absences, options: ReadOptions) -> str:
     """Return the keys to type in place of getting what is absent."""
     if options.packages_key != ReadOptions.packages_key:  # a world, which ignores no packages
         return "delete what names them"
-    names = [n.removeprefix("package ") for n in absences.names if n.startswith("package ")]
+    packages = absences.names_of("package")
     choices = []
-    if names:
-        ignored = ",".join([*options.ignored_packages, *names])
+    if packages:
+        ignored = ",".join([*options.ignored_packages, *packages])
         choices.append(f"type 'robot.ignored_packages=[{ignored}]' if only accessories need it")
-    if len(names) < len(absences.names):
+    if absences.names_of("mesh"):
         choices.append("set robot.missing=leave_out or robot.missing=box for meshes")
     return ", or ".join(choices)
 
@@ -99,10 +99,10 @@ def _collect_absences(
     remedy = f"add the folder that holds {{}} to {options.packages_key}"
     for name, place in absent.get("packages", {}).items():
         sentence = f"{place}: names the package {name}, which is absent"
-        absences.add(f"package {name}", place, sentence, Remedy(remedy, name))
+        absences.add(Absence("package", name, place, sentence, Remedy(remedy, name)))
     for name, place in absent.get("files", {}).items():
         sentence = f"{place}: includes {name}, which does not exist"
-        absences.add(name, place, sentence, Remedy("correct the name {}", name))
+        absences.add(Absence("file", name, place, sentence, Remedy("correct the name {}", name)))
     return absences
 
 
