@@ -98,6 +98,26 @@ def test_absent_models_meshes_and_images_are_left_out_in_a_line_for_each_kind(
     assert all(any(name in line for line in details) for name in names)
 
 
+def test_joints_to_an_absent_model_are_left_out_and_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    box = "<collision name='c'><geometry><sphere><radius>1</radius></sphere></geometry></collision>"
+    links = "".join(f"<link name='{name}'>{box}</link>" for name in "ab")
+    joints = "".join(
+        f"<joint name='{parent}{child}' type='fixed'><parent>{parent}</parent>"
+        f"<child>{child}</child></joint>"
+        for parent, child in (("a", "b"), ("gimbal::tilt", "a"))
+    )
+    include = "<include><uri>model://gimbal</uri></include>"
+    content = f"<model name='m'>{links}{include}{joints}</model>"
+    with caplog.at_level(logging.WARNING):
+        (body,) = load(tmp_path, content, missing="leave_out").bodies
+    assert len(body.shapes) == 2  # the joint between the links that are there still counts
+    assert "it connects gimbal::tilt and a" in caplog.text
+    with pytest.raises(InputError, match="refers to 'gimbal::tilt'"):  # nothing is absent
+        load(tmp_path, content.replace(include, ""), missing="leave_out")
+
+
 @pytest.mark.parametrize("uri", ["model://Crate/Meshes/box.STL", "../models/crate/meshes/BOX.stl"])
 def test_letter_case_of_a_name_does_not_matter_and_is_told(
     tmp_path: Path, uri: str, caplog: pytest.LogCaptureFixture

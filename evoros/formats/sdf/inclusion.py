@@ -99,6 +99,9 @@ def _stand_in(include: Element, uri: str, reading: Reading) -> Element | None:
         return None
     problem, _ = reading.addresses.explain(uri, reading.folder_of(include))
     reading.notes.add(include, f"is left out: it {problem}", "missing model", uri)
+    parent = include.getparent()
+    if parent is not None and parent.tag == "model":
+        reading.incomplete.append(parent)
     return None
 
 

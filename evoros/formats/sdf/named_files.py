@@ -27,6 +27,21 @@ def require_files(container: Element, reading: Reading) -> None:
     reading.absences.require_none(CHOICES)
 
 
+def drop_loose_joints(reading: Reading) -> None:
+    """Leave out the joints of models that lack an included model, if they connect what is in it."""
+    for model in reading.incomplete:
+        names = {part.get("name") for part in model.iter("model", "link", "frame", "joint")}
+        for joint in [*model.iter("joint")]:
+            ends = [(joint.findtext(tag) or "").strip() for tag in ("parent", "child")]
+            if {end.split("::")[-1] for end in ends} <= {*names, "world", "__model__"}:
+                continue
+            problem = f"is left out: it connects {' and '.join(ends)}, of which one is absent"
+            reading.notes.add(joint, problem, "joint of an absent model")
+            parent = joint.getparent()
+            assert parent is not None
+            parent.remove(joint)
+
+
 def find_uri(shape: Element) -> Element | None:
     """Return the element of a mesh or height map that names its file."""
     uri = find_child(shape, "uri")

@@ -22,7 +22,7 @@ from evoros.formats.sdf.elements import check_elements
 from evoros.formats.sdf.frames import Frames, Path, read_pose
 from evoros.formats.sdf.inclusion import expand_includes
 from evoros.formats.sdf.links import Link, read_link
-from evoros.formats.sdf.named_files import require_files
+from evoros.formats.sdf.named_files import drop_loose_joints, require_files
 from evoros.formats.sdf.old_versions import modernize
 from evoros.formats.sdf.reading import Reading, SdfOptions
 from evoros.formats.sdf.scaling import scale_model
@@ -68,6 +68,7 @@ def read_sdf(
     container = _choose_container(root, reading)
     _insert_and_delete(container)
     expand_includes(container, reading)
+    drop_loose_joints(reading)
     left_out = settle_vehicles(container, reading)
     require_files(container, reading)
     check_elements(root, reading.notes)

@@ -66,6 +66,7 @@ class Reading:
     def __post_init__(self) -> None:
         self._roots: dict[Path, Element] = {}
         self.absences = Absences(self.source)
+        self.incomplete: list[Element] = []  # models without one that they include
         self.addresses = Addresses(self.file, self.options.folders(), self.notes)
 
     def read(self, path: Path) -> bytes:
