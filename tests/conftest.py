@@ -15,7 +15,7 @@ import evoros
 from evoros.base.resources import bundled_folder
 from evoros.base.screen import Pipe
 from evoros.evolution.experiment import Experiment
-from evoros.formats.urdf import expansion
+from evoros.formats.urdf import xacro_expansion
 from evoros.simulator.pybullet import close_engines
 
 pytest_plugins = ["missing_engine"]
@@ -30,7 +30,7 @@ def pytest_collection_finish() -> None:
 @pytest.fixture(scope="session", autouse=True)
 def expanded_once() -> Iterator[None]:
     """Expand bundled robots once: the process for it takes an eighth of a second each time."""
-    robots, expand = bundled_folder("robots"), expansion._run_child
+    robots, expand = bundled_folder("robots"), xacro_expansion._run_child
     answers: dict[str, tuple[int, str, str]] = {}
 
     def expand_once(request: str, folder: Path, patience_s: float) -> tuple[int, str, str]:
@@ -42,7 +42,7 @@ def expanded_once() -> Iterator[None]:
         return answers[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(expansion, "_run_child", expand_once)
+        patch.setattr(xacro_expansion, "_run_child", expand_once)
         yield
 
 

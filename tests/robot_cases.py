@@ -69,7 +69,7 @@ def load(name: str = "erle_rover", **changes: Any) -> Robot:
         description=config["description"],
         arguments=config["arguments"],
         packages=config["packages"],
-        missing_meshes=config.get("missing_meshes", "error"),
+        missing=config.get("missing", "error"),
         wheels_touch=config.get("wheels_touch", True),
         mount=MountDefaults(**mount),
         drive=instantiate(config["drive"], _convert_="all"),

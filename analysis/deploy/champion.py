@@ -13,6 +13,7 @@ from evoros.formats.strict_xml import find_child, parse
 from evoros.formats.urdf.parts import read_origin, read_value
 from evoros.formats.urdf.tree import Urdf, read_frames, read_tree
 from evoros.geometry.shapes import Pose, Shape
+from evoros.sensor.names import find_prefix
 from evoros.storage.figure_context import Beam, Signal
 from evoros.storage.layout import ROBOT_AS_LOADED, SELF_SIGHT
 from evoros.storage.reading import read_table
@@ -115,9 +116,10 @@ def _read_sensors(record: Record, urdf: Urdf) -> Iterator[MountedSensor]:
     kinds: Mapping[str, Beam | Signal] = {**context.beams, **context.signals}
     tables = read_champion_sensors(record), read_champion_signals(record)
     rows = [row for table in tables for row in table.to_dict("records")]
+    prefix = find_prefix(urdf.poses, context.types)
     for row in sorted(rows, key=lambda row: int(row["sensor"])):
         kind = str(row["type"])
-        link = f"{kind}_{row['sensor']}"
+        link = f"{prefix}{kind}_{row['sensor']}"
         if link not in urdf.poses:
             raise urdf.error(f"must have the link {link} of a sensor", "restore the file")
         body = urdf.visuals[link][:1]

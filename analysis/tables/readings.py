@@ -9,6 +9,7 @@ import pandas as pd
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
+from evoros.sensor.names import find_prefix
 from evoros.sensor.protocol import MOTION, name_readings
 from evoros.storage.figure_context import Beam, FigureContext, Signal
 
@@ -48,7 +49,8 @@ def read_sensors(
     Raises:
         InputError: the trajectory has other sensors than the robot.
     """
-    types = _find_types(links, context.types)
+    prefix = find_prefix(links, context.types)
+    types = _find_types(links, context.types, prefix)
     ranges = group_ranges(trajectory)
     seeing = [number for number, name in enumerate(types) if name in context.beams]
     if [*ranges] != seeing:
@@ -59,31 +61,37 @@ def read_sensors(
             f"the mission"
         )
     return [
-        RecordedSensor(f"{name}_{n}", name, context.beams[name], ranges[n])
+        RecordedSensor(f"{prefix}{name}_{n}", name, context.beams[name], ranges[n])
         if name in context.beams
-        else _read_signal(trajectory, n, name, context.signals[name], source)
+        else RecordedSensor(
+            f"{prefix}{name}_{n}",
+            name,
+            context.signals[name],
+            _read_signal(trajectory, n, name, context.signals[name], source),
+        )
         for n, name in enumerate(types)
     ]
 
 
-def _find_types(links: Collection[str], types: Sequence[str]) -> list[str]:
-    """Find the type of each mounted sensor, whose link has its type and number as a name."""
+def _find_types(links: Collection[str], types: Sequence[str], prefix: str) -> list[str]:
+    """Find the type of each mounted sensor, whose link is named by its type and number."""
     found: list[str] = []
-    while name := next((each for each in types if f"{each}_{len(found)}" in links), None):
+    while name := next((t for t in types if f"{prefix}{t}_{len(found)}" in links), None):
         found.append(name)
     return found
 
 
 def _read_signal(
     trajectory: pd.DataFrame, number: int, name: str, signal: Signal, source: str
-) -> RecordedSensor:
+) -> Array:
+    """Return the readings of a sensor that casts no rays."""
     columns = list(name_readings(number, signal.channels))
     if not {*columns} <= {*trajectory}:
         raise InputError(
             f"{source}: has the sensor {name}_{number}, so that the trajectory must have the "
             f"columns {', '.join(columns)}; give the description of the robot that ran the mission"
         )
-    return RecordedSensor(f"{name}_{number}", name, signal, trajectory[columns].to_numpy(float))
+    return trajectory[columns].to_numpy(float)
 
 
 def find_nearest(ranges: Array) -> Array:

@@ -19,6 +19,9 @@ The folder's name would not do: two folders may have the same name in different 
 """
 _LOCK = Lock()
 _PROGRESS = "is_progress"  # an attribute of records
+_READERS = ("evoros.sdf", "evoros.xml", "evoros.formats.", "evoros.robot.", "evoros.world.",
+            "evoros.drive.")  # fmt: skip
+"""The loggers of what was left out or assumed when a robot or a world was read."""
 
 
 @contextmanager
@@ -68,12 +71,71 @@ def format_for_terminal(handler: logging.Handler) -> logging.Handler:
     """Set up a handler for standard error.
 
     It shows the warnings and errors of the jobs of a sweep, each after the job's name, and all
-    messages that concern no job of a sweep.
+    messages that concern no job of a sweep. It shows a line about how a file was read only once,
+    although each job of a sweep reads the file.
     """
     handler.setLevel(logging.INFO)
+    handler.addFilter(_Once())
     handler.setFormatter(_JobFormatter("%(message)s"))
     handler.addFilter(lambda record: not _JOB.get() or record.levelno >= logging.WARNING)
     return handler
+
+
+class _Once(logging.Filter):
+    """Passes each line of a reader once, and none that ``read_again`` withholds."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._shown: set[str] = set()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        if record.levelno < logging.INFO or not record.name.startswith(_READERS):
+            return True
+        message, known = record.getMessage(), _KNOWN.get()
+        if known is not None and known.has(record):
+            return False
+        fresh = message not in self._shown
+        self._shown.add(message)
+        return fresh
+
+
+class _KnownLines:
+    """The lines of a log, and which of them came again."""
+
+    def __init__(self, log: Path) -> None:
+        try:
+            self._text = log.read_text(errors="replace")
+        except OSError:
+            self._text = ""
+        self.repeated: set[str] = set()
+
+    def has(self, record: logging.LogRecord) -> bool:
+        line = f" {record.levelname} {record.getMessage()}\n"
+        if line not in self._text:
+            return False
+        self.repeated.add(line)
+        return True
+
+
+_KNOWN: ContextVar[_KnownLines | None] = ContextVar("known", default=None)
+
+
+@contextmanager
+def read_again(log: Path) -> Iterator[None]:
+    """Withhold lines about how files are read that ``log`` has, and count them in one line.
+
+    A log that is absent or cannot be read withholds none.
+    """
+    known = _KnownLines(log)
+    token = _KNOWN.set(known)
+    try:
+        yield
+    finally:
+        _KNOWN.reset(token)
+        if known.repeated:
+            lines = "line" if len(known.repeated) == 1 else "lines"
+            count = len(known.repeated)
+            LOGGER.warning("%d %s about how files were read are in %s", count, lines, log)
 
 
 class _JobFormatter(logging.Formatter):
@@ -104,10 +166,10 @@ def log_to_terminal() -> Iterator[None]:
 
 
 class _Memory(logging.Handler):
-    """Keeps messages in a list."""
+    """Keeps messages of all levels in a list."""
 
     def __init__(self) -> None:
-        super().__init__(logging.INFO)
+        super().__init__(logging.DEBUG)
         self.records: list[logging.LogRecord] = []
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -118,7 +180,7 @@ class _Memory(logging.Handler):
 def collect_messages() -> Iterator[list[logging.LogRecord]]:
     """Collect messages, for ``log_to_file`` once there is a file."""
     memory = _Memory()
-    with attach(memory, own_job=True):
+    with attach(memory, own_job=True), log_everything():
         yield memory.records
 
 

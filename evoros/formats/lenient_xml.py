@@ -1,6 +1,7 @@
 """XML as Gazebo takes it: slips that leave no doubt about the content are repaired.
 
-Each repair keeps the line of every element. A DOCTYPE stays an error.
+Gazebo Classic reads XML with TinyXML 1, which is more lenient than the standard. Each repair keeps
+the line of every element. A DOCTYPE stays an error, and so is an attribute that is given twice.
 """
 
 import logging
@@ -19,7 +20,14 @@ _AMPERSAND = re.compile(r"&(?!(?:#[0-9]+|#x[0-9a-fA-F]+|[A-Za-z_][\w.-]*);)")
 _DOUBLE_COLON = re.compile(r"(</?[A-Za-z_][\w.-]*)::(?=[A-Za-z_])")
 _TAG = re.compile(r"<([A-Za-z_][\w.-]*)(?::[\w.-]+)?(?:\s[^<>]*)?/?>")
 _ATTRIBUTE = re.compile(r"\s([A-Za-z_][\w.-]*):[\w.-]+\s*=")
-_ROOT = re.compile(r"<[A-Za-z_][^\s/>]*")
+_ROOT = re.compile(r"<([A-Za-z_][^\s/>]*)")
+_VALUE = r"\"[^\"]*+\"|'[^']*+'|[^\s\"'<>/]*+"
+_ATTRIBUTES = re.compile(  # the start tag of an element that has attributes, with quotes or without
+    rf"(<!\[CDATA\[.*?\]\]>)|(?<=<)[A-Za-z_][\w.:-]*+(?:\s++[\w.:-]++(?:\s*+=\s*+(?:{_VALUE}))?)++"
+    r"(?=\s*/?>)",
+    re.DOTALL,
+)
+_PAIR = re.compile(rf"(\s+)([\w.:-]++)(?:\s*+=\s*+({_VALUE}))?")
 _ENCODING = re.compile(rb"<\?xml[^>]*encoding\s*=\s*[\"']([A-Za-z0-9._-]+)")
 
 XACRO = "http://www.ros.org/wiki/xacro"
@@ -30,8 +38,9 @@ def parse_leniently(content: bytes, source: str) -> Element:
     """Parse a document as ``strict_xml.parse`` does, after repairs if they are necessary.
 
     Repaired, and reported in one line, are: text, comments or a byte order mark before the XML
-    declaration, ``--`` in comments, prefixes that are not declared, ``::`` in a tag, and ampersands
-    that stand for themselves.
+    declaration, anything after the root element, ``--`` in comments, attributes without quotes or
+    without a value, prefixes that are not declared, ``::`` in a tag, and ampersands that stand for
+    themselves.
 
     Raises:
         InputError: the document is not well-formed even so, or has a DOCTYPE.
@@ -81,7 +90,9 @@ def _repair(text: str) -> tuple[str, list[str]]:
     if any("--" in comment[0][4:-3] for comment in _COMMENT.finditer(text) if not comment[1]):
         repairs.append("-- in a comment")
     text = _COMMENT.sub(lambda match: match[1] or _lines(match[0]), text)
+    apply(_cut_after_root(text), "something after its root element")
     apply(_AMPERSAND.sub("&amp;", text), "& in place of &amp;")
+    apply(_ATTRIBUTES.sub(_quote_values, text), "attributes without quotes")
     apply(_DOUBLE_COLON.sub(r"\1:", text), ":: in the name of an element")
     prefixes = _undeclared_prefixes(text)
     if prefixes:
@@ -90,6 +101,32 @@ def _repair(text: str) -> tuple[str, list[str]]:
         apply(_ROOT.sub(lambda match: match[0] + spaces, text, count=1),
               f"prefixes without a declaration ({names})")  # fmt: skip
     return text, repairs
+
+
+def _cut_after_root(text: str) -> str:
+    """Return the text up to the end of its first root element, the only one that Gazebo reads."""
+    root = _ROOT.search(text)
+    if root is None:
+        return text
+    depth = 0
+    for tag in re.finditer(rf"<(/?){re.escape(root[1])}(?=[\s/>])[^<>]*?(/?)>", text):
+        depth += 0 if tag[2] else -1 if tag[1] else 1
+        if depth == 0:
+            rest = text[tag.end() :]
+            return text[: tag.end()] if rest.strip() else text
+    return text
+
+
+def _quote_values(tag: re.Match[str]) -> str:
+    """Return a start tag with all values of attributes in quotes; an absent one is empty."""
+    return tag[0] if tag[1] else _PAIR.sub(_quote_value, tag[0])
+
+
+def _quote_value(pair: re.Match[str]) -> str:
+    space, name, value = pair[1], pair[2], pair[3] or ""
+    if value[:1] in ("'", '"'):
+        return pair[0]
+    return f'{space}{name}="{value}"{_lines(pair[0][len(space) :])}'
 
 
 def _lines(text: str) -> str:

@@ -15,6 +15,7 @@ SOURCE = "{evoros}source"
 """The attribute of an element that was taken from another file, which names that file."""
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_PLACE = re.compile(r", line \d+, column \d+( \(.*\))?$")
 _MAX_NUMBER = 1e9  # no length, mass or angle exceeds it, so no product of two overflows
 _MAX_QUOTED = 60  # characters of a value in a message
 
@@ -40,7 +41,7 @@ def parse(content: bytes, source: str) -> Element:
         root = etree.fromstring(content, parser, base_url=source)
     except (etree.XMLSyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None) or 1
-        reason = " ".join(str(error).split())
+        reason = _PLACE.sub("", " ".join(str(error).split()))  # the message begins with it
         raise InputError(f"{source}:{line}: not well-formed XML: {reason}; correct it") from None
     if root.getroottree().docinfo.doctype:
         # It can define entities, which read files and grow without bound.
@@ -72,13 +73,24 @@ def source_of(element: Element) -> str:
 
 def locate(element: Element) -> str:
     """Return file, line, tag and the names of the elements around an element."""
-    source = source_of(element)
     owners = [
         f" of {local_tag(owner)} {quote(owner.get('name', ''))}"
         for owner in itertools.chain([element], element.iterancestors())
         if owner.get("name") is not None
     ]
-    return f"{source}:{element.sourceline}: <{local_tag(element)}>{''.join(owners)}"
+    return f"{place_of(element)}: <{local_tag(element)}>{''.join(owners)}"
+
+
+def place_of(element: Element) -> str:
+    """Return the file and line of an element."""
+    return f"{source_of(element)}:{element.sourceline}"
+
+
+def name_of(element: Element) -> str:
+    """Return the name in quotes of the nearest model around an element, else of any around it."""
+    owners = [o for o in itertools.chain([element], element.iterancestors()) if o.get("name")]
+    models = [owner for owner in owners if owner.tag == "model"]
+    return quote(next((str(owner.get("name")) for owner in (*models, *owners)), ""))
 
 
 def local_tag(element: Element) -> str:

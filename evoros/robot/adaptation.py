@@ -58,15 +58,13 @@ class AdaptedRobot:
     from."""
 
 
-def adapt(
-    description: Element, source: str, drive: DriveDescription, missing_meshes: str
-) -> AdaptedRobot:
+def adapt(description: Element, source: str, drive: DriveDescription, missing: str) -> AdaptedRobot:
     """Rewrite a copy of a ``<robot>`` for a drive.
 
     Raises:
         InputError: a part cannot be understood, or the drive does not fit.
     """
-    elements, reader = deepcopy(description), SolidsReader(missing_meshes)
+    elements, reader = deepcopy(description), SolidsReader(missing)
     reader.rewrite_collisions(elements)
     notes = show_as_collisions(elements, read_tree(elements, source), reader)
     urdf = read_tree(elements, source)
@@ -86,6 +84,7 @@ def adapt(
     notes += _replace_lost_body(elements, source, chosen, wheels, rolling, reader)
     urdf = read_tree(elements, source)
     notes += [*casters.notes, *_complete_motors(elements, urdf, driven, wheels[0].radius)]
+    reader.mesh_notes.report()
     for note in [*reader.finish(), *notes]:
         _LOG.warning("%s: %s", source, note)
     return AdaptedRobot(elements, read_tree(elements, source), chosen, casters.exposed)

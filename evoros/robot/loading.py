@@ -7,10 +7,12 @@ from lxml.etree import _Element as Element
 
 from evoros.base.errors import InputError
 from evoros.drive.protocol import Drive, DriveDescription
+from evoros.formats.missing import MISSING
 from evoros.formats.urdf import expansion
 from evoros.formats.urdf.document import UrdfDocument
-from evoros.formats.urdf.solids import MISSING_MESHES, read_visual_solids
+from evoros.formats.urdf.solids import read_visual_solids
 from evoros.formats.urdf.tree import Urdf
+from evoros.formats.urdf.xacro_expansion import ReadOptions
 from evoros.geometry.footprint import top_height
 from evoros.geometry.shapes import Shape
 from evoros.robot.adaptation import AdaptedRobot, adapt
@@ -31,7 +33,7 @@ def load_robot(
     packages: Sequence[str] = (),
     ignored_packages: Sequence[str] = (),
     environment: Mapping[str, Any] | None = None,
-    missing_meshes: str = "error",
+    missing: str = "error",
     wheels_touch: bool = True,
     self_occlusion: str = COLLISIONS,
 ) -> Robot:
@@ -40,28 +42,28 @@ def load_robot(
     ``description`` is a path, which may be relative to the bundled robots; ``arguments`` are those
     of the xacro file; ``packages`` are further folders in which it may name files, and packages in
     ``ignored_packages`` are left out. ``environment`` has the variables of ``$(env)``. A missing
-    ``mount`` is chosen for the robot. ``missing_meshes`` is ``error`` or ``box``. If
-    ``wheels_touch``, obstacles can touch the wheels and casters that stick out of the body.
-    ``self_occlusion`` is ``collisions`` or ``visuals``, the shapes by which the body hides from its
-    own sensors what they would see.
+    ``mount`` is chosen for the robot. ``missing`` (``error``, ``leave_out`` or ``box``) states what
+    to do with absent meshes. If ``wheels_touch``, obstacles can touch the wheels and casters that
+    stick out of the body. ``self_occlusion`` is ``collisions`` or ``visuals``, the shapes by which
+    the body hides from its own sensors what they would see.
 
     Raises:
         InputError: the file cannot be used, or ``drive`` or ``mount`` do not fit it.
     """
     mount = MountDefaults() if mount is None else mount
-    options = expansion.ReadOptions(arguments or {}, packages, ignored_packages, environment or {})
+    options = ReadOptions(arguments or {}, packages, ignored_packages, environment or {}, missing)
     _check_types(description, drive, mount, options)
-    if missing_meshes not in MISSING_MESHES:
-        choices = " or ".join(MISSING_MESHES)
-        raise InputError(f"robot.missing_meshes: must be {choices}, not {missing_meshes!r}; set it")
+    if missing not in MISSING:
+        choices = ", ".join(MISSING)
+        raise InputError(f"robot.missing: must be one of {choices}, not {missing!r}; set it")
     if self_occlusion not in (COLLISIONS, VISUALS):
         raise InputError(
             f"robot.self_occlusion: must be {COLLISIONS} or {VISUALS}, not {self_occlusion!r}; "
             f"set it"
         )
     file, root = expansion.read(description, options)
-    adapted = adapt(root, str(file), drive, missing_meshes)
-    visuals = read_visual_solids(root, missing_meshes) if self_occlusion == VISUALS else None
+    adapted = adapt(root, str(file), drive, missing)
+    visuals = read_visual_solids(root, missing) if self_occlusion == VISUALS else None
     return _build_robot(root, adapted, mount, wheels_touch, visuals)
 
 
@@ -125,9 +127,7 @@ def _document_for_engines(document: UrdfDocument, adapted: AdaptedRobot) -> Urdf
     return None if changed.text == document.text else changed
 
 
-def _check_types(
-    description: object, drive: object, mount: object, options: expansion.ReadOptions
-) -> None:
+def _check_types(description: object, drive: object, mount: object, options: ReadOptions) -> None:
     lists: Any = list | tuple
     for name, value, expected, what in (
         ("description", description, str, "the path of a file"),

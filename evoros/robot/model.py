@@ -24,6 +24,7 @@ from evoros.robot.occlusion import Occluders
 from evoros.robot.outline import SolidShape
 from evoros.robot.rays import RayTable, SortedRays, sort_rays, tabulate_rays
 from evoros.robot.sensor_elements import sensor_elements
+from evoros.sensor.names import choose_prefix
 from evoros.sensor.protocol import SIGNAL_SIZES, Mount, Sensor, is_signal_sensor, sees
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
@@ -102,26 +103,20 @@ class Robot:
 
     def named_mounts(self) -> Iterator[tuple[str, Mount]]:
         """Yield the name of each sensor's link, with its mount."""
+        prefix = choose_prefix(self.reserved_names, self.sensors)
         for number, mount in enumerate(self.mounts):
-            yield f"{mount.sensor}_{number}", mount
+            yield f"{prefix}{mount.sensor}_{number}", mount
 
     def with_sensors(self, mounts: Sequence[Mount], sensors: Mapping[str, Sensor]) -> "Robot":
         """Return this robot with other sensors, in the order of their types in ``sensors``.
 
         Raises:
-            InputError: a sensor type or link is unknown, a number is not finite, or the robot
-                already has a link of a sensor's name.
+            InputError: a sensor type or link is unknown, or a number is not finite.
         """
         order = {name: position for position, name in enumerate(sensors)}
         for mount in mounts:
             self._check_mount(mount, order)
         ordered = tuple(sorted(mounts, key=lambda mount: order[mount.sensor]))
-        for i, mount in enumerate(ordered):
-            if f"{mount.sensor}_{i}" in self.reserved_names:
-                raise InputError(
-                    f"robot {self.name}: link {mount.sensor}_{i} must not exist before the sensor "
-                    f"is added; rename the sensor type"
-                )
         return replace(self, mounts=ordered, sensors=dict(sensors))
 
     @cached_property

@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 
 from evoros.base.disk import require_no_links
 from evoros.base.errors import InputError
+from evoros.base.log import read_again
 from evoros.config.compose import NAMED_FOLDERS, add_config_dir
 from evoros.config.configuration import Configuration
 from evoros.config.recorded import override_recorded, read_recorded
 from evoros.config.targets import check_targets
 from evoros.evolution.experiment import Experiment
 from evoros.storage.creation import require_whole
-from evoros.storage.layout import CONFIG, MANIFEST, OVERRIDES, command_of, resume_command
+from evoros.storage.layout import CONFIG, LOG, MANIFEST, OVERRIDES, command_of, resume_command
 from evoros.storage.manifest import check_unchanged, warn_of_versions
 from evoros.storage.seals import unseal_json
 from evoros.storage.verification import read_original
@@ -58,7 +59,7 @@ def rebuild(
     recorded = read_recorded(folder / CONFIG)
     config, generations = override_recorded(recorded, overrides, config_dir, command == RUN)
     check_targets(config.values, NAMED_FOLDERS, folder / CONFIG)
-    with change_to_origin(manifest):
+    with change_to_origin(manifest), read_again(folder.absolute() / LOG):
         experiment = config.build()
     contents.pop(CONFIG)
     check_unchanged(folder, manifest, experiment, recorded.text, recorded.values, contents)

@@ -20,8 +20,7 @@ def load_world(
     model_paths: Sequence[str] = (),
     world_name: str = "",
     arguments: Mapping[str, object] | None = None,
-    missing_models: str = "error",
-    missing_meshes: str = "error",
+    missing: str = "error",
     vehicles: str = "leave_out",
     mesh_up_axis: str = "ignore",
 ) -> World:
@@ -29,18 +28,16 @@ def load_world(
 
     ``sdf`` is a path, which may be relative to the bundled folder ``worlds``. ``model_paths`` are
     folders that hold the models and meshes that it names, ``world_name`` is that of several in the
-    file, and ``arguments`` are for a file with xacro. ``missing_models`` (``error`` or
-    ``leave_out``), ``missing_meshes`` (``error``, ``box`` or ``leave_out``) and ``vehicles``
-    (``leave_out`` or ``hold_still``) state what to do with these, and ``mesh_up_axis``
-    (``ignore`` or ``apply``) whether DAE files are turned as their ``<up_axis>`` says. In messages
-    the world has the name of its file; tables name it by its key in the configuration.
+    file, and ``arguments`` are for a file with xacro. ``missing`` (``error``, ``leave_out`` or
+    ``box``) states what to do with absent models and meshes, ``vehicles`` (``leave_out`` or
+    ``hold_still``) what with vehicles, and ``mesh_up_axis`` (``ignore`` or ``apply``) whether DAE
+    files are turned as their ``<up_axis>`` says. In messages the world has the name of its file;
+    tables name it by its key in the configuration.
 
     Raises:
         InputError: a file is missing or cannot be used, or a waypoint lies in an obstacle.
     """
-    options = SdfOptions(
-        tuple(model_paths), world_name, missing_models, missing_meshes, vehicles, mesh_up_axis
-    )
+    options = SdfOptions(tuple(model_paths), world_name, missing, vehicles, mesh_up_axis)
     world = read_world(sdf, options, arguments or {})
     name = Path(sdf).name.partition(".")[0]
     bodies = free_bodies(settle(world.bodies, course, sdf), sdf)

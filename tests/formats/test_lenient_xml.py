@@ -1,8 +1,11 @@
 """XML that is not well-formed but clear, and XML that stays an error."""
 
+import contextlib
 import logging
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
 from evoros.formats.lenient_xml import parse_leniently
@@ -16,6 +19,10 @@ SLIPS = [
     ("<sdf>\n\n<gz:b ignition:c='1'>x</gz:b><a/></sdf>", "gz:, ignition:"),
     ("<sdf>\n<gz::priority>1</gz::priority>\n<a/></sdf>", ":: in the name"),
     ("<sdf>\n\n<b name='R&D'>1 & 2 &lt; 3</b><a/></sdf>", "&amp;"),
+    ("<sdf>\n<pose frame=>1 2</pose>\n<a/></sdf>", "without quotes"),
+    ("<sdf>\n<b c = 1 d='x=y>' e\n=\n2 f/>\n<a/></sdf>", "without quotes"),
+    ("<sdf>\n<a/><sdf/><sdf>x</sdf></sdf>\n<sdf><b></sdf>", "after its root"),
+    ("<sdf>\n<a/></sdf>\ngood night", "after its root"),
     ("<?xml version='1.0' encoding='latin-1'?>\n<sdf>\n<b>\u00e9 & x</b><a/></sdf>", "&amp;"),
 ]
 
@@ -39,9 +46,31 @@ def test_repaired_text_is_unchanged() -> None:
     assert (root[0].get("n"), root[0].text) == ("R&D", "é & <!-- x -->")
 
 
+def test_values_without_quotes_end_where_tinyxml_ends_them() -> None:
+    text = "<s><b c=1.5 d= x e='f=g' h= i/><![CDATA[<b c=1>]]></s>"
+    (element,) = parse_leniently(text.encode(), "w.sdf")
+    assert dict(element.attrib) == {"c": "1.5", "d": "x", "e": "f=g", "h": "i"}
+    assert element.tail == "<b c=1>"
+
+
+@given(st.text(alphabet="<>/=\"' \nab:!-&[]", max_size=60))
+@settings(deadline=None)
+def test_any_text_is_read_or_an_input_error(text: str) -> None:
+    with contextlib.suppress(InputError):
+        parse_leniently(f"<s>{text}</s>".encode(), "w.sdf")
+
+
 @pytest.mark.parametrize(
     "text",
-    ["<sdf>", "<sdf></a>", "x -- y", "<!DOCTYPE sdf><gz:a/>", "<sdf>&nbsp;</sdf>", "<!-- -- -->"],
+    [
+        "<sdf>",
+        "<sdf></a>",
+        "x -- y",
+        "<!DOCTYPE sdf><gz:a/>",
+        "<sdf>&nbsp;</sdf>",
+        "<!-- -- -->",
+        "<a b='1' b='2'/>",
+    ],
 )
 def test_what_is_not_clear_stays_an_error(text: str) -> None:
     with pytest.raises(InputError, match=r"^w\.sdf:1: "):

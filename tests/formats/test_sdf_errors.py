@@ -108,10 +108,11 @@ def test_a_plugin_that_may_matter_is_not_hidden_by_others(
     names = ("gz-sim-physics-system", "gz-sim-sensors-system", "libconveyor.so", "libdoor.so")
     plugins = "\n".join(f"<plugin filename='{name}' name='x'/>" for name in names)
     world(f"{plugins}<model name='m'>{STATIC}{LINK}</model>")
-    assert sorted("may" in m or "move" in m for m in caplog.messages) == [True] * 3
+    assert len(caplog.messages) == 2  # of those that move nothing, and of the others
     assert sum("libconveyor.so" in message for message in caplog.messages) == 1
     assert sum("libdoor.so" in message for message in caplog.messages) == 1
-    assert any("physics" in m and "sensors" in m for m in caplog.messages)
+    assert sum("physics" in m and "sensors" in m for m in caplog.messages) == 1
+    assert not any("physics" in m and "libdoor" in m for m in caplog.messages)
 
 
 def test_what_is_left_out_many_times_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:
@@ -159,7 +160,6 @@ UNUSABLE = [
      "</model>", "model", "'m::l'"),
     ("<torus/>", "geometry", "torus"),
     ("<mesh/>", "geometry", "<uri>"),
-    ("<mesh><uri>a.stl</uri><scale>1 0 1</scale></mesh>", "geometry", "scale"),
     ("<polyline><point>0 0</point><point>1 0</point></polyline>", "geometry", "three or more"),
     ("<polyline><point>0 0</point><point>1 1</point><point>1 0</point><point>0 1</point>"
      "</polyline>", "geometry", "simple polygon"),
@@ -253,11 +253,11 @@ def test_a_joint_that_connects_nothing_is_an_error(element: str, says: str) -> N
         ("<sdf version='1.9'><world name='w'></model></sdf>", "not well-formed"),
         ("<sdf version='1.9'>&nbsp;</sdf>", "not well-formed"),
         ("<robot name='r'/>", "must be <sdf>"),
-        ("<gazebo version='1.0'/>", "1.2 to 1.12"),
-        ("<sdf/>", "1.2 to 1.12"),
-        ("<sdf version='1.1'/>", "1.2 to 1.12"),
-        ("<sdf version='1.40'/>", "1.2 to 1.12"),
-        ("<sdf version='2.0'/>", "1.2 to 1.12"),
+        ("<gazebo version='0.9'/>", "1.0 to 1.12"),
+        ("<sdf/>", "1.0 to 1.12"),
+        ("<sdf version='1.13'/>", "1.0 to 1.12"),
+        ("<sdf version='1.40'/>", "1.0 to 1.12"),
+        ("<sdf version='2.0'/>", "1.0 to 1.12"),
         ("<sdf version='1.9'><world name='a'/><world name='b'/></sdf>", "one of: 'a', 'b'"),
         ("<!DOCTYPE sdf><sdf version='1.9'/>", "DOCTYPE"),
         ("<!DOCTYPE sdf SYSTEM 'http://127.0.0.1:9/x'><sdf version='1.9'/>", "DOCTYPE"),

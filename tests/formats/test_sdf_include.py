@@ -268,7 +268,7 @@ def test_an_include_of_itself_is_an_error_with_its_way(tmp_path: Path) -> None:
     [
         ("model://tower", "add the folder that holds tower to model_paths"),
         ("tower.sdf", "correct the path"),
-        ("https://example.org/tower.sdf", "download it"),
+        ("https://example.org/tower.sdf", "download https"),
         ("model://empty", "no model.config"),
     ],
 )
@@ -280,7 +280,7 @@ def test_a_missing_model_is_an_error_with_a_fix_unless_left_out(
         load(tmp_path, include(uri))
     assert str(caught.value).startswith("w.sdf:3: <include>")
     with caplog.at_level(logging.WARNING):
-        assert load(tmp_path, include(uri), missing_models="leave_out").bodies == ()
+        assert load(tmp_path, include(uri), missing="leave_out").bodies == ()
     assert "left out" in caplog.text
 
 

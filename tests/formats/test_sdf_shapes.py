@@ -160,7 +160,7 @@ def test_a_missing_mesh_is_an_error_that_names_it(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"names model://crate/missing\.stl") as caught:
         one(tmp_path, MESH)
     assert str(caught.value).startswith("w.sdf:3: <uri> of collision 'c'")
-    assert "missing_meshes=box" in str(caught.value)
+    assert "missing=box" in str(caught.value)
 
 
 def test_a_box_of_the_visual_stands_for_a_missing_mesh(
@@ -172,7 +172,7 @@ def test_a_box_of_the_visual_stands_for_a_missing_mesh(
         f"<visual name='w'><pose>4 5 6 0 0 0</pose><geometry>{cylinder}</geometry></visual>"
     )
     with caplog.at_level(logging.WARNING):
-        body = one(tmp_path, MESH, visuals, missing_meshes="box")
+        body = one(tmp_path, MESH, visuals, missing="box")
     (shape,) = body.shapes
     assert (shape.kind, shape.size) == ("box", (1.0, 1.0, 3.0))
     assert (body.pose @ shape.pose).position == pytest.approx((4.0, 5.0, 6.0))
@@ -190,18 +190,22 @@ def test_the_box_of_the_inertia_stands_for_a_missing_mesh(tmp_path: Path) -> Non
         f"<inertial><mass>{mass}</mass><pose>0 0 0.5 0 0 0</pose><inertia>"
         f"{INERTIA.format(*moments)}</inertia></inertial>"
     )
-    body = one(tmp_path, MESH, inertial, missing_meshes="box")
+    body = one(tmp_path, MESH, inertial, missing="box")
     (shape,) = body.shapes
     assert shape.size == pytest.approx((a, b, c))
     assert (body.pose @ shape.pose).position == pytest.approx((0.0, 0.0, 0.5))
 
 
-def test_a_mesh_without_any_box_is_an_error_or_left_out(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="neither visual nor inertia"):
-        one(tmp_path, MESH, missing_meshes="box")
+def test_a_mesh_without_any_size_is_left_out_and_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     two = "<collision name='d'><geometry><sphere><radius>1</radius></sphere></geometry></collision>"
-    body = one(tmp_path, MESH, two, missing_meshes="leave_out")
-    assert [shape.kind for shape in body.shapes] == ["sphere"]
+    for missing in ("box", "leave_out"):
+        with caplog.at_level(logging.WARNING):
+            body = one(tmp_path, MESH, two, missing=missing)
+        assert [shape.kind for shape in body.shapes] == ["sphere"]
+        assert "is left out: its file is absent" in caplog.text
+        caplog.clear()
 
 
 # ---- Height maps.

@@ -10,6 +10,7 @@ from lxml import etree
 from evoros.base.errors import InputError
 from evoros.formats.urdf import expansion as description
 from evoros.formats.urdf import xacro_child
+from evoros.formats.urdf.xacro_expansion import ReadOptions
 
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
 DEFAULT = "erle_rover/erle_rover.xacro"
@@ -24,7 +25,7 @@ def write(folder: Path, body: str, name: str = "r.xacro") -> str:
 
 def refused(name: str, *, limit: float = 5.0, where: str = "") -> str:
     with pytest.raises(InputError) as caught:
-        description.read(name, description.ReadOptions(time_limit_s=limit))
+        description.read(name, ReadOptions(time_limit_s=limit))
     message = str(caught.value)
     assert "\n" not in message
     assert message.startswith(where or name)
@@ -34,7 +35,7 @@ def refused(name: str, *, limit: float = 5.0, where: str = "") -> str:
 
 def text(name: str, packages: tuple[str, ...] = (), **arguments: object) -> str:
     return etree.tostring(
-        description.read(name, description.ReadOptions(arguments, packages))[1], encoding="unicode"
+        description.read(name, ReadOptions(arguments, packages))[1], encoding="unicode"
     )
 
 
@@ -55,19 +56,19 @@ def test_arguments_reach_the_file(tmp_path: Path) -> None:
 
 def test_an_unknown_argument_names_the_known_ones() -> None:
     with pytest.raises(InputError, match=r"radius.*it knows .*wheel_radius"):
-        description.read(DEFAULT, description.ReadOptions({"radius": 1.0}))
+        description.read(DEFAULT, ReadOptions({"radius": 1.0}))
 
 
 def test_an_argument_must_be_a_plain_value() -> None:
     with pytest.raises(InputError, match="wheel_radius"):
-        description.read(DEFAULT, description.ReadOptions({"wheel_radius": [1]}))
+        description.read(DEFAULT, ReadOptions({"wheel_radius": [1]}))
 
 
 def test_a_plain_urdf_takes_no_arguments(tmp_path: Path) -> None:
     path = tmp_path / "r.urdf"
     path.write_text('<robot name="r"/>')
     with pytest.raises(InputError, match="takes no argument a"):
-        description.read(str(path), description.ReadOptions({"a": 1}))
+        description.read(str(path), ReadOptions({"a": 1}))
 
 
 @pytest.mark.parametrize(
@@ -235,7 +236,7 @@ def test_the_bundled_robots_can_be_included(tmp_path: Path) -> None:
 def test_a_missing_package_folder_is_named(tmp_path: Path) -> None:
     name = write(tmp_path, "")
     with pytest.raises(InputError, match=r"packages.*nowhere"):
-        description.read(name, description.ReadOptions(packages=(str(tmp_path / "nowhere"),)))
+        description.read(name, ReadOptions(packages=(str(tmp_path / "nowhere"),)))
 
 
 # Files as people write them.
@@ -312,7 +313,7 @@ def test_an_ignored_package_is_left_out(tmp_path: Path, caplog: pytest.LogCaptur
     )
     name = write(tmp_path, body)
     assert "ignored_packages" in refused(name)
-    options = description.ReadOptions(ignored_packages=["arm_parts"])
+    options = ReadOptions(ignored_packages=["arm_parts"])
     _, root = description.read(name, options)
     assert [child.tag for child in root] == ["link"]
     assert root.find("link/visual") is None
@@ -320,16 +321,10 @@ def test_an_ignored_package_is_left_out(tmp_path: Path, caplog: pytest.LogCaptur
     assert "package://arm_parts/a.stl" in caplog.text
 
 
-def test_all_missing_packages_are_named_at_once(tmp_path: Path) -> None:
-    include = '<xacro:include filename="$(find {})/a.xacro"/>'
-    name = write(tmp_path, include.format("arm_parts") + include.format("lidar_parts"))
-    assert "package arm_parts, lidar_parts is in none" in refused(name)
-
-
 def test_variables_are_those_of_the_key(tmp_path: Path) -> None:
     name = write(tmp_path, '<link name="$(env SIDE)_$(optenv SIZE small)"/>')
     assert "environment" in refused(name)
-    options = description.ReadOptions(environment={"SIDE": "left"})
+    options = ReadOptions(environment={"SIDE": "left"})
     assert description.read(name, options)[1][0].get("name") == "left_small"
 
 

@@ -478,13 +478,13 @@ def test_a_missing_mesh_is_an_error_or_a_box(
 ) -> None:
     mesh = MESH.format("package://bot/meshes/body.dae")
     base = link("base_link", mesh, BOX, INERTIAL.format(2.0, 0.02))
-    with pytest.raises(InputError, match=r"bot\.urdf:2: <mesh>.*body\.dae.*missing_meshes=box"):
+    with pytest.raises(InputError, match=r"bot\.urdf:2: <mesh>.*body\.dae.*robot\.missing=box"):
         load(tmp_path, base, WHEELS, CASTER)
-    robot = load(tmp_path, base, WHEELS, CASTER, missing_meshes="box")
+    robot = load(tmp_path, base, WHEELS, CASTER, missing="box")
     assert set(shapes(robot, "base_link")) == {"box", "convex"}  # its lower part is cut off
-    assert "package://bot/meshes/body.dae" in told(caplog, "missing meshes are replaced by boxes")
-    with pytest.raises(InputError, match=r"robot\.missing_meshes"):
-        load(tmp_path, base, WHEELS, CASTER, missing_meshes="ignore")
+    assert "package://bot/meshes/body.dae" in told(caplog, "absent meshes are replaced by boxes")
+    with pytest.raises(InputError, match=r"robot\.missing"):
+        load(tmp_path, base, WHEELS, CASTER, missing="ignore")
 
 
 def test_a_mesh_of_many_parts_is_its_hull_and_told_so(
@@ -519,7 +519,7 @@ def test_a_body_whose_mesh_is_missing_has_a_box(
     """The mass is in a frame, so that the link of the mesh has no inertia to make a box of."""
     body = link("base_link", MESH.format("package://bot/meshes/body.dae"))
     mass = link("mass", INERTIAL.format(2.0, 0.02)) + joint("mass_joint", "mass")
-    robot = load(tmp_path, body, mass, WHEELS, CASTER, missing_meshes="box")
+    robot = load(tmp_path, body, mass, WHEELS, CASTER, missing="box")
     assert shapes(robot, "base_link") == ["box"]
     low, high = robot.outline.min(axis=0), robot.outline.max(axis=0)
     assert low == pytest.approx([-0.14, -0.135])  # from the caster to the front of the wheels

@@ -110,13 +110,16 @@ def test_a_mount_that_cannot_be_is_refused(change: dict[str, Any], says: str) ->
         rover().with_sensors([mount], SENSORS)
 
 
-def test_names_must_be_free_and_plain() -> None:
+def test_names_must_be_plain_and_free_ones_are_chosen() -> None:
     mount = dataclasses.replace(some_mounts(1)[0], sensor='"/><evil')
     with pytest.raises(InputError, match="letters"):
         rover().with_sensors([mount], {mount.sensor: Whisker()})
     taken = dataclasses.replace(rover(), reserved_names=frozenset({"sonar_0"}))
-    with pytest.raises(InputError, match="sonar_0"):
-        taken.with_sensors(some_mounts(1), SENSORS)
+    equipped, usual = (robot.with_sensors(some_mounts(2), SENSORS) for robot in (taken, rover()))
+    names = [name for name, _ in equipped.named_mounts()]
+    assert names == [f"evoros_{name}" for name, _ in usual.named_mounts()]
+    assert names[0] in independent(equipped.urdf).link_map
+    assert equipped.layout == usual.layout
 
 
 def test_the_default_place_must_be_on_the_robot() -> None:

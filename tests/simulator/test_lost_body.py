@@ -43,7 +43,7 @@ def test_a_post_between_the_wheels_stops_it(simulator: Planar | Rigid, tmp_path:
     """The box around wheels and casters reaches 0.16 m ahead, and the post begins at 0.48 m."""
     file = tmp_path / "lost.urdf"
     file.write_text(LOST)
-    robot = load_robot(str(file), AutomaticDescription(), missing_meshes="box")
+    robot = load_robot(str(file), AutomaticDescription(), missing="box")
     post = Body("post", Pose((0.5, 0.0, 0.5)), (Shape("box", (0.04, 0.04, 1.0)),))
     state, places = np.zeros(STATE_SIZE), []
     with simulator.open(robot, level(short_experiment(), post)) as simulation:

@@ -150,8 +150,7 @@ def test_meshes_are_turned_as_their_up_axis_says_if_asked(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("missing_models", "ignore"),
-        ("missing_meshes", "ignore"),
+        ("missing", "ignore"),
         ("vehicles", "drive"),
         ("mesh_up_axis", "y"),
         ("model_paths", ["/nowhere"]),

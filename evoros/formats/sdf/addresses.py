@@ -8,7 +8,11 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from evoros.base.resources import expand_home
+from evoros.formats.letter_case import find_in_any_case
+from evoros.formats.missing import Remedy
+from evoros.formats.notes import Notes
 from evoros.formats.sdf.fuel import find_in_cache, parse_address, where_to_get
+from evoros.formats.urdf.installed import find_installed
 from evoros.formats.urdf.packages import PackageIndex, index_packages
 
 _VARIABLES = (
@@ -26,25 +30,38 @@ _SCHEMES = ("model://", "package://", "file://")
 class Addresses:
     """Where the files are that a world names; ``declared`` are the folders of ``model_paths``."""
 
-    def __init__(self, file: Path, declared: Sequence[Path]) -> None:
+    def __init__(self, file: Path, declared: Sequence[Path], notes: Notes) -> None:
         self._file = file
         self._declared = declared
+        self._notes = notes
 
     def find(
         self, uri: str, beside: Path, accepts: Callable[[Path], bool] = Path.exists
     ) -> Path | None:
         """Return the file or folder of an address in a file of the folder ``beside``, or None.
 
-        It is the first that ``accepts`` accepts.
+        It is the first that ``accepts`` accepts; names in another case of letters come last.
         """
         uri = _normalize(uri)
         address = parse_address(uri)
         if address is not None:
             return find_in_cache(address, self._declared)
         path = _strip_scheme(uri)
-        return next(filter(accepts, self._candidates(path, uri, beside)), None)
+        candidates = [*self._candidates(path, uri, beside)]
+        place = next(filter(accepts, candidates), None)
+        return self._find_in_any_case(uri, candidates, accepts) if place is None else place
 
-    def explain(self, uri: str, beside: Path) -> tuple[str, str]:
+    def _find_in_any_case(
+        self, uri: str, candidates: Sequence[Path], accepts: Callable[[Path], bool]
+    ) -> Path | None:
+        places = (find_in_any_case(path) for path in dict.fromkeys(candidates))
+        place = next((place for place in places if place is not None and accepts(place)), None)
+        if place is not None:
+            text = f"{self._file}: {uri} is found in another case of letters: {place}"
+            self._notes.tell(text, "case of letters", place.name)
+        return place
+
+    def explain(self, uri: str, beside: Path) -> tuple[str, Remedy]:
         """Return what is wrong with an address that leads nowhere, and what to do."""
         uri = _normalize(uri)
         address = parse_address(uri)
@@ -55,15 +72,18 @@ class Addresses:
             folder = self.find(f"model://{name}", beside)
             if folder is not None:
                 lacking = rest or "model.config with an SDF file and no .sdf"
-                return f"names {uri}, but {folder} has no {lacking}", "complete the folder"
+                remedy = Remedy("complete the folder {}", str(folder))
+                return f"names {uri}, but {folder} has no {lacking}", remedy
             return (
                 f"names {uri}, but no folder {name} is among the declared, the surrounding and "
                 f"the environment's model folders",
-                f"add the folder that holds {name} to model_paths or GZ_SIM_RESOURCE_PATH",
+                Remedy("add the folder that holds {} to model_paths or GZ_SIM_RESOURCE_PATH", name),
             )
         if "://" in uri and not uri.startswith("file://"):
-            return f"names {uri}, which is not on this machine", "download it and name the file"
-        return f"names {uri}, which is not in {beside}", "correct the path, or add model_paths"
+            remedy = Remedy("download {} and name the file", uri)
+            return f"names {uri}, which is not on this machine", remedy
+        remedy = Remedy("correct the path {}, or add its folder to model_paths", uri)
+        return f"names {uri}, which is not in {beside}", remedy
 
     def _candidates(self, path: str, uri: str, beside: Path) -> Iterator[Path]:
         plain = expand_home(path)
@@ -86,6 +106,9 @@ class Addresses:
             package = self._packages.find(first)
             if package is not None:
                 yield package / rest
+                installed = find_installed(package, rest)
+                if installed is not None:
+                    yield installed
             for package in self._packages.folders.values():
                 yield package / "models" / path
 

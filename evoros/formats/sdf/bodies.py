@@ -7,9 +7,9 @@ import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.base.linear import principal_axes, product
+from evoros.formats.notes import Notes
 from evoros.formats.sdf.inertial import Inertia
 from evoros.formats.sdf.links import Link, Solid
-from evoros.formats.sdf.notes import Notes
 from evoros.geometry.footprint import bottom_height
 from evoros.geometry.inertia import point_tensor
 from evoros.geometry.shapes import Body, Pose, Vector

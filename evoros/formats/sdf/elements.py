@@ -4,7 +4,7 @@ import re
 
 from lxml.etree import _Element as Element
 
-from evoros.formats.sdf.notes import Notes
+from evoros.formats.notes import Notes
 from evoros.formats.strict_xml import element_error, local_tag
 
 # Of <physics>, only gravity is used: the rest configures Gazebo's solver.
@@ -116,7 +116,7 @@ def _check(element: Element, kind: str, notes: Notes) -> None:
 
 
 def _note_plugins(root: Element, notes: Notes) -> None:
-    """Note the plugins: those that move nothing in one line, every other kind in its own."""
+    """Note the plugins: those that move nothing in one line, all others in another."""
     harmless: dict[str, Element] = {}
     for plugin in root.iter("plugin"):
         parent = plugin.getparent()
@@ -127,7 +127,7 @@ def _note_plugins(root: Element, notes: Notes) -> None:
             harmless.setdefault(name, plugin)
         else:
             problem = f"{name} is ignored: nothing here moves what it would move"
-            notes.add(plugin, problem, f"plugin {name}")
+            notes.add(plugin, problem, "plugin that moves", name)
     if harmless:
         names = ", ".join(harmless)
         first = next(iter(harmless.values()))

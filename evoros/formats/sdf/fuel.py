@@ -8,6 +8,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from evoros.base.resources import expand_home
+from evoros.formats.missing import Remedy
 
 _ADDRESS = re.compile(
     r"https?://(?P<host>[^/]+)/(?:[0-9]+\.[0-9]+/)?(?P<owner>[^/]+)/(?P<kind>models|worlds)/"
@@ -54,7 +55,7 @@ def find_in_cache(address: FuelAddress, declared: Sequence[Path]) -> Path | None
     return None
 
 
-def where_to_get(address: FuelAddress, uri: str) -> tuple[str, str]:
+def where_to_get(address: FuelAddress, uri: str) -> tuple[str, Remedy]:
     """Return what is missing and where it is expected, and the command that gets it."""
     cache = next(_cache_folders())
     expected = cache / address.host / address.owner.lower() / address.kind / address.name.lower()
@@ -65,7 +66,7 @@ def where_to_get(address: FuelAddress, uri: str) -> tuple[str, str]:
     )
     return (
         f"names a model of Fuel that is not in the local cache, where {expected} is expected",
-        f'get it with: gz fuel download -u "{model}"',
+        Remedy("get with: {}", f'gz fuel download -u "{model}"'),
     )
 
 

@@ -7,7 +7,9 @@ from lxml.etree import _Element as Element
 from evoros.base import elementary
 from evoros.base.errors import InputError
 from evoros.formats.mesh import read_mesh
+from evoros.formats.missing import MissingFileError
 from evoros.formats.sdf.heightmap import read_heightmap
+from evoros.formats.sdf.named_files import CHOICES, find_uri, require_file
 from evoros.formats.sdf.reading import Reading
 from evoros.formats.strict_xml import (
     element_error,
@@ -25,10 +27,6 @@ _KINDS = (
     "box, capsule, cone, cylinder, ellipsoid, empty, heightmap, mesh, plane, polyline or sphere"
 )
 _SIDES = 24  # of the polygons that stand for circles
-
-
-class MeshMissingError(InputError):
-    """A mesh cannot be read, so that a box may stand for it."""
 
 
 def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
@@ -168,9 +166,7 @@ def _read_polylines(polylines: list[Element]) -> tuple[Shape, ...]:
 
 
 def _read_mesh(mesh: Element, reading: Reading) -> tuple[Shape, ...]:
-    element = find_child(mesh, "uri")
-    if element is None:
-        element = find_child(mesh, "filename")
+    element = find_uri(mesh)
     if element is None:
         raise element_error(mesh, "must have a <uri>", "name a mesh file")
     scale_element = find_child(mesh, "scale")
@@ -180,25 +176,17 @@ def _read_mesh(mesh: Element, reading: Reading) -> tuple[Shape, ...]:
         raise element_error(mesh, "must not have the scale 0", "write three lengths above 0")
     submesh = find_child(mesh, "submesh")
     name, center = _read_submesh(submesh)
-    uri = read_text(element)
-    place = reading.addresses.find(uri, reading.folder_of(element))
-    if place is None or not place.is_file():
-        problem, fix = reading.addresses.explain(uri, reading.folder_of(element))
-        message = str(element_error(element, problem, f"{fix}; or set missing_meshes=box"))
-        raise MeshMissingError(message)
+    place = require_file(element, reading)
     reading.read(place)
     try:
         up_axis = reading.options.mesh_up_axis == "apply"
-        found = read_mesh(place.resolve(), (x, y, z), name, center, up_axis)
+        mesh_shapes = read_mesh(place.resolve(), (x, y, z), name, center, up_axis)
     except InputError as error:
-        text = str(error)
-        raise MeshMissingError(
-            str(element_error(element, f"names a mesh that cannot be read: {text}",
-                              "or set missing_meshes=box"))
-        ) from None  # fmt: skip
-    for note in found.notes:
+        problem = f"names a mesh that cannot be read: {error}"
+        raise MissingFileError(str(element_error(element, problem, f"or {CHOICES}"))) from None
+    for note in mesh_shapes.notes:
         reading.notes.add_file(place.resolve(), note)
-    return found.shapes
+    return mesh_shapes.shapes
 
 
 def _read_submesh(submesh: Element | None) -> tuple[str, bool]:

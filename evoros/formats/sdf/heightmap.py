@@ -1,16 +1,20 @@
 """A height field from an image, as Gazebo makes it."""
 
+import struct
 from pathlib import Path
 
 import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
+from evoros.formats.missing import MissingFileError
+from evoros.formats.sdf.named_files import CHOICES, find_uri, require_file
 from evoros.formats.sdf.reading import Reading
-from evoros.formats.strict_xml import element_error, find_child, read_numbers, read_text
+from evoros.formats.strict_xml import element_error, find_child, read_numbers
 from evoros.geometry.shapes import Pose, Shape
 
 _MAX_PIXELS = 2049
+_MAP_TAGS = {33550, 33922, 34264, 34735}  # pixel scale, tie points, transformation, keys of a map
 
 
 def read_heightmap(heightmap: Element, reading: Reading) -> Shape:
@@ -21,17 +25,10 @@ def read_heightmap(heightmap: Element, reading: Reading) -> Shape:
     Raises:
         InputError: the image is missing or cannot be read.
     """
-    element = find_child(heightmap, "uri")
-    if element is None:
-        element = find_child(heightmap, "filename")
+    element = find_uri(heightmap)
     if element is None:
         raise element_error(heightmap, "must have a <uri>", "name an image in grey scale")
-    uri = read_text(element)
-    place = reading.addresses.find(uri, reading.folder_of(element))
-    if place is None:
-        problem, fix = reading.addresses.explain(uri, reading.folder_of(element))
-        raise element_error(element, problem, fix)
-    levels = _read_levels(place, element, reading)
+    levels = _read_levels(require_file(element, reading), element, reading)
     size_element, position_element = find_child(heightmap, "size"), find_child(heightmap, "pos")
     size = (1.0, 1.0, 1.0) if size_element is None else read_numbers(size_element, 3)
     position = (0.0, 0.0, 0.0) if position_element is None else read_numbers(position_element, 3)
@@ -46,22 +43,48 @@ def read_heightmap(heightmap: Element, reading: Reading) -> Shape:
     return Shape("heightfield", size[:2], Pose((x, y, z)), heights=rows)
 
 
+def is_geotiff(content: bytes) -> bool:
+    """Return whether a file is a TIFF that states a place on a map, as elevation models do."""
+    order = {b"II*\0": "<", b"MM\0*": ">"}.get(content[:4])
+    if order is None:
+        return False
+    try:
+        (start,) = struct.unpack_from(f"{order}I", content, 4)
+        (count,) = struct.unpack_from(f"{order}H", content, start)
+        places = range(start + 2, start + 2 + 12 * count, 12)
+        tags = {struct.unpack_from(f"{order}H", content, place)[0] for place in places}
+        return bool(tags & _MAP_TAGS)
+    except struct.error:
+        return False
+
+
 def _read_levels(file: Path, element: Element, reading: Reading) -> Array:
     """Return the levels of an image's pixels, (rows, columns)."""
     from io import BytesIO
 
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
+    content = reading.read(file)
+    if is_geotiff(content):
+        problem = f"names a GeoTIFF, {file}: heights in metres on a map, not an image"
+        fix = (
+            "make an image of it with: gdal_translate -ot UInt16 -scale -of PNG "
+            f"{file.name} {file.stem}.png; and write its extent and range of heights into <size>"
+        )
+        raise MissingFileError(str(element_error(element, problem, f"{fix}; or {CHOICES}")))
     try:
-        with Image.open(BytesIO(reading.read(file))) as image:
+        with Image.open(BytesIO(content)) as image:
             if max(image.size) > _MAX_PIXELS:
                 problem = f"has {image.size[0]} x {image.size[1]} pixels ({file})"
                 raise element_error(element, problem, f"reduce it to {_MAX_PIXELS} at most")
             deep = image.mode in ("I", "F") or image.mode.startswith("I;16")
             levels = np.array(image if deep else image.convert("RGB").getchannel("R"))
     except (OSError, SyntaxError, ValueError) as error:
-        problem = f"must name an image, but {file} cannot be read ({error})"
-        raise element_error(element, problem, "convert it to PNG in grey scale") from None
+        unknown = isinstance(error, UnidentifiedImageError)
+        reason = "is of no known format" if unknown else f"cannot be read ({error})"
+        problem = f"must name an image, but {file} {reason}"
+        fix = f"convert it to PNG in grey scale; or {CHOICES}"
+        raise MissingFileError(str(element_error(element, problem, fix))) from None
     if levels.ndim != 2 or min(levels.shape) < 2:
         problem = f"must name an image of at least 2 x 2 pixels ({file})"
         raise element_error(element, problem, "give a larger image")

@@ -6,6 +6,7 @@ from pathlib import Path
 from lxml import etree
 from lxml.etree import _Element as Element
 
+from evoros.formats.sdf.named_files import add_absence
 from evoros.formats.sdf.reading import Reading
 from evoros.formats.strict_xml import (
     SOURCE,
@@ -57,8 +58,7 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
     element = require_child(include, "uri")
     uri = read_text(element)
     beside = reading.folder_of(include)
-    place = reading.addresses.find(uri, beside, lambda place: _find_sdf(place, reading) is not None)
-    file = None if place is None else _find_sdf(place, reading)
+    file = _find_model(uri, beside, reading)
     if file is None:
         return _stand_in(include, uri, reading)
     if file in chain:
@@ -76,15 +76,32 @@ def _load(include: Element, reading: Reading, chain: tuple[Path, ...]) -> Elemen
     return model
 
 
+def _find_model(uri: str, beside: Path, reading: Reading) -> Path | None:
+    """Return the SDF file at an address; ``x.model`` of SDF 1.0 may be the model ``x`` of later."""
+    old = re.fullmatch(r"([^/]+)\.(model|light)", uri)
+    for address in (uri, f"model://{old[1]}") if old else (uri,):
+        place = reading.addresses.find(
+            address, beside, lambda place: _find_sdf(place, reading) is not None
+        )
+        if place is not None:
+            return _find_sdf(place, reading)
+    return None
+
+
 def _stand_in(include: Element, uri: str, reading: Reading) -> Element | None:
     """Return the model for an address without a file: a basic one, or None if it is left out."""
     name = uri.rstrip("/").split("/")[-1].lower().replace("%20", "_").replace(" ", "_")
+    name = re.sub(r"\.(model|light)$", "", name)
     if name in _BASICS:
         return etree.fromstring(f"<sdf>{_BASICS[name]}</sdf>").find("model")
-    problem, fix = reading.addresses.explain(uri, reading.folder_of(include))
-    if reading.options.missing_models == "error":
-        raise element_error(include, problem, f"{fix}; or set missing_models=leave_out")
-    reading.notes.add(include, f"is left out: it {problem}", f"missing {uri}")
+    if reading.options.missing == "error":
+        add_absence(include, uri, reading)
+        return None
+    problem, _ = reading.addresses.explain(uri, reading.folder_of(include))
+    reading.notes.add(include, f"is left out: it {problem}", "missing model", uri)
+    parent = include.getparent()
+    if parent is not None and parent.tag == "model":
+        reading.incomplete.append(parent)
     return None
 
 

@@ -8,8 +8,8 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
 from evoros.base.linear import principal_axes
+from evoros.formats.notes import Notes
 from evoros.formats.sdf.frames import Frames, Path
-from evoros.formats.sdf.notes import Notes
 from evoros.formats.strict_xml import find_child, read_numbers
 from evoros.geometry.inertia import solid_centre, solid_volume, symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 from lxml.etree import _Element as Element
 
+from evoros.formats.missing import MissingFileError
 from evoros.formats.sdf.frames import Frames, Path
-from evoros.formats.sdf.geometry import MeshMissingError, read_geometry
+from evoros.formats.sdf.geometry import read_geometry
 from evoros.formats.sdf.inertial import Inertia, is_auto, read_inertia
 from evoros.formats.sdf.reading import Reading
 from evoros.formats.sdf.substitutes import substitute_box
@@ -97,21 +98,20 @@ def _read_shapes(
     """Return the shapes of a collision in its frame, whose pose in the world is ``pose``."""
     try:
         return read_geometry(require_child(collision, "geometry"), reading)
-    except MeshMissingError as error:
-        if reading.options.missing_meshes == "leave_out":
-            reading.notes.add(collision, "is left out: its mesh is missing or cannot be read")
-            return ()
-        if reading.options.missing_meshes != "box":
+    except MissingFileError:
+        if reading.options.missing == "error":
             raise
-        box = substitute_box(link, path, frames, reading)
+        box = None
+        if reading.options.missing == "box":
+            box = substitute_box(link, path, frames, reading)
         if box is None:
-            raise MeshMissingError(
-                f"{error}, but neither visual nor inertia gives one; or to leave_out"
-            ) from None
+            problem = "is left out: its file is absent or cannot be read"
+            reading.notes.add(collision, problem, "missing shape")
+            return ()
         shape, place, origin = box
-        reading.notes.add(collision, f"has a mesh that cannot be read; a box of its {origin}, "
-                          f"{' x '.join(f'{edge:.3g}' for edge in shape.size)} m, stands for it",
-                          "box")  # fmt: skip
+        size = " x ".join(f"{edge:.3g}" for edge in shape.size)
+        problem = f"names a mesh that is absent; a box of its {origin}, {size} m, stands for it"
+        reading.notes.add(collision, problem, "box")
         return (replace(shape, pose=pose.inverse() @ place),)
 
 

@@ -1,4 +1,4 @@
-"""Reads the bodies of an SDF file (versions 1.2 to 1.12) with a ``<world>`` or with models alone.
+"""Reads the bodies of an SDF file (versions 1.0 to 1.12) with a ``<world>`` or with models alone.
 
 The reader takes what Gazebo takes. It uses an element, ignores it because it cannot matter here,
 notes in one line that it is left out or what is assumed (a warning of the logger ``evoros.sdf``),
@@ -22,6 +22,8 @@ from evoros.formats.sdf.elements import check_elements
 from evoros.formats.sdf.frames import Frames, Path, read_pose
 from evoros.formats.sdf.inclusion import expand_includes
 from evoros.formats.sdf.links import Link, read_link
+from evoros.formats.sdf.named_files import drop_loose_joints, require_files
+from evoros.formats.sdf.old_versions import modernize
 from evoros.formats.sdf.reading import Reading, SdfOptions
 from evoros.formats.sdf.scaling import scale_model
 from evoros.formats.sdf.vehicles import settle_vehicles
@@ -37,7 +39,7 @@ from evoros.formats.strict_xml import (
 )
 from evoros.geometry.shapes import Body
 
-_VERSIONS = "1.2 to 1.12"
+_VERSIONS = "1.0 to 1.12"
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +63,14 @@ def read_sdf(
         InputError: the content, or a file that it names, cannot be read or simulated; the message
             has file, line and element.
     """
-    reading = Reading(file or FilePath(source).absolute(), options or SdfOptions())
+    reading = Reading(file or FilePath(source).absolute(), options or SdfOptions(), source)
     root = parse_leniently(content, source)
     container = _choose_container(root, reading)
     _insert_and_delete(container)
     expand_includes(container, reading)
+    drop_loose_joints(reading)
     left_out = settle_vehicles(container, reading)
+    require_files(container, reading)
     check_elements(root, reading.notes)
     frames = Frames(container)
     for state in container.findall("state"):
@@ -93,10 +97,11 @@ def _choose_container(root: Element, reading: Reading) -> Element:
     if root.tag not in ("sdf", "gazebo"):
         raise element_error(root, "must be <sdf>", f"give a file in SDF, version {_VERSIONS}")
     version = re.fullmatch(r"1\.([0-9]{1,2})", root.get("version", "").strip())
-    if version is None or not 2 <= int(version[1]) <= 12:
+    if version is None or int(version[1]) > 12:
         found = quote(root.get("version", ""))
         problem = f"must have a version from {_VERSIONS}, not {found}"
         raise element_error(root, problem, "convert the file")
+    modernize(root, reading.notes)
     worlds = root.findall("world")
     wanted = reading.options.world_name
     names = [world.get("name", "") for world in worlds]

@@ -1,5 +1,6 @@
 """How an SDF file is read: the choices of the user, and what is gathered on the way."""
 
+import logging
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,12 +12,14 @@ from evoros.base.checks import Rule, checked, one_of
 from evoros.base.errors import InputError
 from evoros.base.resources import expand_home
 from evoros.formats.lenient_xml import parse_leniently
+from evoros.formats.missing import MISSING_RULE, Absences
+from evoros.formats.notes import Notes
 from evoros.formats.sdf.addresses import Addresses
-from evoros.formats.sdf.notes import Notes
+from evoros.formats.sdf.old_versions import modernize
 from evoros.formats.strict_xml import SOURCE
 
-MISSING_MODELS = one_of("error", "leave_out")
-MISSING_MESHES = one_of("error", "box", "leave_out")
+LOG = logging.getLogger("evoros.sdf")
+
 VEHICLES = one_of("leave_out", "hold_still")
 FOLDERS = Rule(
     "a list of folders",
@@ -33,8 +36,7 @@ class SdfOptions:
 
     model_paths: Annotated[tuple[str, ...], FOLDERS] = ()  # folders that hold models or meshes
     world_name: Annotated[str, WORLD_NAME] = ""  # of several in the file
-    missing_models: Annotated[str, MISSING_MODELS] = "error"
-    missing_meshes: Annotated[str, MISSING_MESHES] = "error"  # box: that of the visual or inertia
+    missing: Annotated[str, MISSING_RULE] = "error"  # of models and meshes
     vehicles: Annotated[str, VEHICLES] = "leave_out"
     mesh_up_axis: Annotated[str, UP_AXIS] = "ignore"  # <up_axis> of DAE files
 
@@ -57,12 +59,15 @@ class Reading:
 
     file: Path  # of the world
     options: SdfOptions
-    notes: Notes = field(default_factory=Notes)
+    source: str  # its name in messages
+    notes: Notes = field(default_factory=lambda: Notes(LOG))
     contents: dict[Path, bytes] = field(default_factory=dict)  # of all files but the world's own
 
     def __post_init__(self) -> None:
         self._roots: dict[Path, Element] = {}
-        self.addresses = Addresses(self.file, self.options.folders())
+        self.absences = Absences(self.source)
+        self.incomplete: list[Element] = []  # models without one that they include
+        self.addresses = Addresses(self.file, self.options.folders(), self.notes)
 
     def read(self, path: Path) -> bytes:
         """Return the content of a file.
@@ -89,6 +94,7 @@ class Reading:
         if path not in self._roots:
             root = parse_leniently(self.read(path), str(path))
             root.set(SOURCE, str(path))  # a copy would lose the name of its file
+            modernize(root, self.notes)
             self._roots[path] = root
         return deepcopy(self._roots[path])
 

@@ -7,11 +7,11 @@ import numpy as np
 from lxml.etree import _Element as Element
 
 from evoros.base.errors import InputError
+from evoros.formats.notes import Notes
 from evoros.formats.sdf.frames import Frames, Path
 from evoros.formats.sdf.geometry import read_geometry
 from evoros.formats.sdf.inertial import Inertia, read_inertia
-from evoros.formats.sdf.notes import Notes
-from evoros.formats.sdf.reading import Reading
+from evoros.formats.sdf.reading import LOG, Reading
 from evoros.geometry.shapes import Pose, Shape, Vector
 
 
@@ -24,7 +24,7 @@ def substitute_box(
     the link's inertia; None if there is neither.
     """
     silent = copy(reading)  # how a visual is read does not matter: only its box is used
-    silent.notes = Notes()
+    silent.notes = Notes(LOG)
     for visual in link.findall("visual"):
         geometry = visual.find("geometry")
         if geometry is None:
@@ -38,7 +38,7 @@ def substitute_box(
             return replace(box, pose=Pose()), frames.resolve(visual, path) @ box.pose, "visual"
     if link.find("inertial/inertia") is None:
         return None
-    inertia = read_inertia(link, path, frames, (), Notes())
+    inertia = read_inertia(link, path, frames, (), Notes(LOG))
     edges = _equivalent_box(inertia)
     return None if edges is None else (Shape("box", edges), inertia.pose, "inertia")
 

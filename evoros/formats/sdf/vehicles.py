@@ -51,7 +51,7 @@ def settle_vehicles(container: Element, reading: Reading) -> set[str]:
             names = ", ".join(quote(joint.get("name", "")) for joint in joints[:3])
             more = f" and {len(joints) - 3} more" if len(joints) > 3 else ""
             problem = f"is held still at its joints {names}{more}: its parts cannot move here"
-            reading.notes.add(model, problem, f"joints {id(model)}")
+            reading.notes.add(model, problem, "joints")
             for joint in joints:
                 joint.set("type", "fixed")
     return left_out
@@ -76,12 +76,12 @@ def _fix_to_world(world: Element, reading: Reading) -> None:
 def _settle_vehicle(model: Element, reason: str, reading: Reading) -> None:
     if reading.options.vehicles == "leave_out":
         problem = f"is left out: it drives ({reason}); vehicles=hold_still keeps it as an obstacle"
-        reading.notes.add(model, problem, f"vehicle {id(model)}")
+        reading.notes.add(model, problem, "vehicle")
         parent = model.getparent()
         assert parent is not None
         parent.remove(model)
         return
-    reading.notes.add(model, f"is held still: it drives ({reason})", f"vehicle {id(model)}")
+    reading.notes.add(model, f"is held still: it drives ({reason})", "vehicle")
     etree.SubElement(model, "static", {SOURCE: source_of(model)}).text = "true"
 
 

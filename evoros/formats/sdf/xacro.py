@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from evoros.formats.lenient_xml import XACRO
-from evoros.formats.urdf.expansion import ReadOptions, expand
 from evoros.formats.urdf.packages import index_packages
+from evoros.formats.urdf.xacro_expansion import ReadOptions, choose_instead, expand
 
 
 def is_xacro(file: Path, content: bytes) -> bool:
@@ -19,5 +19,7 @@ def expand_world(file: Path, arguments: Mapping[str, object], folders: Sequence[
     Raises:
         InputError: it cannot be expanded.
     """
-    options = ReadOptions(arguments=arguments, packages=folders)
-    return expand(file, options, index_packages(file, folders)).encode()
+    options = ReadOptions(arguments=arguments, packages=folders, packages_key="model_paths")
+    text, absences = expand(file, options, index_packages(file, folders))
+    absences.require_none(choose_instead(absences, options))
+    return text.encode()

@@ -1,13 +1,22 @@
 """Finds the meshes and textures that a robot description names."""
 
 import logging
+from collections.abc import Sequence
 from pathlib import Path
 
 from lxml.etree import _Element as Element
 
 from evoros.base.errors import InputError
-from evoros.formats.strict_xml import element_error
+from evoros.formats.letter_case import find_in_any_case
+from evoros.formats.missing import Absence, Absences, Remedy
+from evoros.formats.notes import Notes
+from evoros.formats.strict_xml import element_error, locate, place_of, source_of
+from evoros.formats.urdf.installed import locate as locate_installed
 from evoros.formats.urdf.packages import PackageIndex
+from evoros.formats.urdf.xacro_packages import IGNORED
+
+EXPANDED = " (expanded)"
+"""Ends the name of a description whose lines are not those of its file."""
 
 _LOG = logging.getLogger(__name__)
 _MESH_SCHEMES = ("package://", "model://", "file://")
@@ -23,6 +32,7 @@ def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
         InputError: a file is not local, or lies outside of the folders that may be read.
     """
     left_out: list[str] = []
+    notes = Notes(_LOG)
     for element in list(root.iter("mesh", "texture")):
         name = element.get("filename")
         if not name:
@@ -31,10 +41,52 @@ def resolve_files(root: Element, file: Path, packages: PackageIndex) -> None:
             left_out.append(name)
             _remove_part(element)
         else:
-            element.set("filename", _resolve(name, element, file, packages))
-    if left_out:
-        first = left_out[0]
-        _LOG.warning("%s: left out %d files of ignored packages: %s", file, len(left_out), first)
+            element.set("filename", _resolve(name, element, file, packages, notes))
+    for name in left_out:
+        text = f"{file}: left out, because its package is ignored: {name}"
+        notes.tell(text, "ignored", name)
+    notes.report()
+
+
+def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIndex) -> None:
+    """Collect the absent meshes that links collide with.
+
+    If there are some, or packages are absent, those are added that links show which collide with
+    nothing: they are needed if such a link is a wheel, or the body.
+    """
+    links = root.findall("link")
+    bare = [link for link in links if link.find("collision") is None]
+    meshes = [mesh for link in links for mesh in link.iterfind("collision/geometry/mesh")]
+    if absences.names or any(map(_is_absent, meshes)):
+        meshes += [mesh for link in bare for mesh in link.iterfind("visual/geometry/mesh")]
+    for mesh in filter(_is_absent, meshes):
+        name = str(mesh.get("filename"))
+        remedy = _find_remedy(name, packages)
+        sentence = f"{locate(mesh)} names the absent mesh {name}"
+        absences.add(Absence("mesh", name, _place(mesh), sentence, remedy))
+
+
+def _find_remedy(name: str, packages: PackageIndex) -> Remedy:
+    package = _package_of(name)
+    if not package:
+        return Remedy("correct the path {}", name)
+    folder = packages.find(package)
+    if folder is None:
+        return Remedy("add the folder that holds {} to robot.packages", package)
+    return Remedy("complete the folder {}", str(folder))
+
+
+def _is_absent(mesh: Element) -> bool:
+    name = str(mesh.get("filename")).removeprefix("file://")
+    return not name.startswith(IGNORED) and not Path(name).is_file()
+
+
+def _place(mesh: Element) -> str:
+    """Return the line of a mesh in its file, or its link if the line is not one of the file."""
+    if not source_of(mesh).endswith(EXPANDED):
+        return place_of(mesh)
+    link = next(mesh.iterancestors("link"))
+    return f"link {link.get('name')}"
 
 
 def _remove_part(element: Element) -> None:
@@ -52,7 +104,7 @@ def _package_of(name: str) -> str:
     return name[len(scheme) :].partition("/")[0] if scheme else ""
 
 
-def _resolve(name: str, element: Element, file: Path, packages: PackageIndex) -> str:
+def _resolve(name: str, element: Element, file: Path, packages: PackageIndex, notes: Notes) -> str:
     """Return the real path of a named file, or the name itself if there is no such file."""
     scheme = next((s for s in _MESH_SCHEMES if name.startswith(s)), "")
     path = name[len(scheme) :]
@@ -67,14 +119,27 @@ def _resolve(name: str, element: Element, file: Path, packages: PackageIndex) ->
         candidates += [root / path for root in packages.roots]
     else:
         candidates = [file.parent / path]
-    real = next((c.resolve() for c in candidates if c.is_file()), None)
+    real = _find(candidates, packages)
     if real is None:
-        return _keep_missing(name, element, file, packages)
+        real = next((p for p in map(find_in_any_case, candidates) if p and p.is_file()), None)
+        if real is None:
+            return _keep_missing(name, element, file, packages)
+        text = f"{file}: {name} is found in another case of letters: {real}"
+        notes.tell(text, "case of letters", real.name)
+        real = real.resolve()
     if not packages.allows(real) and not any(real.is_relative_to(f) for f in _named(file, package)):
         roots = ", ".join(map(str, packages.roots))
         problem = f"names {name}, which must lie inside {roots}"
         raise element_error(element, problem, "add its folder to the robot's packages")
     return f"file://{real}"
+
+
+def _find(candidates: Sequence[Path], packages: PackageIndex) -> Path | None:
+    """Return the first candidate that is a file, or that a package installs from one."""
+    folders = (*packages.roots, *packages.folders.values())
+    places = [candidate for candidate in candidates if candidate.is_file()]
+    places += [place for place in (locate_installed(c, folders) for c in candidates) if place]
+    return next((place.resolve() for place in places if place.is_file()), None)
 
 
 def _keep_missing(name: str, element: Element, file: Path, packages: PackageIndex) -> str:

@@ -1,5 +1,6 @@
 """Rewrites the solids of a URDF as boxes, cylinders, spheres and convex polyhedra."""
 
+import logging
 import math
 from pathlib import Path
 
@@ -8,12 +9,14 @@ from lxml.etree import _Element as Element
 
 from evoros.base import elementary
 from evoros.base.linear import principal_axes, product
+from evoros.formats.notes import Notes
 from evoros.formats.strict_xml import element_error, require_child
 from evoros.formats.urdf.elements import build_collision
 from evoros.formats.urdf.parts import read_origin, read_shape, read_tensor, read_value, read_values
 from evoros.geometry.shapes import Pose, Shape, Vector
 
-MISSING_MESHES = ("error", "box")
+_LOG = logging.getLogger(__name__)
+
 _PRIMITIVES = ("box", "cylinder", "sphere", "convex")
 _SOLIDS = (*_PRIMITIVES, "mesh", "capsule", "ellipsoid")
 _MAX_PARTS = 64  # convex parts of a mesh; one with more is taken as its hull
@@ -24,21 +27,21 @@ _ELLIPSOID_RINGS = 9
 class SolidsReader:
     """Reads the solids of one description, and keeps account of what it had to assume."""
 
-    def __init__(self, missing_meshes: str) -> None:
-        self.missing_meshes = missing_meshes
+    def __init__(self, missing: str) -> None:
+        self.missing = missing
+        self.mesh_notes = Notes(_LOG)
         self.notes: list[str] = []
         self._divided = 0
         self._hulls = 0
-        self._meshes: list[str] = []  # what is approximated, by file
         self._empty: list[str] = []
         self._boxes: list[str] = []
-        self._lost: list[str] = []  # missing meshes for which no box stands
+        self._absent: list[str] = []  # meshes for which no box stands
         self._strange: list[str] = []
 
     @property
     def lacks_meshes(self) -> bool:
         """Whether a mesh is missing."""
-        return bool(self._boxes or self._lost)
+        return bool(self._boxes or self._absent)
 
     def rewrite_collisions(self, robot: Element) -> None:
         """Replace every collision of another kind by collisions that engines know.
@@ -98,7 +101,6 @@ class SolidsReader:
 
     def finish(self) -> list[str]:
         """Return a line for each kind of assumption."""
-        self.notes += dict.fromkeys(self._meshes)
         if self._divided:
             self.notes.append(f"{self._divided} collision meshes are taken as convex parts")
         if self._hulls:
@@ -111,10 +113,10 @@ class SolidsReader:
             self.notes.append(f"elements that a <geometry> cannot have are left out: {names}")
         if self._boxes:
             names = ", ".join(dict.fromkeys(self._boxes))
-            self.notes.append(f"missing meshes are replaced by boxes: {names}")
-        if self._lost:
-            names = ", ".join(dict.fromkeys(self._lost))
-            self.notes.append(f"missing meshes of links without inertia are left out: {names}")
+            self.notes.append(f"absent meshes are replaced by boxes: {names}")
+        if self._absent:
+            names = ", ".join(dict.fromkeys(self._absent))
+            self.notes.append(f"absent meshes are left out: {names}")
         return self.notes
 
     def _read_mesh(
@@ -122,15 +124,19 @@ class SolidsReader:
     ) -> tuple[Shape, ...]:
         name = str(solid.get("filename")).removeprefix("file://")
         if not Path(name).is_file():
-            if self.missing_meshes == "box":
-                box = _box_of_inertia(link)
-                (self._lost if box is None else self._boxes).append(name)
-                return () if box is None else (box,)
-            fix = "add the folder of its package to robot.packages, or set robot.missing_meshes=box"
-            raise element_error(solid, f"names the mesh {name}, which does not exist", fix)
+            return self._replace_absent(link, solid, name)
         x, y, z = read_values(solid, "scale", 3, "1 1 1")
         parts = self._read_file(Path(name), (x, y, z), hull)
         return tuple(Shape("convex", (), pose @ part.pose, corners=part.corners) for part in parts)
+
+    def _replace_absent(self, link: Element, solid: Element, name: str) -> tuple[Shape, ...]:
+        """Return what stands for an absent mesh: the box with the link's inertia, or nothing."""
+        if self.missing == "error":
+            fix = "add the folder of its package to robot.packages, or set robot.missing=leave_out"
+            raise element_error(solid, f"names the absent mesh {name}, which is needed", fix)
+        box = _box_of_inertia(link) if self.missing == "box" else None
+        (self._absent if box is None else self._boxes).append(name)
+        return () if box is None else (box,)
 
     def _read_file(self, path: Path, scale: Vector, hull: bool) -> tuple[Shape, ...]:
         """Read a mesh as its hull or as convex parts, few enough for an engine."""
@@ -147,15 +153,17 @@ class SolidsReader:
         mesh = read_mesh(path, scale)
         if len(mesh.shapes) <= _MAX_PARTS:
             self._divided += 1
-            self._meshes += [f"{path}: {note}" for note in mesh.notes]
-            return tuple(map(simplify, mesh.shapes))
-        self._hulls += 1
-        count, gap = len(mesh.shapes), find_hull_gap(path, scale)
-        off = f", up to {1e3 * gap:.0f} mm off its surface" if gap > TOLD_M else ""
-        note = f"its convex hull stands for the mesh{off}: it has {count} convex parts"
-        notes = (f"{note}, and engines take {_MAX_PARTS}", *mesh.remarks)
-        self._meshes += [f"{path}: {note}" for note in notes]
-        return (simplify(hull_of(mesh.shapes)),)
+            remarks, shapes = mesh.notes, mesh.shapes
+        else:
+            self._hulls += 1
+            count, gap = len(mesh.shapes), find_hull_gap(path, scale)
+            off = f", up to {1e3 * gap:.0f} mm off its surface" if gap > TOLD_M else ""
+            remark = f"its convex hull stands for the mesh{off}: it has {count} convex parts"
+            remarks = (f"{remark}, and engines take {_MAX_PARTS}", *mesh.remarks)
+            shapes = (hull_of(mesh.shapes),)
+        for remark in remarks:
+            self.mesh_notes.add_file(path, remark)
+        return tuple(map(simplify, shapes))
 
 
 def simplify(shape: Shape) -> Shape:
@@ -219,13 +227,13 @@ def _box_of_inertia(link: Element) -> Shape | None:
     return Shape("box", size, read_origin(inertial) @ Pose.from_matrix((0.0, 0.0, 0.0), axes))
 
 
-def read_visual_solids(robot: Element, missing_meshes: str) -> dict[str, tuple[Shape, ...]]:
+def read_visual_solids(robot: Element, missing: str) -> dict[str, tuple[Shape, ...]]:
     """Read the solids that each link shows, in its own frame; a mesh becomes convex parts.
 
     Raises:
         InputError: a geometry is of an unknown kind, or a mesh cannot be read.
     """
-    reader = SolidsReader(missing_meshes)
+    reader = SolidsReader(missing)
     return {
         str(link.get("name")): tuple(
             shape

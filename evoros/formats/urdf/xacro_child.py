@@ -7,20 +7,18 @@ hostile file safe.
 """
 
 import contextlib
-import io
 import json
 import os
 import re
 import resource
 import sys
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 MEMORY_BYTES = 1 << 30
 OUTPUT_CHARACTERS = 1 << 24
 NAMESPACE = r"ros\.org/(wiki/)?xacro"  # in every address that xacro has had
-_IGNORED = "/ignored-package"  # where $(find) says that an ignored package is
 
 
 class _Arguments(dict[str, str]):
@@ -39,10 +37,6 @@ class _Arguments(dict[str, str]):
         return super().__getitem__(name)
 
 
-class _OutsideError(Exception):
-    """The file names a file that lies in no declared folder."""
-
-
 def _limit_resources(seconds: int) -> None:
     limits = {
         resource.RLIMIT_CPU: seconds,
@@ -57,62 +51,7 @@ def _limit_resources(seconds: int) -> None:
             resource.setrlimit(kind, (allowed, allowed))
 
 
-class _Packages:
-    """The packages of the request, and what is left out because of those to be ignored."""
-
-    def __init__(self, request: dict[str, Any]) -> None:
-        self.roots: list[str] = request["roots"]
-        self.folders: dict[str, str] = request["packages"]
-        self.ignored: list[str] = request["ignored"]
-        self.skipped: list[str] = []  # includes and macros
-        self.missing: dict[str, str] = {}  # packages of includes, with the file that includes
-
-    def find(self, name: str) -> str:
-        """Return the folder of a package: a root of that name, or a folder of that name in one."""
-        if name in self.ignored:
-            return f"{_IGNORED}/{name}"
-        for root in map(Path, self.roots):
-            if root.name == name:
-                return str(root)
-            if (root / name).is_dir():
-                return str(root / name)
-        if name not in self.folders:
-            raise LookupError(self.explain([name]))
-        return self.folders[name]
-
-    def explain(self, names: Sequence[str]) -> str:
-        """Return the error for packages that are missing."""
-        return (
-            f"package {', '.join(names)} is in none of the folders {', '.join(self.roots)}, nor in "
-            f"ROS_PACKAGE_PATH, AMENT_PREFIX_PATH or the folders around the file; add the folder "
-            f"that holds it to the robot's packages, or its name to ignored_packages if only an "
-            f"accessory needs it"
-        )
-
-    def find_included(self, name: str, file: str) -> str:
-        """Return the folder of an included package; a missing one is left out, to report all."""
-        try:
-            return self.find(name)
-        except LookupError:
-            self.missing.setdefault(name, file)
-            return f"{_IGNORED}/{name}"
-
-    def open(self, name: str) -> BinaryIO:
-        """Open an included or loaded file, which must lie in a declared folder, like meshes."""
-        real = Path(name).resolve()
-        allowed = [*self.roots, *self.folders.values()]
-        if not any(real.is_relative_to(Path(root).resolve()) for root in allowed):
-            folders = ", ".join(self.roots)
-            raise _OutsideError(f"{name} must lie inside {folders} or the robot's packages")
-        return io.BytesIO(_start_with_declaration(real.read_bytes()))
-
-
-def _start_with_declaration(content: bytes) -> bytes:
-    """Return the content of a file without comments or blank lines before its declaration."""
-    return re.sub(rb"\A(\s|<!--.*?-->)+(?=<\?xml )", b"", content, flags=re.DOTALL)
-
-
-def _patch_xacro(packages: _Packages, environment: dict[str, str]) -> Any:
+def _patch_xacro(packages: Any, environment: dict[str, str]) -> Any:
     """Import xacro, restricted to allowed files without a document type."""
     import xacro  # type: ignore[import-untyped, unused-ignore]
     from xacro import substitution_args
@@ -140,37 +79,40 @@ def _patch_xacro(packages: _Packages, environment: dict[str, str]) -> Any:
         text.replace("$(find-pkg-share ", "$(find ")  # as launch files of ROS 2 write it
     )
     substitution_args._eval_env = read_variable
-    for name, function in (("find", packages.find), ("env", read_variable)):
+    find = partial(_find, xacro, packages)
+    for name, function in (("find", find), ("env", read_variable)):
         setattr(substitution_args, f"_eval_{name}", function)
         substitution_args._eval_dict[name] = function
-    _skip_ignored(xacro, packages)
+    _skip_absent(xacro, packages)
     return xacro
 
 
-def _skip_ignored(xacro: Any, packages: _Packages) -> None:
-    """Make xacro leave out includes from ignored packages, and calls of their macros."""
+def _find(xacro: Any, packages: Any, name: str) -> str:
+    return str(packages.find(name, xacro.filestack[-1]))
+
+
+def _skip_absent(xacro: Any, packages: Any) -> None:
+    """Make xacro leave out what is in ignored or absent packages, and calls of their macros."""
     process_include, handle_macro_call = xacro.process_include, xacro.handle_macro_call
 
     def include(node: Any, macros: Any, symbols: Any, func: Any) -> None:
-        for package in re.findall(
-            r"\$\(find(?:-pkg-share)? ([^)$\s]+)\)", node.getAttribute("filename")
-        ):
-            folder = packages.find_included(package, xacro.filestack[-1])
-            packages.folders.setdefault(package, folder)
-        name = str(xacro.eval_text(node.getAttribute("filename"), symbols))
-        if name.removeprefix("file://").startswith(_IGNORED):
-            packages.skipped.append(name.removeprefix("file://").removeprefix(_IGNORED + "/"))
-            xacro.replace_node(node, by=None)
-        else:
-            node.setAttribute("filename", name.removeprefix("file://"))
+        name = packages.include(
+            node, xacro.filestack[-1], lambda text: xacro.eval_text(text, symbols)
+        )
+        if name:
+            node.setAttribute("filename", name)
             process_include(node, macros, symbols, func)
+        else:
+            xacro.replace_node(node, by=None)
 
     def call_macro(node: Any, macros: Any, symbols: Any) -> bool:
-        if packages.skipped and node.tagName.startswith("xacro:") and node.tagName != "xacro:call":
+        left_out = packages.skipped or packages.files
+        if left_out and node.tagName.startswith("xacro:") and node.tagName != "xacro:call":
             try:
                 xacro.resolve_macro(node.tagName[len("xacro:") :], macros, symbols)
             except KeyError:
                 packages.skipped.append(f"<{node.tagName}>")
+                packages.needed = True
                 xacro.replace_node(node, by=None)
                 return True
         return bool(handle_macro_call(node, macros, symbols))
@@ -192,29 +134,37 @@ def _rename_prefix(root: Any) -> None:
 
 
 def _expand(request: dict[str, Any]) -> dict[str, Any]:
-    file, packages = request["file"], _Packages(request)
+    from evoros.formats.urdf.xacro_packages import OutsideError, Packages
+
+    file = request["file"]
+    packages = Packages(request["roots"], request["packages"], request["ignored"])
     xacro = _patch_xacro(packages, request["environment"])
     mappings = _Arguments(request["arguments"])
+    absent = {"packages": packages.absent, "files": packages.files}
     try:
         document = xacro.process_file(file, mappings=mappings)
     except RecursionError:
         return {"error": "it includes or calls itself endlessly", "file": file}
-    except _OutsideError as error:
-        return {"error": str(error), "file": file}
+    except OutsideError as error:
+        return {"error": str(error), "file": file, "absent": absent}
     except MemoryError:
         return {"error": f"it needs more than {MEMORY_BYTES >> 20} MiB", "file": file}
     except Exception as error:  # the expressions of the file may raise anything
         current = (xacro.filestack or [file])[-1] or file
         reason = " ".join(str(error).split())
         line = getattr(error, "lineno", None) or _find_line(current, str(error))
-        return {"error": reason, "file": current, "line": line}
-    if packages.missing:
-        first = next(iter(packages.missing.values()))
-        return {"error": packages.explain(list(packages.missing)), "file": first}
+        return {"error": reason, "file": current, "line": line, "absent": absent}
     text = document.toprettyxml(indent="  ")
     if len(text) > OUTPUT_CHARACTERS:
         return {"error": f"it expands to more than {OUTPUT_CHARACTERS >> 20} MiB", "file": file}
-    return {"text": text, "known": sorted(mappings.known), "skipped": packages.skipped}
+    return {
+        "text": text,
+        "known": sorted(mappings.known),
+        "skipped": packages.skipped,
+        "unlike": packages.unlike,
+        "absent": absent,
+        "needed": packages.needed,
+    }
 
 
 def _find_line(file: str, error: str) -> int | None:

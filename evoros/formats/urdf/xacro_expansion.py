@@ -1,0 +1,200 @@
+"""Expands xacro files in a separate process."""
+
+import contextlib
+import json
+import logging
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from evoros.base.errors import InputError
+from evoros.base.resources import PACKAGE
+from evoros.formats.missing import Absence, Absences, Remedy
+from evoros.formats.urdf import xacro_child
+from evoros.formats.urdf.packages import PackageIndex
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """How to read a description: what xacro gets, and where named files may be."""
+
+    arguments: Mapping[str, object] = field(default_factory=dict)  # of the xacro file
+    packages: Sequence[str] = ()  # folders that are packages or hold some
+    ignored_packages: Sequence[str] = ()  # what comes from them is left out
+    environment: Mapping[str, object] = field(default_factory=dict)  # for $(env) and $(optenv)
+    missing: str = "error"  # or leave_out or box, of meshes
+    packages_key: str = "robot.packages"  # of the configuration, for messages
+    time_limit_s: float = 10.0  # of processor time
+
+
+def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[str, Absences]:
+    """Return the text that a xacro file expands to, and the packages and files that it lacks.
+
+    Packages and files are left out of the text, and told, if nothing that is expanded needs them:
+    if they only have macros that nothing calls.
+
+    Raises:
+        InputError: the file cannot be expanded within the limits, or does not know an argument.
+    """
+    texts, variables = (
+        {name: format_argument(file, name, value) for name, value in values.items()}
+        for values in (options.arguments, options.environment)
+    )
+    request = {
+        "file": str(file),
+        "arguments": texts,
+        "environment": variables,
+        "roots": [str(root) for root in packages.roots],
+        "packages": {name: str(folder) for name, folder in packages.folders.items()},
+        "ignored": sorted(packages.ignored),
+        "path": [*(folder for folder in sys.path if folder), str(PACKAGE.parent)],
+        "seconds": math.ceil(options.time_limit_s),
+    }
+    answer = _request_expansion(request, file, options.time_limit_s)
+    absences = _collect_absences(file, answer.get("absent", {}), options)
+    if "error" in answer:
+        absences.require_none(choose_instead(absences, options))  # which may be the error's cause
+        raise InputError(_explain_error(answer))
+    unknown = sorted(set(texts) - set(answer["known"]))
+    if unknown:
+        raise InputError(
+            f"{file}: arguments must be declared by <xacro:arg>, not {', '.join(unknown)}; "
+            f"it knows {', '.join(answer['known']) or 'none'}"
+        )
+    _tell_skipped(file, answer)
+    if absences.names and not answer["needed"] and not _hangs(answer["text"]):
+        text = "%s: left out, because they are absent and nothing that is used needs them: %s"
+        _LOG.warning(text, file, ", ".join(absences.names))
+        return str(answer["text"]), Absences(str(file))
+    return str(answer["text"]), absences
+
+
+def choose_instead(absences: Absences, options: ReadOptions) -> str:
+    """Return the keys to type in place of getting what is absent."""
+    if options.packages_key != ReadOptions.packages_key:  # a world, which ignores no packages
+        return "delete what names them"
+    packages = absences.names_of("package")
+    choices = []
+    if packages:
+        ignored = ",".join([*options.ignored_packages, *packages])
+        choices.append(f"type 'robot.ignored_packages=[{ignored}]' if only accessories need it")
+    if absences.names_of("mesh"):
+        choices.append("set robot.missing=leave_out or robot.missing=box for meshes")
+    return ", or ".join(choices)
+
+
+def _collect_absences(
+    file: Path, absent: Mapping[str, Mapping[str, str]], options: ReadOptions
+) -> Absences:
+    absences = Absences(str(file))
+    remedy = f"add the folder that holds {{}} to {options.packages_key}"
+    for name, place in absent.get("packages", {}).items():
+        sentence = f"{place}: names the package {name}, which is absent"
+        absences.add(Absence("package", name, place, sentence, Remedy(remedy, name)))
+    for name, place in absent.get("files", {}).items():
+        sentence = f"{place}: includes {name}, which does not exist"
+        absences.add(Absence("file", name, place, sentence, Remedy("correct the name {}", name)))
+    return absences
+
+
+def _explain_error(answer: Mapping[str, Any]) -> str:
+    """Return the message for an expansion that has failed."""
+    place = f"{answer['file']}:{answer['line']}" if answer.get("line") else answer["file"]
+    reason = str(answer["error"])
+    if "; " in reason:  # it states the fix
+        return f"{place}: {reason}"
+    lacking = re.search(r"Undefined substitution argument (\w+)", reason)
+    fix = f"set robot.arguments.{lacking[1]}" if lacking else "correct the file"
+    return f"{place}: xacro must expand without error, but: {reason}; {fix}"
+
+
+def _tell_skipped(file: Path, answer: Mapping[str, Any]) -> None:
+    """Tell what is left out with ignored packages, and files in another case of letters."""
+    absent = answer["absent"]["packages"]
+    skipped = [name for name in answer["skipped"] if name.partition("/")[0] not in absent]
+    if skipped:
+        left_out = ", ".join(dict.fromkeys(skipped))
+        text = "%s: of ignored packages, left out: %s"
+        _LOG.warning(text, file, left_out)
+    if answer["unlike"]:
+        text = "%s: found in another case of letters: %s"
+        _LOG.warning(text, file, ", ".join(dict.fromkeys(answer["unlike"])))
+
+
+def _hangs(text: str) -> bool:
+    """Return whether joints hang on links that a description lacks, or it has no link at all."""
+    links = set(re.findall(r"<link\s[^>]*?\bname=\"([^\"]*)\"", text))
+    ends = re.findall(r"<(?:parent|child)\s[^>]*?\blink=\"([^\"]*)\"", text)
+    return not links or not links.issuperset(ends)
+
+
+def _request_expansion(
+    request: dict[str, object], file: Path, time_limit_s: float
+) -> dict[str, Any]:
+    """Return the answer of the child process, which gets only the request and no environment."""
+    rule = f"xacro must expand within {time_limit_s:g} s and {xacro_child.MEMORY_BYTES >> 20} MiB"
+    fix = "look for an endless or huge expression, include or macro"
+    try:
+        status, output, messages = _run_child(json.dumps(request), file.parent, 3 * time_limit_s)
+    except subprocess.TimeoutExpired as error:
+        raise InputError(f"{file}: {rule}, but it did not; {fix}") from error
+    messages = " ".join(messages.split())
+    if status != 0:
+        raise InputError(
+            f"{file}: {rule}, but it ended with status {status} {messages[-200:]}; {fix}"
+        )
+    if messages:
+        _LOG.warning("%s: xacro reports: %s", file, messages)
+    answer: dict[str, Any] = json.loads(output)
+    return answer
+
+
+def _run_child(request: str, folder: Path, patience_s: float) -> tuple[int, str, str]:
+    """Run the child process and return its status, output and messages.
+
+    The child may share the processor with others, so ``patience_s`` [s] exceeds its time limit. On
+    a timeout, all processes that it has started end too, since they would hold the pipes open.
+    """
+    with subprocess.Popen(
+        [sys.executable, "-I", xacro_child.__file__],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+        env={"LC_ALL": "C.UTF-8"},
+        cwd=folder,
+        start_new_session=True,
+    ) as child:
+        try:
+            output, messages = child.communicate(request, timeout=patience_s)
+        except BaseException:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGKILL)
+            raise
+        return child.returncode, output, messages
+
+
+def format_argument(file: Path, name: str, value: object) -> str:
+    """Return an argument as xacro takes it.
+
+    Raises:
+        InputError: it is of another type.
+    """
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str | int | float):
+        return str(value)
+    raise InputError(
+        f"{file}: argument {name}: must be a number, a text, true or false, not {value!r}; "
+        f"set it to such a value"
+    )

@@ -1,0 +1,114 @@
+"""The packages and files that a xacro file may name, in the process that expands it.
+
+What is absent is collected, so that one message can name all of it.
+"""
+
+import io
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from evoros.formats.letter_case import find_in_any_case
+from evoros.formats.urdf.installed import locate
+
+IGNORED = "/ignored-package"
+"""Where $(find) says that a package is that is ignored or absent."""
+
+_FIND = re.compile(r"\$\(find(?:-pkg-share)? +([^)$\s]+)\)")
+_WILDCARD = re.compile(r"[*?[]")
+
+
+class OutsideError(Exception):
+    """The file names a file that lies in no declared folder, or that does not exist."""
+
+
+@dataclass
+class Packages:
+    """The packages of the request, and what is left out because some are ignored or absent."""
+
+    roots: list[str]
+    folders: dict[str, str]
+    ignored: list[str]
+    skipped: list[str] = field(default_factory=list)  # includes and macros
+    absent: dict[str, str] = field(default_factory=dict)  # packages, with the place that names them
+    files: dict[str, str] = field(default_factory=dict)  # absent included files, likewise
+    needed: bool = False  # whether something that is expanded needs what is absent
+    unlike: list[str] = field(default_factory=list)  # files found in another case of letters
+    including: bool = False
+
+    def find(self, name: str, file: str) -> str:
+        """Return the folder of a package: a root of that name, or a folder of that name in one.
+
+        A package that ``file`` names and that is absent is collected.
+        """
+        if name in self.ignored:
+            return f"{IGNORED}/{name}"
+        for root in map(Path, self.roots):
+            if root.name == name:
+                return str(root)
+            if (root / name).is_dir():
+                return str(root / name)
+        if name in self.folders:
+            return self.folders[name]
+        self.absent.setdefault(name, _place(file, name))
+        self.needed = self.needed or not self.including
+        return f"{IGNORED}/{name}"
+
+    def include(self, node: Any, file: str, evaluate: Any) -> str:
+        """Return the file that an ``<include>`` in ``file`` names; empty if it is left out."""
+        written = node.getAttribute("filename")
+        self.including = True
+        try:
+            name = str(evaluate(written)).removeprefix("file://")
+        finally:
+            self.including = False
+        if name.startswith(IGNORED):
+            self.skipped.append(name.removeprefix(IGNORED + "/"))
+            return ""
+        found = self._locate(Path(file).parent / name)
+        if found is not None or _WILDCARD.search(name) or node.getAttribute("optional") == "true":
+            return name if found is None else found
+        self.files.setdefault(name, _place(file, written))
+        return ""
+
+    def open(self, name: str) -> BinaryIO:
+        """Open an included or loaded file, which must lie in a declared folder, like meshes."""
+        found = self._locate(Path(name).absolute())
+        if found is None:
+            raise OutsideError(f"{name} does not exist; correct the name")
+        real = Path(found).resolve()
+        allowed = [*self.roots, *self.folders.values()]
+        if not any(real.is_relative_to(Path(root).resolve()) for root in allowed):
+            folders = ", ".join(self.roots)
+            raise OutsideError(
+                f"{name} must lie inside {folders} or the robot's packages; add its folder to them"
+            )
+        return io.BytesIO(_start_with_declaration(real.read_bytes()))
+
+    def _locate(self, path: Path) -> str | None:
+        """Return an existing file: the path, what is installed there, or in another case."""
+        found = locate(path, map(Path, (*self.roots, *self.folders.values())))
+        if found is not None:
+            return str(found)
+        unlike = find_in_any_case(path)
+        if unlike is not None:
+            self.unlike.append(str(unlike))
+        return None if unlike is None else str(unlike)
+
+
+def _place(file: str, text: str) -> str:
+    """Return a file and the line of it that names a package or has a text."""
+    try:
+        lines = Path(file).read_text(errors="replace").splitlines()
+    except OSError:
+        return file
+    for number, line in enumerate(lines, 1):
+        if text in line and (text in _FIND.findall(line) or not text.isidentifier()):
+            return f"{file}:{number}"
+    return file
+
+
+def _start_with_declaration(content: bytes) -> bytes:
+    """Return the content of a file without comments or blank lines before its declaration."""
+    return re.sub(rb"\A(\s|<!--.*?-->)+(?=<\?xml )", b"", content, flags=re.DOTALL)

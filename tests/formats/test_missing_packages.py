@@ -1,0 +1,178 @@
+"""What a robot's description names and lacks: one message, keys ready to type, or left out."""
+
+import logging
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from lxml.etree import _Element as Element
+
+from evoros.base.errors import InputError
+from evoros.formats.urdf.expansion import read
+from evoros.formats.urdf.xacro_expansion import ReadOptions
+
+XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
+BASE = '<link name="base"/>'
+INCLUDE = '\n<xacro:include filename="$(find {0})/{0}.xacro"/>'
+MESH = '<link name="{0}"><collision><geometry><mesh filename="{1}"/></geometry></collision></link>'
+
+
+def write(folder: Path, body: str, name: str = "r.xacro") -> str:
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(XACRO.format(body))
+    return str(path)
+
+
+def expand(name: str, **options: object) -> Element:
+    return read(name, ReadOptions(**options))[1]  # type: ignore[arg-type]
+
+
+def refused(name: str, **options: object) -> str:
+    with pytest.raises(InputError) as caught:
+        expand(name, **options)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+packages = st.lists(st.sampled_from(["arm", "lms1xx", "zed2", "ur_5"]), min_size=1, unique=True)
+
+
+@settings(
+    deadline=None, max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(packages, packages)
+def test_the_proposed_keys_are_those_that_help(
+    tmp_path: Path, absent: list[str], called: list[str]
+) -> None:
+    calls = "".join(f"<xacro:{name}_mount/>" for name in called if name in absent)
+    name = write(tmp_path, BASE + "".join(map(INCLUDE.format, absent)) + calls)
+    if not calls:
+        assert [child.get("name") for child in expand(name)] == ["base"]
+        return
+    message = refused(name)
+    lines = range(2, 2 + len(absent))
+    assert all(f"{name}:{n}:" in message or f"(line {n})" in message for n in lines)
+    typed = re.search(r"'robot\.ignored_packages=\[([^\]]*)\]'", message)
+    assert typed is not None
+    assert typed[1].split(",") == absent
+    assert [c.get("name") for c in expand(name, ignored_packages=typed[1].split(","))] == ["base"]
+
+
+def test_what_nothing_calls_is_left_out_and_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    name = write(tmp_path, BASE + INCLUDE.format("lms1xx") + INCLUDE.format("zed2"))
+    with caplog.at_level(logging.WARNING):
+        expand(name)
+    (message,) = caplog.messages
+    assert "absent and nothing that is used needs them: lms1xx, zed2" in message
+
+
+@pytest.mark.parametrize(
+    "rest",
+    [
+        '<joint name="j" type="fixed"><parent link="arm_base"/><child link="base"/></joint>',
+        '<link name="$(find arm)"/>',
+        '<link name="${arm_size}"/>',
+        '<link name="x"><visual><geometry><mesh filename="file://$(find arm)/x.stl"/></geometry>'
+        "</visual></link>",
+    ],
+)
+def test_what_needs_an_absent_package_names_it(tmp_path: Path, rest: str) -> None:
+    message = refused(write(tmp_path, BASE + INCLUDE.format("arm") + rest))
+    assert "r.xacro:2: names the package arm, which is absent" in message
+    assert "robot.ignored_packages=[arm]" in message
+
+
+def test_a_description_without_a_link_names_what_it_lacks(tmp_path: Path) -> None:
+    assert "the package base" in refused(write(tmp_path, INCLUDE.format("base")))
+
+
+def test_packages_files_and_meshes_are_in_one_list(tmp_path: Path) -> None:
+    (tmp_path / "package.xml").write_text("<package><name>bot</name></package>")
+    body = (
+        BASE
+        + INCLUDE.format("arm")
+        + '\n<xacro:include filename="$(find bot)/urdf/gone.xacro"/><xacro:arm/>'
+        + MESH.format("a", "package://bot/gone.dae")
+        + MESH.format("b", "package://nobody/b.dae")
+        + MESH.format("c", "package://nobody/b.dae")
+        + MESH.format("d", "package://bot/there.stl")
+    )
+    (tmp_path / "there.stl").write_text("solid")
+    name = write(tmp_path, body, "urdf/r.xacro")
+    message = refused(name)
+    assert message.startswith(f"{name}: names 4 things that are absent: ")
+    for part in (
+        "package arm (line 2)",
+        "gone.xacro (line 3)",
+        "package://bot/gone.dae (link a)",
+        "package://nobody/b.dae (link b, 2 times)",
+        "add the folder that holds arm, nobody to robot.packages",
+        f"complete the folder {tmp_path}",
+        "'robot.ignored_packages=[arm]'",
+        "robot.missing=leave_out",
+    ):
+        assert part in message
+    assert "there.stl" not in message
+
+
+@pytest.mark.parametrize("missing", ["leave_out", "box"])
+def test_a_mesh_may_be_missing_if_the_key_says_so(tmp_path: Path, missing: str) -> None:
+    name = write(tmp_path, MESH.format("a", "package://nobody/b.dae"))
+    assert "missing=leave_out" in refused(name)
+    assert expand(name, missing=missing).find("link/collision") is not None
+
+
+def test_install_rules_are_followed(tmp_path: Path) -> None:
+    (tmp_path / "package.xml").write_text("<package><name>bot</name></package>")
+    (tmp_path / "CMakeLists.txt").write_text(
+        "project(bot)\ninstall(DIRECTORY description/urdf description/meshes description/config\n"
+        "  DESTINATION share/${PROJECT_NAME})\n"
+    )
+    write(tmp_path, '<xacro:macro name="wheel"><link name="w"/></xacro:macro>',
+          "description/urdf/wheel.xacro")  # fmt: skip
+    mesh = tmp_path / "description" / "meshes" / "w.stl"
+    mesh.parent.mkdir()
+    mesh.write_text("solid")
+    (tmp_path / "description" / "config").mkdir()
+    (tmp_path / "description" / "config" / "c.yaml").write_text("a: 7")
+    body = (
+        '<xacro:include filename="$(find bot)/urdf/wheel.xacro"/><xacro:wheel/>'
+        "<link name=\"l${xacro.load_yaml('$(find bot)/config/c.yaml')['a']}\"/>"
+        + MESH.format("m", "package://bot/meshes/w.stl")
+        + MESH.format("n", "file://$(find bot)/meshes/w.stl")
+    )
+    root = expand(write(tmp_path, body, "description/urdf/bot.urdf.xacro"))
+    assert [link.get("name") for link in root] == ["w", "l7", "m", "n"]
+    assert {mesh.get("filename") for mesh in root.iter("mesh")} == {f"file://{mesh}"}
+
+
+def test_letter_case_of_a_name_does_not_matter_and_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    write(tmp_path, '<link name="w"/>', "Wheel.xacro")
+    (tmp_path / "w.STL").write_text("solid")
+    body = '<xacro:include filename="wheel.xacro"/>' + MESH.format("m", "w.stl")
+    with caplog.at_level(logging.WARNING):
+        root = expand(write(tmp_path, body))
+    assert [link.get("name") for link in root] == ["w", "m"]
+    assert str(tmp_path / "Wheel.xacro") in caplog.text
+    assert str(tmp_path / "w.STL") in caplog.text
+
+
+def test_a_loaded_file_that_is_absent_is_named(tmp_path: Path) -> None:
+    message = refused(write(tmp_path, "${xacro.load_yaml('sizes.yaml')}" + BASE))
+    assert "sizes.yaml does not exist" in message
+    assert "Errno" not in message
+
+
+def test_an_included_file_that_is_absent_is_named_without_keys_that_do_not_help(
+    tmp_path: Path,
+) -> None:
+    message = refused(write(tmp_path, f'{BASE}\n<xacro:include filename="gone.xacro"/><xacro:x/>'))
+    assert message.endswith("r.xacro:2: includes gone.xacro, which does not exist; "
+                            "correct the name gone.xacro")  # fmt: skip
