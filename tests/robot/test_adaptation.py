@@ -525,7 +525,7 @@ def test_a_body_whose_mesh_is_missing_has_a_box(
     assert low == pytest.approx([-0.14, -0.135])  # from the caster to the front of the wheels
     assert high == pytest.approx([0.05, 0.135])
     assert robot.height_m == pytest.approx(0.1)
-    assert "package://bot/meshes/body.dae" in told(caplog, "without inertia are left out")
+    assert "package://bot/meshes/body.dae" in told(caplog, "absent meshes are left out")
     assert "0.19 x 0.27 x 0.08 m" in told(caplog, "a box around its wheels stands for it")
     assert not any("replaced by boxes" in message for message in caplog.messages)
 
