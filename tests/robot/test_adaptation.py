@@ -507,7 +507,7 @@ def test_a_mesh_of_many_parts_is_its_hull_and_told_so(
         CASTER,
     )
     assert shapes(robot, "base_link") == ["convex"]
-    line = told(caplog, "its convex hull stands for the mesh")
+    (line,) = (text for text in caplog.messages if "its convex hull stands for the mesh" in text)
     assert "it has 81 convex parts, and engines take 64" in line
     assert told(caplog, "1 collision meshes are taken as their convex hulls")
     assert not any("taken as convex parts" in message for message in caplog.messages)
