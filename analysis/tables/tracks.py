@@ -8,10 +8,12 @@ import numpy as np
 import pandas as pd
 
 from evoros.base.errors import InputError
+from evoros.base.log import withhold_messages
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run
 from evoros.storage.trajectory_files import world_file
 from evoros.storage.verification import verify_world
+from evoros.world.course import Course
 from evoros.world.loading import load_world
 from evoros.world.model import World
 
@@ -176,7 +178,7 @@ def load_champion_world(run: Run, context: FigureContext, name: str) -> World:
     if not path.is_file():
         raise InputError(f"{path}: must exist, but is missing; resume the run, or restore the file")
     verify_world(path)
-    return load_world(str(path.resolve()), context.courses[name])
+    return _load_recorded(path, context.courses[name])
 
 
 def load_mission_world(run: Run, context: FigureContext, row: "pd.Series[str]") -> World:
@@ -191,7 +193,13 @@ def load_mission_world(run: Run, context: FigureContext, row: "pd.Series[str]") 
     if not path.is_file():
         raise InputError(f"{path}: must exist, but is missing; restore it")
     verify_world(path)
-    return load_world(str(path.resolve()), context.courses[str(row["world"])])
+    return _load_recorded(path, context.courses[str(row["world"])])
+
+
+def _load_recorded(path: Path, course: Course) -> World:
+    """Load a world as a run wrote it, which the run has told all about."""
+    with withhold_messages():
+        return load_world(str(path.resolve()), course)
 
 
 def find_mission_world(run: Run, row: "pd.Series[str]") -> Path:
