@@ -71,6 +71,7 @@ def load(name: str = "erle_rover", **changes: Any) -> Robot:
         packages=config["packages"],
         missing=config.get("missing", "error"),
         wheels_touch=config.get("wheels_touch", True),
+        self_occlusion=config.get("self_occlusion", "collisions"),
         mount=MountDefaults(**mount),
         drive=instantiate(config["drive"], _convert_="all"),
     )

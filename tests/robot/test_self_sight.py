@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from robot_cases import rover
+from robot_cases import load, rover
 
 from evoros.base.arrays import Array
+from evoros.base.errors import InputError
 from evoros.design.outline_region import OutlineRegion
 from evoros.design.region import Region
 from evoros.design.space import SensorDesign
@@ -129,6 +130,22 @@ def test_the_hidden_share_is_that_of_the_rays() -> None:
     assert (ranges[:5] == lidar.range_max_m).all()
     bearings = np.radians(np.linspace(-45.0, 45.0, 10))[5:]
     assert ranges[5:] == pytest.approx(0.49 / np.cos(bearings))
+
+
+@pytest.mark.parametrize(("y", "seen"), [(0.0, (0.1, FAR_M)), (0.095, (0.1, 0.1))])
+def test_a_robot_hides_by_its_collision_shapes_or_by_what_it_shows(
+    y: float, seen: tuple[float, float]
+) -> None:
+    """The rover's cage is a box for contact, and shown as bars at both sides."""
+    mount = Mount("sonar", "base_link", 0.09, y, 0.166, 180.0, 0.0)
+    for shapes, expected in zip(("collisions", "visuals"), seen, strict=True):
+        robot = load(self_occlusion=shapes).with_sensors([mount], {"sonar": RAY})
+        assert measure_clear_ranges(robot)[0] == pytest.approx(expected)
+
+
+def test_shapes_of_another_kind_are_refused() -> None:
+    with pytest.raises(InputError, match=r"robot\.self_occlusion: must be collisions or visuals"):
+        load(self_occlusion="all")
 
 
 def bind(robot: Robot, regions: dict[str, Any], mirrored: bool = False) -> Any:
