@@ -1,6 +1,6 @@
 """Evaluations of given designs: creates a new one, opens a recorded one, and runs either."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from logging import LogRecord
 from pathlib import Path
@@ -8,14 +8,16 @@ from typing import Any
 
 from evoros.base.checks import TEXT
 from evoros.base.errors import InputError
-from evoros.base.log import collect_messages
+from evoros.base.log import LOGGER, collect_messages
 from evoros.config.configuration import Configuration
 from evoros.evolution.dispatch import Dispatcher
 from evoros.evolution.drive_check import report_drive
 from evoros.evolution.experiment import ALL, Experiment
 from evoros.evolution.repeatability import report_repeatability
+from evoros.evolution.self_sight_check import check_designs
 from evoros.executor.protocol import Executor
 from evoros.mission.plan import VALIDATION
+from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import (
     DESIGN_FILE,
     GENE_FILE,
@@ -39,6 +41,7 @@ from evoros.storage.mission_table import begin_table
 from evoros.storage.seals import seal_json
 
 COMMAND = "evoros-evaluate"
+MAX_WARNINGS = 3  # about given designs
 FIGURE = "worst"  # of an evaluation that looked for worst cases
 ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)
 """Files from which everything else follows."""
@@ -116,7 +119,23 @@ def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
         _check_draws(experiment)
         check_experiment(experiment)
         designs = read_sources(config.designs, experiment)
+        for warning in _check_designs(designs, experiment.scenario):
+            LOGGER.warning("%s", warning)
         return record_evaluation(experiment, designs, config, folder, messages)
+
+
+def _check_designs(designs: Sequence[NamedDesign], scenario: Scenario) -> Iterator[str]:
+    """Yield the warnings of the first few designs that have any, and the number of the others."""
+    names = {f"design {named.name} of {named.source}": named.design for named in designs}
+    team = {
+        f"{agent}: {name}" if agent else name: member
+        for name, design in names.items()
+        for agent, member in scenario.equip(design).items()
+    }
+    warnings = list(check_designs(team))
+    yield from warnings[:MAX_WARNINGS]
+    if len(warnings) > MAX_WARNINGS:
+        yield f"{len(warnings) - MAX_WARNINGS} more designs overlap or see the robot likewise"
 
 
 def record_evaluation(

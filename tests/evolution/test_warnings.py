@@ -133,10 +133,10 @@ def test_housings_that_overlap_are_told() -> None:
     region = "{_target_: evoros.design.region.Region, x_m: [0.2, %s], y_m: 0.1, yaw_deg: 0}"
     keys = ["design.regions=null", "design.number=2", "design.mirrored=false"]
     (line,) = check_housings(build(*keys, f"+design.regions.spot={region % 0.201}"))
-    assert "in 5 of 5 random designs" in line
+    assert "in each of 5 random designs, housings of sensors overlap" in line
     assert "sonar_0 and sonar_1 by" in line
-    wide = [f"+design.regions.{side}={region % x}" for side, x in (("spot", 0.2),)]
-    assert list(check_housings(build(*keys[::2], *wide, "design.number=1"))) == []
+    # Some random designs of the study are free of overlaps, which a search can choose.
+    assert list(check_housings(build("experiment=case_study"))) == []
 
 
 # Courses ------------------------------------------------------------------------------------
