@@ -119,9 +119,10 @@ def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
         _check_draws(experiment)
         check_experiment(experiment)
         designs = read_sources(config.designs, experiment)
+        evaluation = record_evaluation(experiment, designs, config, folder, messages)
         for warning in _check_designs(designs, experiment.scenario):
             LOGGER.warning("%s", warning)
-        return record_evaluation(experiment, designs, config, folder, messages)
+        return evaluation
 
 
 def _check_designs(designs: Sequence[NamedDesign], scenario: Scenario) -> Iterator[str]:

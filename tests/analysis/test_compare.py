@@ -180,8 +180,9 @@ def test_a_confirmed_run_is_validated_in_the_confirming_simulator(tmp_path: Path
 
 def test_a_champion_without_sensors_is_a_design_too(copied: Path) -> None:
     name = "runs/silent_seed-1"
-    header = (copied / name / "champion/design.csv").read_text().splitlines()[0]
-    (copied / name / "champion/design.csv").write_text(header + "\n")
+    header, row, *_ = (copied / name / "champion/design.csv").read_text().splitlines()
+    bare = row.partition(",")[0] + "," * header.count(",")
+    (copied / name / "champion/design.csv").write_text(f"{header}\n{bare}\n")
     reseal(copied / name)
     (copied / "runs").rename(copied / "bare")
     shutil.rmtree(copied / "silent")
