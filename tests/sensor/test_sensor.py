@@ -34,7 +34,7 @@ def configured(kind: str, *overrides: str) -> Sensor:
 
 def test_every_sensor_module_has_a_configuration_of_its_name() -> None:
     package = ROOT / "evoros" / "sensor"
-    shared = {"__init__", "protocol", "gazebo_rays", "signals", "names"}  # what the types have in common
+    shared = {"__init__", "protocol", "gazebo_rays", "signals", "names"}  # not types
     assert {path.stem for path in package.glob("*.py")} - shared == set(KINDS)
 
 
