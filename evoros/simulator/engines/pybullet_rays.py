@@ -1,6 +1,7 @@
 """The rays of a robot's sensors in PyBullet."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -99,9 +100,10 @@ def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
     position, quaternion = to_base
     rotation = np.array(bullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
     batches: list[Batch] = []
-    for beam in sensor_beams(robot):
+    turned = _turn_rays(robot, rotation)
+    for beam, directions in zip(sensor_beams(robot), turned, strict=True):
         origin = product(rotation, beam.origin) + position
-        ends = origin + beam.range_max * product(beam.directions, rotation.T)
+        ends = origin + beam.range_max * directions
         if not batches or len(batches[-1].starts) + len(ends) > MAX_RAYS:
             batches.append(Batch([], [], []))
         batch = batches[-1]
@@ -111,3 +113,16 @@ def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
         batch.starts.extend([origin.tolist()] * len(ends))
         batch.ends.extend(ends.tolist())
     return batches
+
+
+def _turn_rays(robot: Robot, rotation: Array) -> Iterator[Array]:
+    """Yield the directions (k, 3) of each beam along other axes than those of the robot.
+
+    Each sensor is turned before its rays are, which rounds them once.
+    """
+    for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
+        if mount.sensor in robot.sorted_rays:
+            rays, ends = robot.sorted_rays[mount.sensor]
+            directions = product(rays, product(rotation, frame[:3, :3]).T)
+            for start, end in pairwise((0, *ends)):
+                yield directions[start:end]

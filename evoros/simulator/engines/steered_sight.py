@@ -41,7 +41,7 @@ class SteeredSight(NamedTuple):
 
 
 def lay_out_steered_sight(robot: Robot, clear_ranges: Array) -> Array:
-    """Return the array ``sight`` of a robot, as ``measure_clear_ranges`` finds it."""
+    """Return the array ``sight`` of a robot; ``clear_ranges`` (n,) [m] are those of its beams."""
     steered, (rays, starts) = robot.occluders.steered, robot.ray_table
     if not len(steered.rows) or not len(rays):
         return np.zeros(0)
@@ -69,11 +69,10 @@ def _lay_out_part(robot: Robot, number: int) -> Array:
 
 
 def narrowing_of(drive: Drive, joint: int) -> float:
-    """Return by how much a steering joint turns about a nearer centre than the bicycle's wheel.
+    """Return ``k`` of ``cot(angle) = cot(steering) - k``, the law of a steering joint.
 
-    It is ``k`` of ``cot(angle) = cot(steering) - k``, which holds at all angles of Ackermann
-    steering, where ``k`` is half the distance of the axes by the wheelbase, and of parallel
-    steering, where it is 0.
+    It holds at all angles. In Ackermann steering, ``k`` is half the distance between the joints'
+    axes, divided by the wheelbase, and positive on the left; in parallel steering it is 0.
     """
     angles, _ = drive.targets(0.0, drive.steering_limit)
     return 1.0 / elementary.tan(drive.steering_limit) - 1.0 / elementary.tan(angles[joint])
