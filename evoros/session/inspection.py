@@ -15,7 +15,7 @@ from evoros.config.compose import compose
 from evoros.config.own_design import plan_design
 from evoros.config.own_files import OwnFile
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.route_check import FIT_RATIO, MAX_RATIO, check_routes, find_range_fault
+from evoros.evolution.route_check import MAX_RATIO, check_routes, find_range_fault
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.footprint import bottom_height, find_bounds, project_shape, top_height
 from evoros.robot.model import Robot
@@ -30,6 +30,8 @@ LEVEL, UNEVEN = "simulator=planar", "simulator=physics"
 """The simulators that worlds with level ground and others need."""
 
 INDOOR = "controller=indoor"
+NEAR_RATIO = 1.0
+"""The fit ratio above which obstacles are within the range of the avoidance at most places."""
 """The controller for worlds that are too narrow for the default one."""
 
 Rows = Sequence[tuple[str, str]]
@@ -88,7 +90,7 @@ def inspect_world(name: str, folder: Path, robot: Sequence[str], simulator: str)
 
 def _choose_controller(experiment: Experiment, words: Sequence[str], folder: Path) -> Sequence[str]:
     """Choose a controller whose avoidance suits the worlds; nothing if the default one does."""
-    if not _find_ranges(experiment, FIT_RATIO):
+    if not _find_ranges(experiment, NEAR_RATIO):
         return []
     faults = _find_ranges(_build([*words, INDOOR], folder)[0], MAX_RATIO)
     return [INDOOR, *(f"{key}={value:.2g}" for key, value in faults.items())]
