@@ -30,9 +30,10 @@ LEVEL, UNEVEN = "simulator=planar", "simulator=physics"
 """The simulators that worlds with level ground and others need."""
 
 INDOOR = "controller=indoor"
+"""The controller for worlds that are too narrow for the default one."""
+
 NEAR_RATIO = 1.0
 """The fit ratio above which obstacles are within the range of the avoidance at most places."""
-"""The controller for worlds that are too narrow for the default one."""
 
 Rows = Sequence[tuple[str, str]]
 
