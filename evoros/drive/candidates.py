@@ -68,7 +68,7 @@ def find_candidates(urdf: Urdf) -> list[Candidate]:
         return []
     turning = [c for c in outer if c.turns] or outer
     ground = min(c.wheel.bottom for c in turning)
-    return [c for c in outer if abs(c.wheel.bottom - ground) < _reach(c)]
+    return [c for c in outer if abs(c.wheel.bottom - ground) < _reach(c.wheel)]
 
 
 def find_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> list[Joint]:
@@ -88,7 +88,7 @@ def find_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> list[Joint]:
         carries = any(j.type in TURNING for j in urdf.children_of(joint.child))
         if wheel is None or carries or wheel.roundness > _MAX_LACK or _is_ball(urdf, joint.child):
             continue
-        if ground is None or abs(wheel.bottom - ground) < _reach_of(wheel):
+        if ground is None or abs(wheel.bottom - ground) < _reach(wheel):
             found.append(joint)
     return found
 
@@ -108,12 +108,8 @@ def _is_caster(urdf: Urdf, joint: Joint, above: Sequence[Joint]) -> bool:
     return any(CASTER.search(_OMNI.sub("", name) if driven else name) for name in names)
 
 
-def _reach_of(wheel: Wheel) -> float:
+def _reach(wheel: Wheel) -> float:
     return max(CASTER_GAP_M, 2.0 * tolerated(wheel.radius))
-
-
-def _reach(candidate: Candidate) -> float:
-    return _reach_of(candidate.wheel)
 
 
 def measure_link(urdf: Urdf, link: str) -> Wheel | None:
@@ -174,6 +170,6 @@ def pair_up(candidates: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]
 
 
 def _are_opposite(left: Candidate, right: Candidate) -> bool:
-    reach: Array = 2.0 * np.array([_reach(left), _reach(right)])
+    reach: Array = 2.0 * np.array([_reach(left.wheel), _reach(right.wheel)])
     middle = abs(left.y + right.y) / 2.0
     return abs(left.x - right.x) < reach.max() and middle < 0.25 * abs(left.y - right.y)
