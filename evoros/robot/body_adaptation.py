@@ -1,6 +1,6 @@
 """Rewrites a robot's body: the ground under it, joints beside the drive, what it collides with."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -65,8 +65,8 @@ def complete_body(
 
     The same holds if its shapes cover a small part only of the space between the wheels.
     """
-    body = [name for name in urdf.poses if name not in rolling and not CASTER.search(name)]
-    solid = _points([(s, urdf.poses[n] @ s.pose) for n in body for s in urdf.shapes[n]])
+    body = _list_body(urdf, rolling)
+    solid = _collision_points(urdf, body)
     if len(solid) and not _is_small(solid, wheels):
         return []
     links = {str(link.get("name")): link for link in elements.findall("link")}
@@ -104,11 +104,10 @@ def replace_lost_body(
 
     ``rolling`` are all wheels and casters.
     """
-    body = [name for name in urdf.poses if name not in rolling and not CASTER.search(name)]
-    solid = _points([(s, urdf.poses[n] @ s.pose) for n in body for s in urdf.shapes[n]])
+    solid = _collision_points(urdf, _list_body(urdf, rolling))
     if not reader.lacks_meshes or (len(solid) and not _is_small(solid, wheels)):
         return []
-    points = _points([(s, urdf.poses[n] @ s.pose) for n in urdf.poses for s in urdf.shapes[n]])
+    points = _collision_points(urdf, urdf.poses)
     low, high = points.min(axis=0), points.max(axis=0)
     low[2] = max(_MIN_CLEARANCE_M, min(wheel.radius for wheel in wheels) / 2)
     high[2] = max(high[2], low[2] + _MIN_CLEARANCE_M)
@@ -120,6 +119,16 @@ def replace_lost_body(
     link.append(build_collision(Shape("box", (length, width, height), pose)))
     size = f"{length:.2f} x {width:.2f} x {height:.2f} m"
     return [f"meshes of the body are missing, so a box around its wheels stands for it, {size}"]
+
+
+def _list_body(urdf: Urdf, rolling: Collection[str]) -> list[str]:
+    """List the links that are no wheels and no casters."""
+    return [name for name in urdf.poses if name not in rolling and not CASTER.search(name)]
+
+
+def _collision_points(urdf: Urdf, links: Iterable[str]) -> Array:
+    """Return points (n, 3) [m] of the collision shapes of links, in the root's frame."""
+    return _points([(s, urdf.poses[link] @ s.pose) for link in links for s in urdf.shapes[link]])
 
 
 def _is_small(solid: Array, wheels: Sequence[Wheel]) -> bool:
