@@ -8,22 +8,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from lxml.etree import _Element as Element
+from xacro_cases import write
 
 from evoros.base.errors import InputError
 from evoros.formats.urdf.expansion import read
 from evoros.formats.urdf.xacro_expansion import ReadOptions
 
-XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
 BASE = '<link name="base"/>'
 INCLUDE = '\n<xacro:include filename="$(find {0})/{0}.xacro"/>'
 MESH = '<link name="{0}"><collision><geometry><mesh filename="{1}"/></geometry></collision></link>'
-
-
-def write(folder: Path, body: str, name: str = "r.xacro") -> str:
-    path = folder / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(XACRO.format(body))
-    return str(path)
 
 
 def expand(name: str, **options: object) -> Element:

@@ -6,21 +6,14 @@ from pathlib import Path
 
 import pytest
 from lxml import etree
+from xacro_cases import XACRO, write
 
 from evoros.base.errors import InputError
 from evoros.formats.urdf import expansion as description
 from evoros.formats.urdf import xacro_child
 from evoros.formats.urdf.xacro_expansion import ReadOptions
 
-XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
 DEFAULT = "erle_rover/erle_rover.xacro"
-
-
-def write(folder: Path, body: str, name: str = "r.xacro") -> str:
-    path = folder / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(XACRO.format(body))
-    return str(path)
 
 
 def refused(name: str, *, limit: float = 5.0, where: str = "") -> str:
