@@ -36,8 +36,10 @@ class Simulation(Protocol):
         """Fill ``signals`` (n,), in the parts of ``Robot.signal_layout``.
 
         First comes the true range [m] of each beam, within the sensor's limits.
-        ``engines.rays.sensor_beams`` lists the beams: one for each channel of a range sensor. Then
-        come the signals of all other sensors, each before a memory that is not the simulator's.
+        ``engines.rays.sensor_beams`` lists the beams: one for each channel of a range sensor. A
+        beam reads its ``clear_range`` if no obstacle is nearer, and ``steered_sight.SteeredParts``
+        adds steered wheels. Then come the signals of all other sensors, each before a memory that
+        is not the simulator's.
         """
         ...
 
