@@ -20,6 +20,7 @@ from evoros.base.arrays import (
     Y,
 )
 from evoros.drive.protocol import Drive
+from evoros.drive.wheels import skids
 from evoros.filter.protocol import Filter
 from evoros.robot.model import Robot
 from evoros.robot.occlusion import Occluders
@@ -138,7 +139,7 @@ class Trial:
         speed = manoeuvre.speed * min(self._speed, _limit_speed(drive, curvature))
         commanded = speed * curvature * drive.turn_ratio
         duration = DRIVE_S
-        if commanded and getattr(drive, "turning_resistance", 1.0) > 1.0:
+        if commanded and skids(drive):
             duration = min(max(DRIVE_S, 0.5 * math.pi / abs(commanded)), MAX_DRIVE_S)
         with self._simulator.open(self._robot, self._world) as simulation:
             driver = _Driver(simulation, self._simulator.time_step)
