@@ -14,7 +14,7 @@ class RecordOrigin(BuildHookInterface):
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Write the record into a temporary folder: a build leaves no file in the checkout."""
-        origin = runpy.run_path(str(Path(self.root, "evoros", "base", "origin.py")))
+        origin = runpy.run_path(str(Path(self.root, "evoros", "files", "origin.py")))
         if version == "editable" or Path(self.root, "evoros", origin["RECORD"]).exists():
             return
         self.folder = TemporaryDirectory()

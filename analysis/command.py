@@ -5,12 +5,11 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result, run_main
-from evoros.base.disk import exists, require_no_links
-from evoros.base.errors import EvorosError, InputError, single_line
-from evoros.base.log import LOGGER, log_to_terminal
-from evoros.base.resources import expand_home
+from evoros.base.errors import InputError
+from evoros.files.disk import exists, require_no_links, write_atomically
+from evoros.files.resources import expand_home
 from evoros.storage.discovery import MARKS
+from evoros.terminal.console import DONE, print_result, report_errors, run_main
 
 from .drawing.style import choose_style, save
 from .own_folder import write_folder
@@ -27,17 +26,12 @@ def main() -> None:
 
 def evoros_analyze(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
-    with log_to_terminal():
-        try:
-            options = parse(arguments)
-            for path in draw(options):
-                print_result(str(path))
-        except KeyboardInterrupt:
-            LOGGER.error("%s: interrupted", NAME)
-            return INTERRUPTED
-        except EvorosError as error:
-            LOGGER.error("%s: %s", NAME, single_line(error))
-            return INPUT
+    return report_errors(NAME, lambda: _analyze(arguments))
+
+
+def _analyze(arguments: Sequence[str]) -> int:
+    for path in draw(parse(arguments)):
+        print_result(str(path))
     return DONE
 
 
@@ -77,18 +71,8 @@ def _write_product(product: Product, options: argparse.Namespace) -> list[Path]:
     options.output.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
         (options.output / name).parent.mkdir(exist_ok=True)
-        _write(options.output / name, content)
+        write_atomically(options.output / name, content)
     return list(dict.fromkeys(options.output / Path(name).parts[0] for name in files))
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Replace a file atomically, so that it is never cut short."""
-    draft = path.with_name(f".{path.name}.part")
-    try:
-        draft.write_bytes(content)
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def _render(product: Product, options: argparse.Namespace) -> dict[str, bytes]:

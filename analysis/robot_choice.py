@@ -11,11 +11,7 @@ from .tables.study import Study
 
 
 def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespace) -> Product:
-    """Make the product of a subcommand; that of one robot says which one it shows.
-
-    Raises:
-        InputError: the study or an option does not fit.
-    """
+    """Make the product of a subcommand; that of one robot says which one it shows."""
     chosen = getattr(subcommand, "ONE_ROBOT", False)
     if not chosen and not getattr(subcommand, "FIRST_ROBOT", False):
         return _add_factors(subcommand.make_product(study, options), study)

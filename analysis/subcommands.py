@@ -9,8 +9,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
 
-from evoros.base.arguments import CommandParser
-from evoros.base.origin import read_origin
+from evoros.files.origin import read_origin
+from evoros.terminal.arguments import CommandParser
 
 if TYPE_CHECKING:
     from .product import Product
@@ -27,20 +27,20 @@ SUBCOMMANDS: Mapping[str, str] = {
     "overlay": ".figures.overlay",
     "panel": ".figures.panel",
     "fitness": ".figures.fitness",
-    "failure": ".figures.failure",
+    "failure": ".evo_ros_2018.failure",
     "regions": ".figures.regions",
     "mission": ".figures.mission",
-    "course": ".figures.course",
+    "course": ".evo_ros_2018.course",
     "compare": ".figures.compare",
     "factors": ".figures.factors",
     "power": ".figures.power",
     "transfer": ".figures.transfer",
     "strategies": ".figures.strategies",
-    "claims": ".figures.claims",
+    "claims": ".evo_ros_2018.claims",
     "worst": ".figures.worst",
     "archive": ".figures.archive",
     "front": ".figures.front",
-    "paper": ".paper",
+    "paper": ".evo_ros_2018.numbered_figures",
     "report": ".report.page",
     "replay": ".video.replay",
     "deploy": ".deploy.subcommand",
@@ -92,28 +92,14 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def _add_common_arguments(parser: argparse.ArgumentParser, output: str) -> None:
-    parser.add_argument(
-        "folders", nargs="+", type=Path, metavar="FOLDER", help="a run, an evaluation, or a sweep"
-    )
-    parser.add_argument(
-        "--where",
-        action="append",
-        default=[],
-        metavar="FACTOR=LEVEL",
-        help="only runs with this level, or one of several, of a factor; may be repeated",
-    )
-    parser.add_argument(
-        "--treatments",
-        type=Path,
-        metavar="FILE",
-        help="names of the treatments, and levels of factors of your own, in YAML",
-    )
-    parser.add_argument(
-        "--output",
-        type=Path,
-        metavar="FOLDER",
-        help=f"where the files go, replacing earlier ones; {output}/ in the first folder",
-    )
+    about = "a run, an evaluation, or a sweep"
+    parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help=about)
+    about = "only runs with this level, or one of several, of a factor; may be repeated"
+    parser.add_argument("--where", action="append", default=[], metavar="FACTOR=LEVEL", help=about)
+    about = "names of the treatments, and levels of factors of your own, in YAML"
+    parser.add_argument("--treatments", type=Path, metavar="FILE", help=about)
+    about = f"where the files go, replacing earlier ones; {output}/ in the first folder"
+    parser.add_argument("--output", type=Path, metavar="FOLDER", help=about)
 
 
 def _add_formats(
@@ -125,20 +111,12 @@ def _add_formats(
     if kinds:
         parser.add_argument("--format", choices=kinds, default=kinds[0], help=f"{kinds[0]}")
     if kinds and set(kinds) <= set(figure_kinds):
-        parser.add_argument(
-            "--columns", type=int, choices=(1, 2), help="the figure's width in columns of a page"
-        )
-        parser.add_argument(
-            "--style",
-            metavar="FILE",
-            help="a matplotlib style, such as a journal's: fonts, sizes, width of a column",
-        )
-        parser.add_argument(
-            "--panel-letters",
-            choices=LETTERS,
-            default="",
-            help="name the panels, and the first one so",
-        )
+        about = "the figure's width in columns of a page"
+        parser.add_argument("--columns", type=int, choices=(1, 2), help=about)
+        about = "a matplotlib style, such as a journal's: fonts, sizes, width of a column"
+        parser.add_argument("--style", metavar="FILE", help=about)
+        about = "name the panels, and the first one so"
+        parser.add_argument("--panel-letters", choices=LETTERS, default="", help=about)
 
 
 def import_subcommand(name: str) -> Subcommand:

@@ -16,7 +16,7 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 from notebook import build_notebook  # noqa: E402 - both folders are on the path only now
 
-from evoros.base.origin import read_origin  # noqa: E402
+from evoros.files.origin import read_origin  # noqa: E402
 
 project = "evoros"
 author = "The evoros developers"

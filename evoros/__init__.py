@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from evoros.api import Evaluator, evaluate, resume, run
     from evoros.base.errors import EvorosError, InputError, RunStopped
     from evoros.config.compose import compose
-    from evoros.session.api import Evaluator, evaluate, resume, run
     from evoros.session.replay import replay
     from evoros.session.status import NoDisplay
     from evoros.storage.reading import Run, load_run
 
     __version__: str
-    """From the tags of git, see ``evoros.base.origin``."""
+    """From the tags of git, see ``evoros.files.origin``."""
 
 __all__ = [
     "Evaluator",
@@ -38,6 +38,12 @@ __all__ = [
     "run",
 ]
 
+if Path(__file__).with_name("analysis").is_file():  # a copy of the checkout without its links
+    raise ImportError(
+        f"{Path(__file__).parent}/analysis must be a symbolic link to ../analysis, but is a file: "
+        "this copy lost its links; clone again with `git -c core.symlinks=true clone`"
+    )
+
 _HOMES = {
     "EvorosError": "base.errors",
     "InputError": "base.errors",
@@ -47,23 +53,17 @@ _HOMES = {
     "compose": "config.compose",
     "NoDisplay": "session.status",
     "replay": "session.replay",
-    "Evaluator": "session.api",
-    "evaluate": "session.api",
-    "resume": "session.api",
-    "run": "session.api",
+    "Evaluator": "api",
+    "evaluate": "api",
+    "resume": "api",
+    "run": "api",
 }
 """The module of each public name."""
-
-_PACKAGE = Path(__file__).resolve().parent
-if not (_PACKAGE / "analysis").is_dir():
-    # In a checkout, analysis/ lies beside the package; a wheel has it inside. Either way it is
-    # imported as evoros.analysis, also where a script is started in the root of the checkout.
-    __path__.append(str(_PACKAGE.parent))
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from evoros.base.origin import read_origin
+        from evoros.files.origin import read_origin
 
         return read_origin().version
     if name in _HOMES:

@@ -14,8 +14,6 @@ from evoros.base.arrays import (
     DRIVE_SPEED,
     FROM_X,
     FROM_Y,
-    NO_MEMORY,
-    NO_PARAMETERS,
     SPEED,
     STEERING,
     TO_X,
@@ -23,7 +21,7 @@ from evoros.base.arrays import (
     YAW,
     YAW_RATE,
     Array,
-    RuleArrays,
+    Matrix,
     X,
     Y,
 )
@@ -50,6 +48,7 @@ from evoros.base.errors import InputError, LaunchError, PilotLost, SimulationErr
 from evoros.base.intervals import INTERVAL, Interval, bounds
 from evoros.base.linear import product
 from evoros.bridge.process import OutsideProcess, start_process
+from evoros.compilation.named_rules import Started
 from evoros.controller.protocol import (
     Briefing,
     Controller,
@@ -66,7 +65,16 @@ from evoros.drive.protocol import Drive, DriveDescription
 from evoros.executor.protocol import Executor, Pool
 from evoros.failure.case import Case
 from evoros.failure.protocol import AdaptiveFailure, Adversary, Failure, Fault, SystematicFailure
-from evoros.filter.protocol import A_FILTER, FILTERS, Channels, Filter
+from evoros.filter.protocol import (
+    A_FILTER,
+    ALTERS,
+    ENDS,
+    FILTERS,
+    GROWS,
+    Channels,
+    Filter,
+    add_within,
+)
 from evoros.filter.silence import Silence
 from evoros.fitness.protocol import CombiningFitness, Fitness
 from evoros.formats.urdf.tree import Urdf
@@ -89,7 +97,7 @@ from evoros.sensor.protocol import (
     SignalSensor,
     sees,
 )
-from evoros.simulator.protocol import PlacedRobot, Simulation, Simulator, TeamSimulator
+from evoros.simulator.protocol import PlacedRobot, Simulation, Simulator
 from evoros.world.course import Course
 from evoros.world.model import World
 
@@ -100,8 +108,8 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "PROBABILITY", "COUNT", "WHOLE", "FLAG", "TEXT", "INTERVAL", "A_FILTER", "FILTERS", "one_of",
     "instance_of", "sequence_of", "mapping_of", "Interval", "bounds",
     # Arrays and their indices, and rules that numba compiles.
-    "Array", "RuleArrays", "NO_PARAMETERS", "NO_MEMORY", "X", "Y", "YAW", "SPEED", "YAW_RATE",
-    "CONTACT", "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "compilable",
+    "Array", "Matrix", "Started", "X", "Y", "YAW", "SPEED", "YAW_RATE", "CONTACT",
+    "FROM_X", "FROM_Y", "TO_X", "TO_Y", "DRIVE_SPEED", "STEERING", "compilable",
     # Functions with the same bits on every processor.
     "elementary", "product",
     # Protocols, and the values that parts exchange.
@@ -109,12 +117,13 @@ __all__ = [  # noqa: RUF022 - grouped by topic
     "Sensor", "RangeSensor", "SignalSensor", "ContactSensor", "Channel", "RANGE",
     "MOTION", "WHEELS", "CONTACT_SIGNAL", "sees", "Mount",
     "RegionDescription", "BoundRegion", "Area", "SensorPose",
-    "Filter", "Channels", "Silence", "Failure", "Fault", "SystematicFailure", "AdaptiveFailure",
+    "Filter", "Channels", "ENDS", "ALTERS", "GROWS", "add_within", "Silence",
+    "Failure", "Fault", "SystematicFailure", "AdaptiveFailure",
     "Adversary", "Case", "Controller", "Layer", "StartedLayer",
     "EvolvedValue",
     "LiveController", "LimitedController", "VersionedController", "Briefing", "Pilot",
     "start_process", "OutsideProcess",
-    "Simulator", "TeamSimulator", "PlacedRobot", "Simulation", "Optimizer", "Search", "Space",
+    "Simulator", "PlacedRobot", "Simulation", "Optimizer", "Search", "Space",
     "Goals", "Individual", "Candidate", "Score", "Measure", "Evaluated", "Allocation", "Standing",
     "Executor", "Pool", "Fitness", "CombiningFitness", "Outcome",
     # Errors that a part may raise.

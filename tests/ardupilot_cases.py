@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from helpers import ROOT
+from helpers import ROOT, with_parts
 
 from evoros.base.arrays import Array
 from evoros.config.compose import compose
@@ -58,9 +58,10 @@ def open_field(experiment: Experiment, limit_s: float | None = None) -> Scenario
 
 def with_settings(scenario: Scenario, **changes: object) -> Scenario:
     """The scenario with other values of its controller."""
-    controller = scenario.controller
+    (member,) = scenario.members
+    controller = member.controller
     assert isinstance(controller, ArduPilot)
-    return replace(scenario, controller=replace(controller, **changes))  # type: ignore[arg-type]
+    return with_parts(scenario, controller=replace(controller, **changes))  # type: ignore[arg-type]
 
 
 def with_fault(scenario: Scenario, fault: str) -> Scenario:

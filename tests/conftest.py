@@ -12,10 +12,10 @@ from examples import short_run
 from pybullet_cases import short_experiment
 
 import evoros
-from evoros.base.resources import bundled_folder
-from evoros.base.screen import Pipe
 from evoros.evolution.experiment import Experiment
+from evoros.files.resources import bundled_folder
 from evoros.formats.urdf import xacro_expansion
+from evoros.session.screen import Pipe
 from evoros.simulator.pybullet import close_engines
 
 pytest_plugins = ["missing_engine"]

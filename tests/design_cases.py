@@ -7,10 +7,10 @@ import numpy as np
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 
-from evoros.base.resources import bundled_folder
 from evoros.design.genes import Gene
 from evoros.design.region import Region
 from evoros.design.space import SensorDesign
+from evoros.files.resources import bundled_folder
 from evoros.formats.urdf.document import UrdfDocument
 from evoros.robot.model import Robot
 from evoros.sensor.sonar import Sonar

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from evoros.base.threads import ONE_THREAD
+from evoros.executor.threads import ONE_THREAD
 
 LONG_S = 300.0
 
@@ -116,15 +116,28 @@ def meet(mine: str, other: str) -> bool:
 def kill_worker(tally: str) -> None:
     """Kill the worker of the cluster whose process this is."""
     note(tally)
-    os.kill(os.getppid(), signal.SIGKILL)
+    os.kill(worker_of_cluster(), signal.SIGKILL)
     time.sleep(LONG_S)
 
 
 def stop_worker(tally: str) -> None:
     """Stop the worker of the cluster, and this process with it."""
     note(tally)
-    os.kill(os.getppid(), signal.SIGSTOP)
+    os.kill(worker_of_cluster(), signal.SIGSTOP)
     time.sleep(LONG_S)
+
+
+def kill_companion(tally: str) -> None:
+    """Kill the process of evoros beside the worker of the cluster, and this one with it."""
+    note(tally)
+    os.kill(os.getppid(), signal.SIGKILL)
+    time.sleep(LONG_S)
+
+
+def worker_of_cluster() -> int:
+    """The worker of a cluster is the parent of the companion, whose child this process is."""
+    stat = Path(f"/proc/{os.getppid()}/stat").read_text()
+    return int(stat.rpartition(")")[2].split()[1])
 
 
 # What calls leave behind, and the processes of this machine.

@@ -4,7 +4,6 @@ import re
 from collections.abc import Iterator
 from itertools import combinations
 
-from evoros.analysis.drawing.finish import collide, find_marks, list_tick_labels
 from helpers import texts
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
@@ -13,6 +12,8 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Text
+
+from evoros.analysis.drawing.finish import collide, find_marks, list_tick_labels
 
 SLACK_PX = 1.0
 

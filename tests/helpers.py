@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,11 @@ import yaml
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from evoros.base.console import DONE
 from evoros.cli.evaluate import evaluate
 from evoros.cli.run import evoros
+from evoros.evolution.experiment import Experiment
+from evoros.mission.scenario import Scenario
+from evoros.preflight.subject import Subject, list_subjects
 from evoros.storage.digests import (
     Entry,
     describe_file,
@@ -27,12 +30,25 @@ from evoros.storage.digests import (
     write_entries,
 )
 from evoros.storage.seals import seal_json, seal_rows
+from evoros.terminal.console import DONE
 
 ROOT = Path(__file__).resolve().parent.parent
 USER_PARTS = ROOT / "tests" / "user_parts"
 OPTION = f"--config-dir {shlex.quote(str(USER_PARTS))}"
 """The option as it is to be typed: the clone may lie in a folder with a space."""
 TINY = ("--config-dir", str(USER_PARTS), "experiment=tiny")
+
+
+def with_parts(scenario: Scenario, **parts: Any) -> Scenario:
+    """The scenario of one robot with other parts of it."""
+    (member,) = scenario.members
+    return replace(scenario, members=(replace(member, **parts),))
+
+
+def alone(experiment: Experiment) -> Subject:
+    """The only robot of an experiment, as preflight examines it."""
+    (subject,) = list_subjects(experiment)
+    return subject
 
 
 def tiny(folder: Path, *more: str) -> int:

@@ -9,7 +9,8 @@ import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from evoros.base.arrays import STATE_SIZE, YAW, Array, X, Y
+from evoros.base.arrays import STATE_SIZE, Array
+from evoros.base.packing import unpack
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.footprint import Footprint, project_bodies
@@ -18,8 +19,9 @@ from evoros.robot.model import Robot
 from evoros.robot.occlusion import Occluders
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
+from evoros.simulator.engines.planar_layout import Memory, place_robot
 from evoros.simulator.planar import Planar
-from evoros.simulator.protocol import RuleSimulation
+from evoros.simulator.protocol import RuleSimulation, open_alone
 from evoros.world.model import World
 
 calm = settings(deadline=None, max_examples=60)
@@ -86,9 +88,14 @@ def start(
     simulator: Planar | None = None,
 ) -> RuleSimulation:
     simulator = simulator or Planar(steering_lag_s=0.0, drive_lag_s=0.0)
-    with simulator.open(robot or rover(), world) as simulation:
-        simulation.memory[[X, Y, YAW]] = pose
+    with open_alone(simulator.open, robot or rover(), world) as simulation:
+        put(simulation, *pose)
         return simulation
+
+
+def put(simulation: RuleSimulation, x: float, y: float, yaw: float) -> None:
+    """Put the robot of a simulation at a pose."""
+    place_robot(unpack(Memory, simulation.memory), 0, x, y, yaw)
 
 
 def state_of(simulation: RuleSimulation) -> Array:

@@ -16,6 +16,7 @@ from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, Sensor
 from evoros.sensor.sonar import Sonar
+from evoros.simulator.protocol import open_alone
 from evoros.simulator.pybullet import MAX_STEP_S, PyBullet
 from evoros.world.model import World
 
@@ -37,7 +38,7 @@ def digest_of_missions(experiment: Experiment) -> str:
     """A digest of every bit of some missions."""
     digest = hashlib.sha256()
     for world in experiment.world:
-        outcome, track = run_mission(experiment.scenario, mission(experiment, world))
+        (outcome,), track = run_mission(experiment.scenario, mission(experiment, world))
         digest.update(track.tobytes() + repr(outcome).encode())
     return digest.hexdigest()
 
@@ -76,7 +77,7 @@ def mount_sensors(
 
 def ranges(robot: Robot, world: World, settle: float = 0.0) -> Array:
     readings = np.zeros(len(robot.mounts))
-    with PyBullet().open(robot, world) as simulation:
+    with open_alone(PyBullet().open, robot, world) as simulation:
         if settle:
             simulation.advance(np.zeros(2), settle)
         simulation.sense(readings)

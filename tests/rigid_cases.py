@@ -11,6 +11,7 @@ from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_bodies import wake
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import open_alone
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
@@ -118,7 +119,7 @@ class BulletProbe:
 
 class MujocoProbe:
     def __init__(self, simulation: Any) -> None:
-        self.model, self.data = simulation._engine, simulation._data
+        self.model, self.data = simulation._model.model, simulation._model.data
         self.library = simulation._model.library
 
     def base(self) -> Pose:
@@ -183,7 +184,7 @@ def attitude(simulation: Any) -> tuple[float, float, float]:
 def ranges(simulator: Rigid | Planar, robot: Robot, world: World, settle: float = 0.0) -> Array:
     """What the sensors read, ``settle`` [s] after the start."""
     readings = np.zeros(len(robot.mounts))
-    with simulator.open(robot, world) as simulation:
+    with open_alone(simulator.open, robot, world) as simulation:
         if settle:
             simulation.advance(np.zeros(2), settle)
         simulation.sense(readings)

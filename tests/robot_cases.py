@@ -13,9 +13,9 @@ from lxml import etree
 from numpy.typing import NDArray
 from omegaconf import OmegaConf
 
-from evoros.base import resources as assets
 from evoros.base.arrays import Array
 from evoros.drive.ackermann import Ackermann
+from evoros.files import resources as assets
 from evoros.filter.protocol import Filter
 from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot

@@ -12,7 +12,7 @@ from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount, Sensor
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
-from evoros.simulator.protocol import Simulator
+from evoros.simulator.protocol import Simulator, open_alone
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
@@ -56,14 +56,14 @@ def react(
     draws = partial(generator, "test")
     stages = start_sensor_filters(robot, (), signals, readings, TICK_S, draws)
     rows, states = [], []
-    with simulator.open(robot, world) as simulation:
+    with open_alone(simulator.open, robot, world) as simulation:
         for tick in range(ticks):
             state = np.zeros(STATE_SIZE)
             simulation.observe(state)
             simulation.sense(signals)
-            for every, rule, parameters, memory, rng, values, _ in stages:
-                if tick % every == 0:
-                    rule(parameters, memory, rng, values, tick * TICK_S)
+            for stage in stages:
+                if tick % stage.every == 0:
+                    stage.rule(*stage[2:7], tick * TICK_S)
             rows.append(readings.copy())
             states.append(state)
             simulation.advance(np.array(decide(tick, state, readings)), TICK_S)

@@ -82,7 +82,7 @@ def drive(
     flat = np.array(commands, dtype=float).ravel()
     assert len(flat) == len(robots) * COMMAND_SIZE
     states, signals = [], []
-    with simulator.open_team(robots, world) as simulation:
+    with simulator.open(robots, world) as simulation:
         for _ in range(steps):
             simulation.advance(flat, STEP)
             states.append(observe(simulation, len(robots)))

@@ -5,9 +5,10 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER
+from evoros.terminal.log import LOGGER
 
 from ..product import Product
+from ..subcommand_options import add_run, add_worlds
 from ..tables.records import Record
 from ..tables.shown import is_kept
 from ..tables.study import Study
@@ -26,19 +27,14 @@ GOALS = {"mcap": "/goal_pose", "ros1": "/move_base_simple/goal"}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the missions and of the messages' definitions."""
-    parser.add_argument("--run", metavar="NAME", help="instead of the best run")
-    parser.add_argument(
-        "--world", metavar="NAME", action="append", help="only this world; may be repeated"
-    )
+    add_run(parser)
+    add_worlds(parser)
     every = "instead of the champion: the recorded missions"
     parser.add_argument("--design", type=int, metavar="ID", help=f"{every} of this individual")
     parser.add_argument("--generation", type=int, metavar="N", help=f"{every} of this generation")
     parser.add_argument("--trial", type=int, metavar="N", help=f"{every} of this trial")
-    parser.add_argument(
-        "--distro",
-        choices=("humble", "jazzy"),
-        help=f"of ROS 2, whose messages are written; jazzy suits iron and later; {DISTRO}",
-    )
+    about = f"of ROS 2, whose messages are written; jazzy suits iron and later; {DISTRO}"
+    parser.add_argument("--distro", choices=("humble", "jazzy"), help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:

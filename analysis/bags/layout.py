@@ -74,12 +74,7 @@ def _of_all(series: Mapping[str, str], agents: Sequence[str]) -> dict[str, str]:
 
 
 def _split(direction: str, first: Any, second: Any, percentage: int) -> Mapping[str, Any]:
-    return {
-        "direction": direction,
-        "first": first,
-        "second": second,
-        "splitPercentage": percentage,
-    }
+    return {"direction": direction, "first": first, "second": second, "splitPercentage": percentage}
 
 
 def _show_agent(name: str) -> Mapping[str, Any]:

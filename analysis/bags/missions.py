@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
@@ -17,11 +17,7 @@ from evoros.geometry.shapes import Pose
 from evoros.mission.plan import count_round
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.layout import ROBOT_AS_LOADED
-from evoros.storage.trajectory_files import (
-    loaded_robot_file,
-    robot_file,
-    trajectory_file,
-)
+from evoros.storage.trajectory_files import loaded_robot_file, robot_file, trajectory_file
 from evoros.storage.verification import read_text
 from evoros.world.model import World
 
@@ -52,22 +48,16 @@ class RecordedMission:
 
 
 def read_champion_mission(record: Record, world: str) -> RecordedMission:
-    """Read the champion's first mission in a world.
-
-    Raises:
-        InputError: a file is missing or damaged, or the mission could not be run.
-    """
-    folder = record.robot_folder
-    mission = _assemble(
+    """Read the champion's first mission in a world."""
+    row, context = find_champion_mission(record.run, world), adapt_context(record)
+    files = _Files(
         f"bag_{world}",
-        find_champion_mission(record.run, world),
-        record.run.trajectory(world),
         record.path / "champion" / f"trajectory_{world}.csv",
-        (folder / "robot.urdf", folder / ROBOT_AS_LOADED),
-        load_champion_world(record.run, record.context, world),
-        adapt_context(record),
-        record.agent,
+        record.robot_folder / "robot.urdf",
+        record.robot_folder / ROBOT_AS_LOADED,
     )
+    scene = load_champion_world(record.run, record.context, world), context
+    mission = _assemble(record, row, files, record.run.trajectory(world), scene)
     return replace(mission, others=_read_others(record, read_champion_mission, world))
 
 
@@ -78,42 +68,43 @@ def _read_others(
 
 
 def read_mission(record: Record, row: "pd.Series[str]") -> RecordedMission:
-    """Read the mission in a row of ``missions.csv`` of a run that keeps all trajectories.
-
-    Raises:
-        InputError: a file is missing or damaged, or the mission could not be run.
-    """
+    """Read the mission in a row of ``missions.csv`` of a run that keeps all trajectories."""
     generation, design, trial = (int(row[name]) for name in ("generation", "design", "trial"))
     key = (generation, design, str(row["world"]), trial)
     file, agent = trajectory_file(key), record.agent
-    mission = _assemble(
+    files = _Files(
         f"bag_{generation:05d}_{file.stem}",
-        row,
-        record.run.mission_trajectory(*key),
         record.path / file,
-        (record.path / robot_file(design, agent), record.path / loaded_robot_file(design, agent)),
-        load_mission_world(record.run, record.context, row),
-        adapt_types(record.context, read_evolved(record, design)),
-        agent,
+        record.path / robot_file(design, agent),
+        record.path / loaded_robot_file(design, agent),
     )
+    context = adapt_types(record.context, read_evolved(record, design))
+    scene = load_mission_world(record.run, record.context, row), context
+    mission = _assemble(record, row, files, record.run.mission_trajectory(*key), scene)
     return replace(mission, others=_read_others(record, read_mission, row))
 
 
+class _Files(NamedTuple):
+    """The name of a bag, and the files that it is made from."""
+
+    bag: str
+    trajectory: Path
+    described: Path  # the robot
+    loaded: Path  # as engines load it; missing if that is as it is described
+
+
 def _assemble(
-    name: str,
+    record: Record,
     row: "pd.Series[str]",
+    files: _Files,
     trajectory: pd.DataFrame,
-    source: Path,
-    robot: tuple[Path, Path],
-    world: World,
-    context: FigureContext,
-    agent: str,
+    scene: tuple[World, FigureContext],
 ) -> RecordedMission:
-    """Put a mission together; ``robot`` is as described and, if it differs, as engines load it."""
-    _check(trajectory, source, context)
-    described, loaded = robot
-    urdf = read_text(described)
-    elements = parse(urdf.encode(), str(described))
+    """Put a mission together; the types of sensors in the context are as they evolved."""
+    (world, context), agent = scene, record.agent
+    _check(trajectory, files.trajectory, context)
+    urdf, source = read_text(files.described), str(files.described)
+    elements = parse(urdf.encode(), source)
     # Not as a tree: a described robot may have meshes, which only what engines load has as shapes.
     links = [str(link.get("name")) for link in elements.findall("link")]
     joints = [read_joint(joint, links) for joint in elements.findall("joint")]
@@ -121,13 +112,13 @@ def _assemble(
     rng = generator(str(row["draws"]), f"agents.{agent}.course" if agent else "course")
     number = count_round(str(row["purpose"]), int(row["generation"]), int(row["trial"]))
     return RecordedMission(
-        name=name,
+        name=files.bag,
         trajectory=trajectory,
         urdf=urdf,
         joints=joints,
         root=root,
-        root_pose=_find_root(root, loaded),
-        sensors=read_sensors(trajectory, links, context, str(described)),
+        root_pose=_find_root(root, files.loaded),
+        sensors=read_sensors(trajectory, links, context, source),
         world=world,
         route=world.course.route(world.course.goes_forward(number, rng)),
         modes=context.modes,
@@ -168,11 +159,7 @@ def _find_root(root: str, loaded: Path) -> Pose:
 def list_rows(
     record: Record, generation: int | None, design: int | None, trial: int | None
 ) -> Iterator["pd.Series[str]"]:
-    """Yield the rows of ``missions.csv`` of a design, in order; of the champion without one.
-
-    Raises:
-        InputError: no mission matches.
-    """
+    """Yield the rows of ``missions.csv`` of a design, in order; of the champion without one."""
     missions = record.run.missions
     if design is None:
         design = int(

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 from lxml.etree import _Element as Element
 
-from evoros.base.arrays import Array
 from evoros.formats.strict_xml import find_child, parse
 from evoros.formats.urdf.parts import read_origin, read_value
 from evoros.formats.urdf.tree import Urdf, read_frames, read_tree
@@ -74,11 +73,7 @@ class Champion:
 
 
 def read_champion(record: Record) -> Champion:
-    """Read the champion of a finished run.
-
-    Raises:
-        InputError: a file is missing or damaged.
-    """
+    """Read the champion of a finished run."""
     folder = record.robot_folder
     robot = _parse_file(folder / ROBOT)
     loaded = folder / ROBOT_AS_LOADED
@@ -152,13 +147,8 @@ def _centre_of_mass(robot: Element, urdf: Urdf, ground: Pose) -> Triple | None:
             continue
         pose = ground @ urdf.poses[str(link.get("name"))] @ read_origin(inertial)
         kilograms = read_value(mass, "value", "0")
-        total, moment = total + kilograms, moment + kilograms * _vector(pose)
+        total, moment = total + kilograms, moment + kilograms * np.array(pose.position)
     if total <= 0.0:
         return None
     x, y, z = ((moment / total).round(6) + 0.0).tolist()
     return x, y, z
-
-
-def _vector(pose: Pose) -> Array:
-    vector: Array = np.array(pose.position)
-    return vector

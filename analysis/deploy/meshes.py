@@ -26,11 +26,7 @@ class MeshFiles:
     _addresses: dict[str, str] = field(default_factory=dict)
 
     def move(self, robot: Element) -> None:
-        """Copy the files that a description names, and let it name the copies.
-
-        Raises:
-            InputError: a file exists and cannot be read.
-        """
+        """Copy the files that a description names, and let it name the copies."""
         for element in robot.iter("mesh", "texture"):
             name = element.get("filename", "")
             if name not in self._addresses:

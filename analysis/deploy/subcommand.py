@@ -5,11 +5,12 @@ import io
 import math
 
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER
+from evoros.terminal.log import LOGGER
 
 from ..drawing.mounting import draw_mounting
 from ..drawing.style import save
 from ..product import Product
+from ..subcommand_options import add_run
 from ..tables.study import Study
 from .champion import Champion, read_champion
 from .mounting_plan import plan_mounting
@@ -24,26 +25,17 @@ _DRAWINGS = ("pdf", "png")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the run, and what the package says."""
-    parser.add_argument("--run", metavar="NAME", help="instead of the best run")
+    add_run(parser)
     parser.add_argument("--name", metavar="PACKAGE", help="of the package; ROBOT_champion")
     parser.add_argument("--maintainer", metavar="TEXT", help="of the package: NAME <ADDRESS>")
     parser.add_argument("--license", metavar="NAME", help="of the package; unspecified")
-    parser.add_argument(
-        "--imu",
-        nargs=3,
-        type=float,
-        metavar=("X", "Y", "Z"),
-        help="place of the autopilot in the robot's frame [m]; the centre of mass",
-    )
+    about = "place of the autopilot in the robot's frame [m]; the centre of mass"
+    parser.add_argument("--imu", nargs=3, type=float, metavar=("X", "Y", "Z"), help=about)
     parser.set_defaults(maintainer="unnamed <unnamed@example.com>", license="unspecified")
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Make the package of the named run's champion, or of the best run's.
-
-    Raises:
-        InputError: no run has a champion that can be read, or an option does not fit.
-    """
+    """Make the package of the named run's champion, or of the best run's."""
     _, champion = study.choose(options.run, read_champion)
     robot = f"{champion.name} {options.agent or ''}"
     chosen = PackageOptions(

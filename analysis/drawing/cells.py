@@ -21,11 +21,7 @@ _BODY, _WHEEL, _EDGE = "0.97", "0.35", "black"
 
 
 def draw_in_cells(
-    axes: Axes,
-    centres: Array,
-    side: Array,
-    designs: Sequence[pd.DataFrame],
-    context: FigureContext,
+    axes: Axes, centres: Array, side: Array, designs: Sequence[pd.DataFrame], context: FigureContext
 ) -> None:
     """Draw each design into its cell.
 

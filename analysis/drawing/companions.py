@@ -58,10 +58,7 @@ def draw_path(axes: Axes, path: pd.DataFrame, style: Mapping[str, Any]) -> None:
 
 
 def draw_meeting(
-    axes: Axes,
-    paths: Sequence[pd.DataFrame],
-    robots: Sequence[FigureContext],
-    colour: str,
+    axes: Axes, paths: Sequence[pd.DataFrame], robots: Sequence[FigureContext], colour: str
 ) -> None:
     """Draw two robots where they are nearest to each other, with the time.
 

@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
 from evoros.base.arrays import Array
-from evoros.storage.fault_effects import ALTERS, ENDS, GROWS
+from evoros.filter.protocol import ALTERS, ENDS, GROWS
 
 from .paths import write_numbers
 from .style import ORANGE, YELLOW

@@ -63,7 +63,8 @@ def _add_letters(figure: Figure, first: str) -> None:
         letter = first.replace("a", name).replace("A", name.upper())
         left = axes.get_title(loc="left")
         if left:
-            axes.set_title(f"{letter}  {left}", loc="left", fontsize=_find_size(axes))
+            size = _find_titles(axes)[0].get_fontsize()
+            axes.set_title(f"{letter}  {left}", loc="left", fontsize=size)
             continue
         title = axes.get_title()
         axes.set_title(letter + "\n" * title.count("\n"), loc="left", weight="bold")
@@ -71,10 +72,6 @@ def _add_letters(figure: Figure, first: str) -> None:
         if title and _overlap(first_box, other_box, _GAP_PT):
             axes.set_title("")
             axes.set_title(f"{letter}  {title}", loc="left", weight="normal")
-
-
-def _find_size(axes: Axes) -> float:
-    return float(_find_titles(axes)[0].get_fontsize())
 
 
 def _find_titles(axes: Axes) -> tuple[Text, Text, Text]:
@@ -151,11 +148,8 @@ def _thin_ticks(figure: Figure) -> None:
         for axis in crowded:
             count = len(list_tick_labels(axis))
             fewer = max(_LEAST_TICKS, count - 2)
-            axis.set_major_locator(MaxNLocator(fewer, steps=[1, 2, 5, 10], integer=_whole(axis)))
-
-
-def _whole(axis: Axis) -> bool:
-    return bool(getattr(axis.get_major_locator(), "_integer", False))
+            whole = bool(getattr(axis.get_major_locator(), "_integer", False))
+            axis.set_major_locator(MaxNLocator(fewer, steps=[1, 2, 5, 10], integer=whole))
 
 
 def _part_numbers(figure: Figure) -> None:

@@ -44,7 +44,7 @@ def draw_designs(
         robot.draw_robot(axes, context)
         colours = [BLUE] * len(sensors)
         robot.draw_cones(axes, sensors, colours, reach)
-        robot.draw_sensors(axes, sensors, colours, markers, size_pt=2.2)
+        robot.draw_sensors(axes, sensors, colours, markers, (2.2, 1.0))
         robot.frame_axes(axes, view)
         axes.set_title(title, pad=2, fontsize="small")
         axes.axis("off")

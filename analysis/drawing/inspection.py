@@ -1,5 +1,6 @@
 """A robot from above and from the side, with its outline and the places of its sensors."""
 
+import io
 import math
 from collections.abc import Mapping, Sequence
 
@@ -10,15 +11,21 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from evoros.base.arrays import Array
+from evoros.drive.rolling import shape_points
 from evoros.geometry.footprint import convex_hull
-from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.model import Robot
 
-from .style import BLUE, CATEGORIES, PAGE_IN, use_style
+from .style import BLUE, CATEGORIES, PAGE_IN, save, use_style
 
 X, Y, Z = range(3)
 _BODY, _WHEEL, _CASTER, _EDGE = "0.88", "0.45", "0.65", "0.35"
-_CIRCLE = np.linspace(0.0, 2.0 * math.pi, 48, endpoint=False)
+
+
+def draw_robot_picture(robot: Robot, places: Mapping[str, Array]) -> bytes:
+    """Draw a robot as PNG; see ``draw_inspected_robot``."""
+    picture = io.BytesIO()
+    save(draw_inspected_robot(robot, places), picture, "png")
+    return picture.getvalue()
 
 
 def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
@@ -32,7 +39,13 @@ def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
         above, side = figure.subplots(1, 2, width_ratios=(width, length))
         _draw_view(above, robot, (Y, X))
         _draw_view(side, robot, (X, Z))
-        above.plot(*_close(robot.outline)[:, ::-1].T, color=BLUE, lw=1.0, ls="--", zorder=3)
+        above.plot(
+            *np.vstack((robot.outline, robot.outline[:1]))[:, ::-1].T,
+            color=BLUE,
+            lw=1.0,
+            ls="--",
+            zorder=3,
+        )
         side.axhline(0.0, color="0.3", lw=0.8, zorder=0)
         for colour, poses in zip(_cycle(len(places)), places.values(), strict=True):
             _draw_places(above, side, poses, colour)
@@ -45,43 +58,13 @@ def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
 
 def _draw_view(axes: Axes, robot: Robot, plane: tuple[int, int]) -> None:
     # The nearest part comes last: the highest from above, that with the least y from the right.
-    parts = [(_project(part.shape, part.pose), part) for part in robot.visuals]
+    parts = [(shape_points(part.shape, part.pose), part) for part in robot.visuals]
     parts.sort(key=lambda item: item[0][:, Z].max() if Z not in plane else -item[0][:, Y].min())
-    wheels = _driven_links(robot)
+    wheels = {part.link for part in robot.visuals if part.rolls} - {*robot.drive.caster_links}
     for points, part in parts:
         colour = _BODY if not part.rolls else _WHEEL if part.link in wheels else _CASTER
         hull = convex_hull(points[:, list(plane)])
         axes.fill(*hull.T, fc=colour, ec=_EDGE, lw=0.5, alpha=0.85, zorder=1)
-
-
-def _driven_links(robot: Robot) -> frozenset[str]:
-    return frozenset(part.link for part in robot.visuals if part.rolls) - frozenset(
-        robot.drive.caster_links
-    )
-
-
-def _project(shape: Shape, pose: Pose) -> Array:
-    """Return points (n, 3) [m] in the robot's frame whose hull is that of the shape."""
-    points: Array = _surface_points(shape) @ pose.rotation.T + np.array(pose.position)
-    return points
-
-
-def _surface_points(shape: Shape) -> Array:
-    if shape.kind == "convex":
-        return np.array(shape.corners)
-    if shape.kind == "box":
-        signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-        box: Array = signs * np.array(shape.size) / 2
-        return box
-    cos, sin = np.cos(_CIRCLE), np.sin(_CIRCLE)
-    if shape.kind == "cylinder":
-        radius, length = shape.size
-        ends = [np.full_like(cos, end * length / 2) for end in (-1, 1)]
-        return np.concatenate([np.stack([radius * cos, radius * sin, end], 1) for end in ends])
-    zero = np.zeros_like(cos)  # a sphere: three great circles
-    circles = ((cos, sin, zero), (cos, zero, sin), (zero, cos, sin))
-    points: Array = shape.size[0] * np.concatenate([np.stack(circle, 1) for circle in circles])
-    return points
 
 
 def _draw_places(above: Axes, side: Axes, poses: Array, colour: str) -> None:
@@ -95,10 +78,6 @@ def _draw_places(above: Axes, side: Axes, poses: Array, colour: str) -> None:
         side.plot([x, tip_x], [z, tip_z], color=colour, lw=0.4, alpha=0.6, zorder=4)
     above.scatter(poses[:, 1], poses[:, 0], s=3.0, c=colour, lw=0.0, zorder=5)
     side.scatter(poses[:, 0], poses[:, 2], s=3.0, c=colour, lw=0.0, zorder=5)
-
-
-def _close(polygon: Array) -> Array:
-    return np.vstack((polygon, polygon[:1]))
 
 
 def _cycle(count: int) -> Sequence[str]:

@@ -1,5 +1,6 @@
 """A drawing of where to mount sensors on a robot: from above, from the right, and as a table."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -76,10 +77,11 @@ def _draw_view(axes: Axes, plan: MountingPlan, view: View) -> None:
     """Draw the robot, its sensors and its datum; what is nearest to the viewer comes last."""
     depth, sign = (Z, 1.0) if view.up == Y else (Y, -1.0)
     for solid in sorted(plan.solids, key=lambda s: float((sign * s.points_mm[:, depth]).max())):
-        _fill(axes, view, solid.points_mm, _WHEEL if solid.wheel else _BODY, GREY, 0.9)
+        look = {"fc": _WHEEL if solid.wheel else _BODY, "ec": GREY, "alpha": 0.9}
+        _fill(axes, view, solid.points_mm, look)
     for sensor in plan.sensors:
         if len(sensor.corners_mm):
-            _fill(axes, view, sensor.corners_mm, BLUE, DARK, 1.0)
+            _fill(axes, view, sensor.corners_mm, {"fc": BLUE, "ec": DARK, "alpha": 1.0})
         _draw_beam(axes, sensor, view)
     low, high = plan.bounds
     chain: dict[str, Any] = {"color": GREY, "lw": THIN, "ls": (0, (12, 3, 2, 3))}
@@ -94,9 +96,8 @@ def _draw_view(axes: Axes, plan: MountingPlan, view: View) -> None:
         mark_point(axes, (x, y), VERMILLION)
 
 
-def _fill(axes: Axes, view: View, points: Array, face: str, edge: str, alpha: float) -> None:
-    hull = convex_hull(view.place(points))
-    axes.fill(*hull.T, fc=face, ec=edge, lw=THIN, alpha=alpha, zorder=1.5)
+def _fill(axes: Axes, view: View, points: Array, look: Mapping[str, Any]) -> None:
+    axes.fill(*convex_hull(view.place(points)).T, lw=THIN, zorder=1.5, **look)
 
 
 def _draw_beam(axes: Axes, sensor: PlacedSensor, view: View) -> None:

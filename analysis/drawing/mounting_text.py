@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Wedge
 
-from .mounting_plan import MountingPlan, PlacedSensor, X, Y, Z
+from .mounting_plan import MountingPlan, X, Y, Z
 from .paper import (
     DARK,
     GREY,
@@ -15,6 +15,7 @@ from .paper import (
     SMALL_PT,
     TEXT_PT,
     THIN,
+    Rail,
     View,
     group_values,
     separate,
@@ -53,9 +54,9 @@ def dimension_above(axes: Axes, plan: MountingPlan, view: View, top: float) -> N
     ys = group_values((p[Y], view.across(p[X])) for p in places)
     xs.setdefault(0.0, [view.origin[1]])
     ys.setdefault(0.0, [view.across(plan.bounds[1][X]) + 4.0])
-    write_ordinates(axes, dict(sorted(xs.items())), view.across, top, upright=True)
+    write_ordinates(axes, dict(sorted(xs.items())), Rail(view.across, top, True))
     end = view.across(plan.bounds[1][X]) + 33.0
-    write_ordinates(axes, dict(sorted(ys.items())), view.along, end, upright=False)
+    write_ordinates(axes, dict(sorted(ys.items())), Rail(view.along, end, False))
     caption: dict[str, Any] = {"fontsize": TEXT_PT, "color": GREY, "va": "center"}
     axes.text(4.0, top + 2.0, "from above: x ahead", **caption)
     axes.text(end, view.along(plan.bounds[1][Y]) + 9.0, "y to the left", ha="center", **caption)
@@ -67,13 +68,13 @@ def dimension_side(axes: Axes, plan: MountingPlan, view: View) -> None:
     zs = group_values((s.place_mm[Z], view.across(s.place_mm[X])) for s in plan.sensors)
     zs.setdefault(0.0, [view.across(high[X]) + 4.0])
     end = view.across(high[X]) + 33.0
-    write_ordinates(axes, dict(sorted(zs.items())), view.along, end, upright=False)
+    write_ordinates(axes, dict(sorted(zs.items())), Rail(view.along, end, False))
     ground = view.along(0.0)
     body = np.concatenate([s.points_mm for s in plan.solids] or [np.zeros((1, 3))])
     marks = [*plan.axles_mm, body[:, X].min(), body[:, X].max(), 0.0]
     bottom = view.along(low[Z]) - 9.0
     xs = group_values((float(x), ground) for x in marks)
-    write_ordinates(axes, xs, view.across, bottom, upright=True, colour=GREY)
+    write_ordinates(axes, xs, Rail(view.across, bottom, True), GREY)
     caption: dict[str, Any] = {"fontsize": TEXT_PT, "color": GREY, "va": "center"}
     axes.text(view.across(high[X]) + 5.0, bottom - 3.0, "x of axles and ends", **caption)
     axes.text(4.0, view.along(high[Z]) + 16.0, "from the right: x ahead, z up", **caption)
@@ -136,10 +137,6 @@ def write_angle(degrees: float, positive: str, negative: str) -> str:
     return size if not round(degrees, 1) else f"{size} {positive if degrees > 0 else negative}"
 
 
-def _write_field(sensor: PlacedSensor) -> str:
-    return "none" if sensor.fov_deg is None else f"{sensor.fov_deg:g}\N{DEGREE SIGN}"
-
-
 def list_notes(plan: MountingPlan) -> Iterator[tuple[str, str]]:
     """Yield the colour of the mark of each point of reference, and what it is."""
     yield DARK, f"datum of all dimensions: {plan.datum}"
@@ -161,11 +158,8 @@ def write_table(
     for number, sensor in enumerate(plan.sensors):
         yaw = write_angle(sensor.yaw_deg, "left", "right")
         pitch = write_angle(sensor.pitch_deg, "up", "down")
-        where = [
-            f"{value:.1f}".replace("-", "\N{MINUS SIGN}")
-            for value in sensor.place_mm.round(1) + 0.0
-        ]
-        seen = _write_field(sensor)
+        where = map(write_length, sensor.place_mm.tolist())
+        seen = "none" if sensor.fov_deg is None else f"{sensor.fov_deg:g}\N{DEGREE SIGN}"
         rows.append((str(number), sensor.name, *where, yaw, pitch, seen, sensor.reach))
     for line, row in enumerate(rows):
         y = top - LINE * (line + 0.5)

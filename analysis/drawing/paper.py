@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -17,7 +18,7 @@ GREY, DARK = "0.45", "0.15"
 LABEL_MM = 2.9  # least distance of the lines of two labels
 _STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 """The scales 1:1, 1:1.5 ... and ten times them, a hundred times them ..."""
-_BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)  # lengths of the scale bar [mm]
+_BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # lengths of the scale bar [mm]
 
 
 def choose_scale(length_mm: float, room_mm: float) -> float:
@@ -81,6 +82,22 @@ def _overlap(a: tuple[float, int], b: tuple[float, int], minimum: float) -> bool
     return b[0] - a[0] < (a[1] + b[1]) / 2 * minimum - 1e-9
 
 
+def label_sensors(axes: Axes, sensors: pd.DataFrame, aside: float, apart: float) -> None:
+    """Write a label for each sensor at a distance from the middle of a robot, with a line to it.
+
+    ``sensors`` has the columns ``x_m``, ``y_m``, ``label`` and ``bold``.
+    """
+    for side in (1.0, -1.0):
+        own = sensors[(sensors["y_m"] >= 0.0) == (side > 0.0)].sort_values("x_m")
+        levels = spread(own["x_m"].tolist(), apart)
+        for row, level in zip(own.to_dict("records"), levels, strict=True):
+            end, weight = side * aside, "bold" if row["bold"] else "normal"
+            axes.plot([row["y_m"], end], [row["x_m"], level], color="0.3", lw=0.4, zorder=3)
+            look: dict[str, Any] = {"fontsize": "small", "va": "center", "zorder": 5}
+            ha = "right" if side > 0 else "left"
+            axes.text(end, level, f" {row['label']} ", ha=ha, weight=weight, **look)
+
+
 def group_values(pairs: Iterable[tuple[float, float]]) -> dict[float, list[float]]:
     """Group pairs of a dimension and the place where its line begins by the dimension's text."""
     groups: dict[float, list[float]] = {}
@@ -89,19 +106,22 @@ def group_values(pairs: Iterable[tuple[float, float]]) -> dict[float, list[float
     return dict(sorted(groups.items()))
 
 
+class Rail(NamedTuple):
+    """Where the values of an axis of a view are written."""
+
+    place: Callable[[float], float]  # of a value on the page
+    end: float  # of the lines, across that axis
+    upright: bool  # whether lines run up or down, and labels are turned
+
+
 def write_ordinates(
     axes: Axes,
     values: Mapping[float, Sequence[float]],
-    place: Callable[[float], float],
-    end: float,
-    upright: bool,
+    rail: Rail,
     colour: str = DARK,
 ) -> None:
-    """Write the values of an axis at ``end``, each with a line from where it is measured.
-
-    ``place`` puts a value on the page. If ``upright``, the lines run up or down and the labels are
-    turned; otherwise lines run to the right or left.
-    """
+    """Write the values of an axis on a rail, each with a line from where it is measured."""
+    place, end, upright = rail
     levels = spread([place(value) for value in values], LABEL_MM)
     for (value, begins), level in zip(values.items(), levels, strict=True):
         away = 1.0 if end > max(begins) else -1.0
@@ -127,9 +147,7 @@ def write_ordinates(
 
 def draw_scale_bar(axes: Axes, corner: tuple[float, float], scale: float) -> None:
     """Draw a bar of a round length of the robot, with its length and the scale."""
-    length = max(
-        v for v in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000) if v / scale <= 40.0 or v == 1
-    )
+    length = max(v for v in _BARS if v / scale <= 40.0 or v == 1)
     x, y = corner
     for part in range(4):
         axes.fill_between(

@@ -107,10 +107,13 @@ def draw_sensors(
     sensors: pd.DataFrame,
     colours: Sequence[str],
     markers: Mapping[str, str],
-    size_pt: float = 3.0,
-    alpha: float = 1.0,
+    look: tuple[float, float] = (3.0, 1.0),
 ) -> None:
-    """Draw a dot for each sensor in its colour, with the marker of its type."""
+    """Draw a dot for each sensor in its colour, with the marker of its type.
+
+    ``look`` is the size [pt] and the opacity.
+    """
+    size_pt, alpha = look
     for kind, marker in markers.items():
         chosen = (sensors["type"] == kind).to_numpy()
         places = to_page(sensors.loc[chosen, ["x_m", "y_m"]].to_numpy(dtype=np.float64))

@@ -10,8 +10,9 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError, single_line
-from evoros.base.resources import expand_home
+from evoros.files.resources import expand_home
 
 from .finish import fit_text, prepare_figure
 from .png import DPI, write_png
@@ -128,6 +129,17 @@ def assign_colours(treatments: Sequence[str]) -> dict[str, str]:
 def letter(number: int) -> str:
     """Return A ... Z, AA, BB ..., which stand for names that are too long for their place."""
     return chr(ord("A") + number % 26) * (1 + number // 26)
+
+
+def abbreviate(names: Sequence[str], length: int) -> dict[str, str]:
+    """Map names to themselves or, if one is longer, to letters."""
+    fit = max(map(len, names)) <= length
+    return {name: name if fit else letter(i) for i, name in enumerate(names)}
+
+
+def scatter_aside(count: int) -> Array:
+    """Return places (count,) from -0.5 to 0.5, of which neighbours are apart."""
+    return np.asarray(np.arange(count) * 0.6180339887498949 % 1 - 0.5)
 
 
 def save(

@@ -20,6 +20,11 @@ def wrap(text: str, room: float, least: int = 8) -> str:
     return "\n".join(wrap_lines(text, room, least))
 
 
+def cut_short(text: str, length: int) -> str:
+    """Cut a text that is longer."""
+    return text if len(text) <= length else text[: length - 3] + "..."
+
+
 def wrap_all(lines: Iterable[str], room: float, least: int = 8) -> str:
     """Wrap each of several lines as ``wrap`` does, and join them."""
     return "\n".join(wrap(line, room, least) for line in lines)

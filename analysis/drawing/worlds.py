@@ -1,5 +1,6 @@
 """Worlds from above: obstacles coloured by height, the course, and the tracks of robots."""
 
+import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -18,13 +19,25 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 from ..measures.cones import dilate
-from .style import COLUMN_IN, VERMILLION, use_style
+from .style import COLUMN_IN, VERMILLION, save, use_style
 
 HEIGHTS_M = Normalize(0.0, 1.0)
 _HALO = withStroke(linewidth=1.5, foreground="white")
 _NUMBER: dict[str, Any] = {"fontsize": "x-small", "ha": "center", "va": "center", "zorder": 4.8}
+PICTURE_IN = 4.5  # width of a world
 OVERHEAD_M = 1.0
 """Parts whose underside is higher hide nothing that a robot can touch or see."""
+
+
+def draw_world_picture(worlds: Mapping[str, World]) -> bytes:
+    """Draw worlds from above with their courses, as PNG."""
+    figure = draw_worlds(worlds, width=PICTURE_IN * len(worlds))
+    axes = figure.axes[0]
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    figure.set_figheight(1.0 + (PICTURE_IN - 1.2) * (high - low) / (right - left))
+    picture = io.BytesIO()
+    save(figure, picture, "png")
+    return picture.getvalue()
 
 
 def draw_worlds(

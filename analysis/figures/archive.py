@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from evoros.base.arrays import Array
 
@@ -56,7 +57,8 @@ def draw_archive(study: Study, archive: Archive) -> Figure:
         bottom = BELOW_IN + 0.42
         axes = sheet.add_box(figure, (0.55, bottom), (MAP_IN, MAP_IN))
         bar = sheet.add_box(figure, (0.55 + MAP_IN + 0.08, bottom), (0.09, MAP_IN))
-        _draw_map(figure, axes, bar, study, archive, chosen)
+        image = _draw_map(axes, study, archive, chosen)
+        figure.colorbar(image, cax=bar).set_label(label_fitness(study.records))
         left, step = 0.55 + MAP_IN + 0.78, (MAP_IN - PANEL_IN) / 2
         corners = [
             (left + (i % COLUMNS) * (PANEL_IN + 0.08), bottom + (2 - i // COLUMNS) * step - 0.04)
@@ -71,9 +73,7 @@ def draw_archive(study: Study, archive: Archive) -> Figure:
     return figure
 
 
-def _draw_map(
-    figure: Figure, axes: Axes, bar: Axes, study: Study, archive: Archive, chosen: Sequence[int]
-) -> None:
+def _draw_map(axes: Axes, study: Study, archive: Archive, chosen: Sequence[int]) -> AxesImage:
     (x, y, cells), elites = archive.grid, archive.elites
     fitness: Array = np.full((cells, cells), np.nan)
     fitness[elites.cell_y, elites.cell_x] = elites.fitness
@@ -95,7 +95,7 @@ def _draw_map(
     corner = np.array([-0.32, 0.32]) if into else np.zeros(2)
     for number, row in enumerate(chosen, start=1):
         mark_number(axes, centres[row] + corner * side, number, size=4 if into else 6)
-    figure.colorbar(image, cax=bar).set_label(label_fitness(study.records))
+    return image
 
 
 def _find_centres(elites: pd.DataFrame, grid: Grid) -> Array:

@@ -1,10 +1,10 @@
-"""Claims, the paper's or one's own, a row each: value, interval, and a verdict by a rule.
+"""Claims of one's own, a row each: value, interval, and a verdict by a rule.
 
 ``docs/claims.md`` describes the measures and the rules.
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,17 +13,10 @@ import pandas as pd
 
 from ..drawing.claims_table import draw_claims, format_value
 from ..drawing.style import figure_width
-from ..measures import claims_designs, claims_runs
-from ..measures.coverage import DESIGN, HEADINGS_DEG
-from ..measures.design_features import describe_designs
 from ..measures.finding import Finding
-from ..measures.heading_swing import read_champion_swings
 from ..measures.own_claims import judge_own
-from ..measures.pairs import paper_rings
-from ..measures.spread import read_diversity
 from ..product import Product
 from ..tables.candidates import read_initial_sensors
-from ..tables.champion_missions import classify_failure, list_missions, list_random_missions
 from ..tables.claims_file import read_claims
 from ..tables.designs import read_champion
 from ..tables.matching import identify_champion
@@ -33,124 +26,42 @@ from ..tables.treatments import report_repeated
 from . import thresholds
 
 FIRST_ROBOT = True
-HELP = "claims: measured values, their intervals, and which claims they support"
 READS: tuple[Callable[[Record], object], ...] = (
     identify_champion,
     read_champion,
     read_initial_sensors,
-    read_champion_swings,
-    read_diversity,
-    claims_runs.read_gains,
 )
 """A run counts if all of them can read it."""
-OWN_READS: tuple[Callable[[Record], object], ...] = (
-    identify_champion,
-    read_champion,
-    read_initial_sensors,
-)
-"""The same for claims of one's own."""
-WEAVING = ".Serpentine"
-"""The end of the class of a navigation that weaves by itself."""
-_NO_DESIGNS = pd.DataFrame(
-    columns=[*DESIGN, "random", "strategy", "redundant", "closest_m", "kind", *HEADINGS_DEG]
-).astype({"random": bool, "redundant": bool})
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the file of claims and the thresholds of redundancy."""
-    parser.add_argument(
-        "--claims",
-        type=Path,
-        metavar="FILE",
-        help="claims of your own, in YAML, instead of the paper's",
-    )
+    about = "claims of your own, in YAML, instead of the paper's"
+    parser.add_argument("--claims", type=Path, metavar="FILE", help=about)
     thresholds.add_arguments(parser)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
-    """Judge the claims by all finished runs of the study and evaluations of their champions."""
+    """Judge the claims of a file by all finished runs and evaluations of their champions."""
     thresholds.check_thresholds(options)
-    if options.claims is not None:
-        return _judge_own_claims(study, options)
-    study = study.select_finished(*READS)
-    table = pd.DataFrame([asdict(finding) for finding in judge_claims(study, options)])
-    figure = draw_claims(table, figure_width(options.columns, 2))
-    repeated = report_repeated((r.name, r.treatment, r.seed) for r in study.records)
-    findings = map(_report, table.itertuples())
-    return Product(table, figure, [*repeated, *_report_pooled(study), *findings])
-
-
-def _judge_own_claims(study: Study, options: argparse.Namespace) -> Product:
     claims = read_claims(options.claims)
-    study = study.select_finished(*OWN_READS)
+    study = study.select_finished(*READS)
     near = (options.near_m, options.near_deg)
-    table = pd.DataFrame([asdict(judge_own(claim, study, near)) for claim in claims])
-    repeated = report_repeated((r.name, r.treatment, r.seed) for r in study.records)
+    findings = (judge_own(claim, study, near) for claim in claims)
+    return tabulate_findings(findings, study, options)
+
+
+def tabulate_findings(
+    findings: Iterable[Finding],
+    study: Study,
+    options: argparse.Namespace,
+    messages: Iterable[str] = (),
+) -> Product:
+    """Draw the table of the findings, and report each in a line behind other messages."""
+    table = pd.DataFrame([asdict(finding) for finding in findings])
     figure = draw_claims(table, figure_width(options.columns, 2))
-    return Product(table, figure, [*repeated, *map(_report, table.itertuples())])
-
-
-def judge_claims(study: Study, options: argparse.Namespace) -> Iterator[Finding]:
-    """Judge all claims by the finished runs of a study."""
-    mirrored = study.keep(record for record in study.records if record.context.mirrored)
-    free = study.keep(record for record in study.records if not record.context.mirrored)
-    designs, free_designs = _describe(mirrored, options), _describe(free, options)
-    yield claims_designs.judge_configurations(designs)
-    yield claims_designs.judge_redundancy(designs)
-    for ring in study.rings or paper_rings():
-        yield claims_designs.judge_damage_clusters(designs, ring.radius_m)
-    gains = _gather(mirrored, claims_runs.read_gains)
-    for line in claims_runs.GAIN:
-        yield claims_runs.judge_gain(gains, line)
-    yield claims_runs.judge_approach(gains)
-    yield from _judge_swings(mirrored)
-    yield from claims_runs.judge_completion(list_missions(study), list_random_missions(study))
-    kinds = set(map(classify_failure, free.records))
-    comparable = mirrored.keep(r for r in mirrored.records if classify_failure(r) in kinds)
-    yield claims_designs.judge_spread_between(designs[designs.kind.isin(kinds)], free_designs)
-    diversity = (_gather(part, read_diversity) for part in (comparable, free))
-    yield claims_designs.judge_spread_within(*diversity)
-
-
-def _judge_swings(mirrored: Study) -> Iterator[Finding]:
-    """Judge the swing of runs whose controller does not weave by itself apart from the others."""
-    weaving = mirrored.keep(record for record in mirrored.records if _weaves(record))
-    others = mirrored.keep(record for record in mirrored.records if not _weaves(record))
-    if others.records or not weaving.records:
-        yield claims_runs.judge_heading_swing(_gather(others, read_champion_swings))
-    if weaving.records:
-        yield claims_runs.judge_heading_swing(_gather(weaving, read_champion_swings), built_in=True)
-
-
-def _weaves(record: Record) -> bool:
-    return str(record.values.get("controller.navigation._target_", "")).endswith(WEAVING)
-
-
-def _gather(study: Study, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
-    """Gather the tables of all runs; the table is empty if no run has rows."""
-    if any(len(read(record)) for record in study.records):
-        return study.gather(read)
-    return pd.DataFrame(columns=["first", "last"])
-
-
-def _describe(study: Study, options: argparse.Namespace) -> pd.DataFrame:
-    """Describe champions and random designs, with the kind of their failure."""
-    if not study.records:
-        return _NO_DESIGNS
-    champions, initial = study.gather(read_champion), study.gather(read_initial_sensors)
-    near = options.near_m, options.near_deg
-    table = describe_designs(champions, initial, study.rings, *near)
-    kinds = {record.name: classify_failure(record) for record in study.records}
-    return table.assign(kind=table.run.map(kinds))
-
-
-def _report_pooled(study: Study) -> Iterator[str]:
-    """Report each kind of failure whose runs are of several treatments."""
-    mirrored = [record for record in study.records if record.context.mirrored]
-    for kind in dict.fromkeys(map(classify_failure, mirrored)):
-        labels = dict.fromkeys(r.treatment for r in mirrored if classify_failure(r) == kind)
-        if len(labels) > 1:
-            yield f"failure {kind}: runs of several treatments are pooled: {'; '.join(labels)}"
+    reports = map(_report, table.itertuples())
+    return Product(table, figure, [*report_repeated(study.records), *messages, *reports])
 
 
 def _report(row: Any) -> str:

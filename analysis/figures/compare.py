@@ -2,8 +2,7 @@
 
 import argparse
 import shlex
-from collections.abc import Hashable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -14,9 +13,23 @@ from matplotlib.ticker import MaxNLocator
 from evoros.base.arrays import Array
 
 from ..drawing.columns import SMALL, Layout, table_height, write_table
-from ..drawing.style import COLUMN_IN, assign_colours, figure_width, letter, scale_type, use_style
+from ..drawing.style import (
+    COLUMN_IN,
+    abbreviate,
+    assign_colours,
+    figure_width,
+    scale_type,
+    scatter_aside,
+    use_style,
+)
 from ..drawing.words import wrap
-from ..measures.comparison import compare_treatments
+from ..measures.comparison import (
+    compare_treatments,
+    conclude,
+    format_effect,
+    format_p,
+    title_measure,
+)
 from ..measures.statistics import LEVEL, median_interval, minimum_replicates
 from ..product import Product
 from ..tables.matching import find_differences, select_conditions
@@ -24,7 +37,7 @@ from ..tables.quantities import FITNESS, label_fitness
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
 from ..tables.validated import BY_EVALUATION, BY_RUN, list_unused
-from .scores import add_conditions, score_runs, title_measure
+from .scores import add_conditions, score_runs
 
 HELP = "treatments side by side: recorded and validated fitness, tests, effect sizes, intervals"
 MAX_TESTS = 30
@@ -37,7 +50,6 @@ BOX, DOTS = (-0.22, 0.24), (0.18, 0.3)
 """Position of boxes and dots in a treatment's row: from its middle, and height."""
 ROW_IN = 0.36
 KEY = "box: quartiles, bar: median, dots: runs"
-GOLDEN = 0.6180339887498949
 HEADS = {
     "treatments": (0.0, "left"),
     "p (Holm)": (0.54, "right"),
@@ -49,9 +61,8 @@ HEADS = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the option for common conditions."""
     add_conditions(parser)
-    parser.add_argument(
-        "--without-tables", action="store_true", help="leave out the tests below the picture"
-    )
+    about = "leave out the tests below the picture"
+    parser.add_argument("--without-tables", action="store_true", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
@@ -66,49 +77,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     table = compare_treatments(runs, measures)
     width, label = figure_width(options.columns), label_fitness(study.records)
     figure = draw_comparison(runs, table, width, label, not options.without_tables)
-    repeated = report_repeated(
-        runs[["run", "treatment", "seed"]].itertuples(index=False, name=None)
-    )
+    repeated = report_repeated(record for record in study.records if record.name in set(runs.run))
     messages = [*repeated, *messages, *conclude(table)]
     return Product(table, figure, messages, {"compare_runs.csv": runs})
-
-
-def conclude(table: pd.DataFrame) -> list[str]:
-    """Return a conclusion, one sentence, for each row of ``compare_treatments``.
-
-    If no pair of a measure has enough replicates, one sentence says so of all.
-    """
-    said: list[str] = []
-    for measure, rows in table.groupby("measure", sort=False):
-        pairs = rows.to_dict("records")
-        if len(pairs) > 1 and (rows["least_p_holm"] >= LEVEL).all():
-            counts = [row[name] for row in pairs for name in ("n_a", "n_b")]
-            said.append(
-                f"{title_measure(str(measure))}, {len(pairs)} pairs: too few replicates "
-                f"({min(counts)} to {max(counts)}) for any conclusion: at least "
-                f"{minimum_replicates(len(pairs))} in each are needed"
-            )
-        else:
-            said += [_conclude_pair(row, len(pairs)) for row in pairs]
-    return said
-
-
-def _conclude_pair(row: Mapping[Hashable, Any], pairs: int) -> str:
-    a, b = row["a"], row["b"]
-    measure = title_measure(row["measure"])
-    if not b:
-        return f"{measure}: all runs are of one treatment: nothing to compare"
-    head = f'{measure}, "{a}" against "{b}"'
-    if row["least_p_holm"] >= LEVEL:
-        return (
-            f"{head}: too few replicates ({row['n_a']} and {row['n_b']}) for any conclusion: at "
-            f"least {minimum_replicates(pairs)} in each are needed"
-        )
-    named = f", {row['magnitude']}" if row["magnitude"] else ""
-    result = f"{format_p(row['p_holm'])} (Holm), A12 = {format_effect(row)} (95 % interval){named}"
-    if row["p_holm"] >= LEVEL:
-        return f"{head}: no difference shown at the 5 % level: {result}"
-    return f'{head}: "{a if row["a12"] > 0.5 else b}" is higher: {result}'
 
 
 def _report_sources(runs: pd.DataFrame) -> Iterator[str]:
@@ -164,7 +135,9 @@ def draw_comparison(
     median, its bootstrap interval and n.
     """
     names = list(dict.fromkeys(runs["treatment"].astype(str)))
-    labels = _labels(_shorten(names))
+    letters = abbreviate(names, NAME_LENGTH)
+    full = (name if short == name else f"{short}: {name}" for name, short in letters.items())
+    labels = [wrap(label, LINE_LENGTH) for label in full]
     measures = list(dict.fromkeys(table["measure"]))
     tests = {name: table[(table["measure"] == name) & (table["b"] != "")] for name in measures}
     most = MAX_TESTS if with_tests else 0
@@ -183,22 +156,10 @@ def draw_comparison(
             axes.set_xlabel(title_measure(measure, label))
             top.suptitle(KEY, fontsize="small")
             if measure in written:
-                rows = _table_rows(written[measure], _shorten(names))
+                rows = _table_rows(written[measure], letters)
                 note = _note(written[measure])
                 write_table(bottom, HEADS, rows, layout.table_size, note)
     return figure
-
-
-def _shorten(names: list[str]) -> dict[str, str]:
-    """Map treatments to their names in the tests: letters if a name is too long."""
-    if max(map(len, names)) <= NAME_LENGTH:
-        return {name: name for name in names}
-    return {name: letter(i) for i, name in enumerate(names)}
-
-
-def _labels(letters: Mapping[str, str]) -> list[str]:
-    full = [name if short == name else f"{short}: {name}" for name, short in letters.items()]
-    return [wrap(label, LINE_LENGTH) for label in full]
 
 
 def _draw_panel(axes: Axes, runs: pd.DataFrame, measure: str, names: Sequence[str]) -> None:
@@ -228,14 +189,12 @@ def _draw_box(axes: Axes, y: float, values: Array) -> None:
 
 def _draw_dots(axes: Axes, y: float, values: Array, colour: str) -> None:
     """Draw the values in ascending order, with neighbours apart."""
-    aside = (np.arange(values.size) * GOLDEN % 1 - 0.5) * DOTS[1]
+    aside = DOTS[1] * scatter_aside(values.size)
     axes.scatter(np.sort(values), y + aside, s=8, c=colour, lw=0, alpha=0.9, zorder=3)
 
 
 def _write_median(axes: Axes, y: float, values: Array) -> None:
-    median = median_interval(values)
-    bounds = f" [{median.low:.2f}, {median.high:.2f}]" if median.low <= median.high else ""
-    text = f"{median.value:.2f}{bounds}, n = {values.size}"
+    text = f"{median_interval(values).write()}, n = {values.size}"
     transform = axes.get_yaxis_transform()
     axes.text(1.02, y, text, transform=transform, va="center", fontsize=SMALL)
 
@@ -251,20 +210,6 @@ def _table_rows(tests: pd.DataFrame, letters: Mapping[str, str]) -> list[tuple[s
 
 
 def _note(tests: pd.DataFrame) -> str:
+    few = bool((tests["least_p_holm"] >= LEVEL).any())
     needed = minimum_replicates(len(tests))
-    few = f"; *too few replicates: each needs {needed} or more"
-    return "[ ]: 95 % intervals" + (few if _too_few(tests) else "")
-
-
-def _too_few(tests: pd.DataFrame) -> bool:
-    return bool((tests["least_p_holm"] >= LEVEL).any())
-
-
-def format_effect(row: Mapping[Hashable, Any]) -> str:
-    """Format A12 and its interval."""
-    return f"{row['a12']:.2f} [{row['a12_low']:.2f}, {row['a12_high']:.2f}]"
-
-
-def format_p(p: float) -> str:
-    """Format a p."""
-    return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
+    return "[ ]: 95 % intervals" + f"; *too few replicates: each needs {needed} or more" * few

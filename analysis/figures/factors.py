@@ -14,7 +14,8 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 
 from ..drawing.columns import Layout, table_height, write_table
-from ..drawing.style import COLUMN_IN, assign_colours, figure_width, use_style
+from ..drawing.style import COLUMN_IN, assign_colours, figure_width, scatter_aside, use_style
+from ..measures.comparison import format_p, title_measure
 from ..measures.effect_sizes import contrast_interval
 from ..measures.factorial import Cell, Contrast, EffectTest, list_contrasts, permute_effects
 from ..measures.statistics import LEVEL, holm
@@ -23,8 +24,7 @@ from ..tables.factors import follows
 from ..tables.quantities import FITNESS, label_fitness
 from ..tables.study import Study
 from ..tables.treatments import describe_factor, describe_level, report_repeated
-from .compare import format_p
-from .scores import add_conditions, score_runs, title_measure
+from .scores import add_conditions, score_runs
 
 HELP = "the effects of one or two factors and their interaction, with 95 % intervals"
 TESTS = ("measure", "effect", "df", "df_error", "f", "p", "p_holm")
@@ -34,17 +34,13 @@ HEADS["p (Holm)"] = (1.0, "right")
 CROSS, TIMES = " x ", " \N{MULTIPLICATION SIGN} "
 """Between the factors of an interaction, in tables and in figures."""
 PANEL_IN = 2.2
-GOLDEN = 0.6180339887498949
 SPREAD = 0.5  # of the levels of the second factor, beside each other
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the factors and of common conditions."""
-    parser.add_argument(
-        "--factors",
-        metavar="A,B",
-        help="one or two factors; those in which the runs differ, if these are no more than two",
-    )
+    about = "one or two factors; those in which the runs differ, if these are no more than two"
+    parser.add_argument("--factors", metavar="A,B", help=about)
     add_conditions(parser)
 
 
@@ -55,9 +51,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     levels = {record.name: record.levels for record in study.records}
     for name in names:
         runs[f"level of {name}"] = [levels[run][name] for run in runs["run"]]
-    repeated = report_repeated(
-        runs[["run", "treatment", "seed"]].itertuples(index=False, name=None)
-    )
+    repeated = report_repeated(record for record in study.records if record.name in set(runs.run))
     tests: list[dict[str, object]] = []
     effects: list[dict[str, object]] = []
     cells: dict[str, dict[Cell, Array]] = {}
@@ -78,9 +72,6 @@ def choose_factors(study: Study, wanted: str | None) -> list[str]:
     """Choose the named factors, or those in which the runs differ.
 
     Factors whose levels follow from those of chosen ones need not be named.
-
-    Raises:
-        InputError: there is no such factor, there are none or too many, or others differ, too.
     """
     columns = {
         name: tuple(record.levels[name] for record in study.records) for name in study.factors
@@ -109,11 +100,7 @@ def choose_factors(study: Study, wanted: str | None) -> list[str]:
 
 
 def _group(runs: pd.DataFrame, measure: str, names: Sequence[str]) -> dict[Cell, Array]:
-    """Group the known values by their levels, in the order of the runs.
-
-    Raises:
-        InputError: a combination has no runs, or none has two.
-    """
+    """Group the known values by their levels, in the order of the runs."""
     keys = [f"level of {name}" for name in names]
     known = runs[runs[measure].notna()]
     sets = [list(dict.fromkeys(known[key])) for key in keys]
@@ -233,7 +220,7 @@ def _draw_means(axes: Axes, cells: Mapping[Cell, Array], names: Sequence[str], t
             values = cells[(level, other) if others else (level,)]
             x = i + (j - (len(second) - 1) / 2) * step
             interval = contrast_interval([values], [1.0])
-            aside = (np.arange(values.size) * GOLDEN % 1 - 0.5) * step * 0.4
+            aside = 0.4 * step * scatter_aside(values.size)
             axes.scatter(
                 x - 0.3 * step + aside, np.sort(values), s=6, c=colours[other], alpha=0.5, lw=0
             )

@@ -1,14 +1,11 @@
 """The same designs on the rungs of a ladder, as lines from rung to rung."""
 
-from collections.abc import Callable, Hashable, Mapping
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-
-from evoros.base.arrays import Array
 
 from ..drawing.columns import Layout, table_height, write_table
 from ..drawing.style import CATEGORIES, COLUMN_IN, use_style
@@ -22,26 +19,23 @@ HEADS = {
 NAMED = 8
 """Designs that have colours and names; of more, all are grey."""
 _APART = 0.03  # between the dots of two designs, in rungs
-_NAME_LENGTH = 17  # characters of a rung in the table
-Row = Mapping[Hashable, Any]
 
 
 def draw_ladder(
     table: pd.DataFrame,
-    summary: pd.DataFrame,
-    describe: Callable[[Row], tuple[str, ...]],
+    cells: Sequence[tuple[str, ...]],
     note: str,
     width: float = COLUMN_IN,
     label: str = "fitness",
 ) -> Figure:
     """Draw a line for each design over the rungs, and the mean of all in black.
 
-    ``table`` is that of ``climb``, ``summary`` a row for each step. ``describe`` gives the texts of
-    the table below from such a row: mark, n, rank correlation and change; ``note`` is its last
-    line. ``label`` is what the fitness is called. Bars are standard errors over the trials.
+    ``table`` is that of ``climb``. ``cells`` are rows of the table below: upper rung, n, rank
+    correlation and change; ``note`` is its last line. ``label`` is what the fitness is called. Bars
+    are standard errors over the trials.
     """
-    layout = Layout(1, width, 0.85 * COLUMN_IN, table_height(len(summary), bool(note)))
-    rungs = [str(summary["x"].iloc[0]), *summary["y"].astype(str)]
+    layout = Layout(1, width, 0.85 * COLUMN_IN, table_height(len(cells), bool(note)))
+    rungs = list(dict.fromkeys([str(table["x"].iloc[0]), *table["y"].astype(str)]))
     with use_style():
         figure, ((top, bottom),) = layout.make_figure()
         axes = top.subplots()
@@ -49,27 +43,20 @@ def draw_ladder(
         axes.set(xticks=range(len(rungs)), xlim=(-0.35, len(rungs) - 0.65), ylabel=label)
         axes.set_xticklabels([rung.replace(", ", "\n") for rung in rungs])
         if table.groupby(["source", "design"]).ngroups <= NAMED:
-            top.legend(
-                loc="outside upper center", ncols=int(width), frameon=False, columnspacing=1.0
-            )
-        cells = [
-            (_shorten(str(row["y"])) + mark, *rest)
-            for row in summary.to_dict("records")
-            for mark, *rest in [describe(row)]
-        ]
+            columns = {"ncols": int(width), "columnspacing": 1.0}
+            top.legend(loc="outside upper center", frameon=False, **columns)
         write_table(bottom, HEADS, cells, layout.table_size, note)
     return figure
-
-
-def _shorten(name: str) -> str:
-    return name if len(name) <= _NAME_LENGTH else name[: _NAME_LENGTH - 3] + "..."
 
 
 def _draw_lines(axes: Axes, table: pd.DataFrame) -> None:
     designs = list(table.groupby(["source", "design"], sort=False))
     heights = []
     for number, ((source, design), steps) in enumerate(designs):
-        fitness, errors = (_along(steps, name) for name in ("fitness", "error"))
+        along = steps[["y_fitness", "y_sd", "y_trials"]].to_numpy(float)
+        first = steps[["x_fitness", "x_sd", "x_trials"]].to_numpy(float)[:1]
+        fitness, sd, trials = np.vstack([first, along]).T
+        errors = sd / np.sqrt(trials)
         heights.append(fitness)
         shift = (number - (len(designs) - 1) / 2) * min(_APART, 0.4 / len(designs))
         named = len(designs) <= NAMED
@@ -88,18 +75,3 @@ def _draw_lines(axes: Axes, table: pd.DataFrame) -> None:
     if len(designs) > 1:
         mean = np.mean(heights, axis=0)
         axes.plot(range(len(mean)), mean, color="black", lw=1.8, zorder=4, label="mean")
-
-
-def _along(steps: pd.DataFrame, name: str) -> Array:
-    """Return the fitness of a design on each rung, or its standard errors."""
-    lower, upper = (_measure(steps, side, name) for side in "xy")
-    along: Array = np.array([lower[0], *upper])
-    return along
-
-
-def _measure(steps: pd.DataFrame, side: str, name: str) -> Array:
-    if name == "fitness":
-        return steps[f"{side}_fitness"].to_numpy(float)
-    trials = steps[f"{side}_trials"].to_numpy(float)
-    errors: Array = steps[f"{side}_sd"].to_numpy(float) / np.sqrt(trials)
-    return errors

@@ -4,16 +4,18 @@ import argparse
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any
 
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from evoros.base.errors import InputError, single_line
-from evoros.base.log import LOGGER
+from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
+from evoros.terminal.log import LOGGER
 from evoros.world.model import World
 
 from ..drawing.companions import draw_companions, make_companion_handles
@@ -23,12 +25,14 @@ from ..drawing.readings import draw_readings, measure_height
 from ..drawing.style import PAGE_IN, figure_width, scale_type, use_style
 from ..drawing.words import wrap_all
 from ..product import Product
+from ..subcommand_options import add_run, add_worlds
+from ..tables.agents import read_tracks
 from ..tables.certified import describe_rates
 from ..tables.records import Record
 from ..tables.robots import name_robots
-from ..tables.study import Study
+from ..tables.study import Study, read_complete
 from ..tables.traces import Trace, read_traces
-from ..tables.tracks import load_champion_world, read_tracks, select_track
+from ..tables.tracks import load_champion_world, select_track
 
 HELP = "the champion's missions from above: path by mode, collisions, where sensors failed"
 ENDINGS = {
@@ -46,108 +50,127 @@ _HANDLE = 6  # letters in whose place an entry of the legend has its mark
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the choices of the run and the worlds."""
-    parser.add_argument("--run", metavar="NAME", help="instead of the best run")
-    parser.add_argument(
-        "--world", metavar="NAME", action="append", help="only this world; may be repeated"
-    )
-    parser.add_argument(
-        "--readings", action="store_true", help="also what sensors that see nothing read over time"
-    )
+    add_run(parser)
+    add_worlds(parser)
+    about = "also what sensors that see nothing read over time"
+    parser.add_argument("--readings", action="store_true", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the missions of the named run's champion, or of the best run's."""
     study.check_worlds(options.world or [])
     record, (tracks, worlds) = study.choose(options.run, partial(_read, wanted=options.world))
-    table = pd.concat(tracks, ignore_index=True)
     width = figure_width(options.columns, 1 if len(worlds) == 1 else 2)
-    messages = [_report(record, len(study.records))] if len(study.records) > 1 else []
-    context = record.context
-    robots = {"": context, **context.agents}
-    shown = worlds if getattr(options, "readings", False) else ()
-    traces = {name: read_traces(record, name) for name in shown}
-    figure = draw_missions(
-        table, worlds, context.modes, width, robots, traces, describe_rates(record)
+    context, shown = record.context, worlds if getattr(options, "readings", False) else ()
+    missions = Missions(
+        pd.concat(tracks, ignore_index=True),
+        worlds,
+        context.modes,
+        {"": context, **context.agents},
+        {name: read_traces(record, name) for name in shown},
+        describe_rates(record),
     )
-    return Product(table, figure, messages)
+    messages = [_report(record, len(study.records))] if len(study.records) > 1 else []
+    return Product(missions.tracks, draw_missions(missions, width), messages)
 
 
-def draw_missions(
-    tracks: pd.DataFrame,
-    worlds: Mapping[str, World],
-    modes: Sequence[str],
-    width: float = PAGE_IN,
-    robots: Mapping[str, FigureContext] | None = None,
-    traces: Mapping[str, Sequence[Trace]] | None = None,
-    rates: Mapping[str, str] | None = None,
-) -> Figure:
-    """Draw a panel for each world.
+@dataclass(frozen=True, eq=False)
+class Missions:
+    """The missions of a champion, one in each world."""
 
-    ``tracks`` has the columns of ``tracks.COLUMNS``. ``modes`` are the names in its column
-    ``mode``, in the order of the controller's layers. ``width`` is in inches. If the missions have
-    an estimated pose, a panel below each one has its errors. ``robots`` has the contexts of several
-    robots by name, which is that in the column ``agent``; the first one's is empty. ``traces`` are
-    readings of each world, which are drawn below. ``rates`` say how often each was completed.
+    tracks: pd.DataFrame  # of all robots, with ``tracks.COLUMNS``
+    worlds: Mapping[str, World]
+    modes: Sequence[str]  # in the order of the controller's layers
+    robots: Mapping[str, FigureContext] = field(default_factory=dict)
+    """By the name in the column ``agent``, which is empty for the first one."""
+    traces: Mapping[str, Sequence[Trace]] = field(default_factory=dict)
+    """Readings of each world, which are drawn below."""
+    rates: Mapping[str, str] = field(default_factory=dict)  # how often each world was completed
+
+    @property
+    def effects(self) -> Mapping[str, str]:
+        """What faults do to readings, by name."""
+        return self.robots[""].failure.effects if self.robots else {}
+
+    @cached_property
+    def first(self) -> pd.DataFrame:
+        """The tracks of the first robot."""
+        return self.tracks[name_robots(self.tracks) == ""]
+
+    @cached_property
+    def paths(self) -> dict[str, pd.DataFrame]:
+        """The path of the first robot in each world."""
+        return {name: select_track(self.first, name) for name in self.worlds}
+
+    def list_handles(self) -> list[Artist]:
+        """List the entries of the legend."""
+        touched = bool((self.tracks["contact"] > 0).any())
+        handles = make_handles(self.first, self.modes, touched, self.effects)
+        return [*handles, *make_companion_handles([*self.robots][1:])]
+
+
+def draw_missions(missions: Missions, width: float = PAGE_IN) -> Figure:
+    """Draw a panel for each world, below it errors of the estimated pose, and readings, if any.
+
+    ``width`` is in inches.
     """
-    rates = rates or {}
-    robots, everyone = robots or {}, tracks
-    effects = robots[""].failure.effects if "" in robots else {}
-    tracks = everyone[name_robots(everyone) == ""]
-    paths = {name: select_track(tracks, name) for name in worlds}
-    columns = min(len(worlds), max(1, int(width / _PANEL_IN)))
+    columns = min(len(missions.worlds), max(1, int(width / _PANEL_IN)))
     room = _PER_IN / scale_type(1.0) * width / columns
-    rows = math.ceil(len(worlds) / columns)
+    rows = math.ceil(len(missions.worlds) / columns)
     with use_style():
         figure = Figure(layout="constrained")
-        below = _list_parts_below(tracks, paths, traces or {}, columns)
+        below = _list_parts_below(missions, columns)
         stack = figure.add_gridspec(1 + len(below), 1) if below else None
         upper = figure if stack is None else figure.add_subfigure(stack[0])
         grid = upper.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-        panels, free = list(grid.flat)[: len(worlds)], list(grid.flat)[len(worlds) :]
-        for axes, (name, world) in zip(panels, worlds.items(), strict=True):
-            draw_mission(axes, world, paths[name], modes, effects)
-            others = {agent: select_track(everyone, name, agent) for agent in robots if agent}
-            draw_companions(axes, paths[name], others, robots)
-            title = _title(name, paths[name], others, rates.get(name))
-            axes.set(title=wrap_all(title, room), xlabel="x [m]")
-            axes.tick_params(labelbottom=True)
+        count = len(missions.worlds)
+        panels, free = list(grid.flat)[:count], list(grid.flat)[count:]
+        for axes, name in zip(panels, missions.worlds, strict=True):
+            _draw_map(axes, missions, name, room)
         for row in grid:
             row[0].set_ylabel("y [m]")
-        panel = _measure_panel(panels, (width - 0.5) / columns)
-        touched = bool((everyone["contact"] > 0).any())
-        handles = make_handles(tracks, modes, touched, effects)
-        handles += make_companion_handles([*robots][1:])
-        if free and max(len(str(each.get_label())) for each in handles) > room:
+        handles = missions.list_handles()
+        if free and max(len(str(handle.get_label())) for handle in handles) > room:
             for axes in free:
                 axes.remove()
             free = []
         across = _count_columns(handles, width)
-        legend_lines = -(-len(handles) // across)
-        height = rows * panel + (0.0 if free else scale_type(0.15 + _LINE_IN * legend_lines))
+        height = rows * _measure_panel(panels, (width - 0.5) / columns)
+        height += 0.0 if free else scale_type(0.15 + _LINE_IN * math.ceil(len(handles) / across))
         if stack is not None:
             stack.set_height_ratios((height, *(tall for _, tall in below)))
-            for place, (draw_part, tall) in enumerate(below, 1):
-                draw_part(figure.add_subfigure(stack[place]))
-                height += tall
-        figure.set_size_inches(width, height)
+        for place, (draw_part, _) in enumerate(below, 1):
+            draw_part(figure.add_subfigure(stack[place]))  # type: ignore[index]
+        figure.set_size_inches(width, height + sum(tall for _, tall in below))
         _add_legend(upper, free, handles, across)
     return figure
 
 
+def _draw_map(axes: Axes, missions: Missions, name: str, room: float) -> None:
+    """Draw the mission in a world, with the other robots, below a title of so many letters."""
+    path, robots = missions.paths[name], missions.robots
+    draw_mission(axes, missions.worlds[name], path, missions.modes, missions.effects)
+    others = {agent: select_track(missions.tracks, name, agent) for agent in robots if agent}
+    draw_companions(axes, path, others, robots)
+    endings = [_ending(path), *(f"{agent}: {_ending(other)}" for agent, other in others.items())]
+    rate = missions.rates.get(name, "")
+    whole = re.sub(r"\[.*\]", lambda match: match[0].replace(" ", _HARD_SPACE), rate)
+    title = wrap_all(filter(None, (name, *endings, whole)), room)
+    axes.set(title=title, xlabel="x [m]")
+    axes.tick_params(labelbottom=True)
+
+
 def _list_parts_below(
-    tracks: pd.DataFrame,
-    paths: Mapping[str, pd.DataFrame],
-    traces: Mapping[str, Sequence[Trace]],
-    columns: int,
+    missions: Missions, columns: int
 ) -> list[tuple[Callable[[SubFigure], None], float]]:
     """List what is drawn below the maps, with its height [in]."""
     parts: list[tuple[Callable[[SubFigure], None], float]] = []
-    if has_estimate(tracks):
-        height = math.ceil(len(paths) / columns) * _ERRORS_IN
-        parts.append((partial(draw_errors, paths=paths, columns=columns), height))
-    if any(traces.values()):
-        draw = partial(draw_readings, traces=traces, columns=columns)
-        parts.append((draw, measure_height(traces, columns)))
+    if has_estimate(missions.first):
+        height = math.ceil(len(missions.paths) / columns) * _ERRORS_IN
+        parts.append((partial(draw_errors, paths=missions.paths, columns=columns), height))
+    if any(missions.traces.values()):
+        draw = partial(draw_readings, traces=missions.traces, columns=columns)
+        parts.append((draw, measure_height(missions.traces, columns)))
     return parts
 
 
@@ -166,24 +189,22 @@ def _read(
     record.run.require_trajectories()
     tracks, worlds = [], {}
     for name in record.context.courses:
-        if wanted and name not in wanted:
-            continue
-        try:
-            path = read_tracks(record.run, record.context, name)
-            worlds[name] = load_champion_world(record.run, record.context, name)
-        except InputError as error:
-            LOGGER.warning("%s; %s is left out", error, name)
-            continue
-        except (LookupError, ValueError, TypeError, AttributeError) as error:
-            reason = single_line(error)
-            LOGGER.warning("%s: must be complete (%s); %s is left out", record.path, reason, name)
-            continue
-        tracks.append(path)
+        if not wanted or name in wanted:
+            try:
+                path, worlds[name] = read_complete(record, partial(_read_mission, name=name))
+                tracks.append(path)
+            except InputError as error:
+                LOGGER.warning("%s; %s is left out", error, name)
     if not worlds:
         raise InputError(
             f"{record.path}: must have a complete mission of its champion, but has none; restore it"
         )
     return tracks, worlds
+
+
+def _read_mission(record: Record, name: str) -> tuple[pd.DataFrame, World]:
+    world = load_champion_world(record.run, record.context, name)
+    return read_tracks(record, name), world
 
 
 def _report(record: Record, runs: int) -> str:
@@ -195,20 +216,11 @@ def _report(record: Record, runs: int) -> str:
     return f"{record.name}: one of {runs} runs, fitness {status['best_fitness']:.3f} recorded{rest}"
 
 
-def _title(
-    name: str, path: pd.DataFrame, others: Mapping[str, pd.DataFrame], rate: str | None
-) -> list[str]:
-    """Return the lines above a panel: the world, how each robot's mission ended, and ``rate``."""
-    endings = [_ending(path), *(f"{n}: {_ending(other)}" for n, other in others.items())]
-    whole = re.sub(r"\[.*\]", lambda match: match[0].replace(" ", _HARD_SPACE), rate or "")
-    return [*filter(None, (name, *endings, whole))]
-
-
 def _count_columns(handles: Sequence[Artist], width: float) -> int:
     """Return how many columns of the legend fit into a width [in]."""
-    lengths = [len(str(each.get_label())) + _HANDLE for each in handles]
+    lengths = [len(str(handle.get_label())) + _HANDLE for handle in handles]
     for count in range(min(6, len(lengths)), 1, -1):
-        deep = -(-len(lengths) // count)
+        deep = math.ceil(len(lengths) / count)
         columns = [lengths[i : i + deep] for i in range(0, len(lengths), deep)]
         if sum(map(max, columns)) <= width * _SMALL_PER_IN / scale_type(1.0):
             return count
@@ -229,14 +241,8 @@ def _add_legend(
     """Add the legend in a panel that is left over, else below the panels."""
     for axes in free:
         axes.set_axis_off()
+    style: dict[str, Any] = {"handles": handles, "frameon": False, "handlelength": 1.6}
     if free:
-        free[0].legend(handles=handles, loc="center", frameon=False, handlelength=1.6)
-        return
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=across,
-        frameon=False,
-        handlelength=1.6,
-        columnspacing=1.0,
-    )
+        free[0].legend(loc="center", **style)
+    else:
+        figure.legend(loc="outside lower center", ncols=across, columnspacing=1.0, **style)

@@ -27,15 +27,14 @@ from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 
 from ..drawing import robot
+from ..drawing.champions import Champions
 from ..drawing.sheet import Sheet
-from ..drawing.signals import draw_signals, make_signal_handles
 from ..drawing.style import COLUMN_IN, figure_width, is_wide, use_style
 from ..measures.cones import Window, fit_window, robot_length
 from ..measures.raster import cell_centres, count_coverage, rasterize
 from ..product import Product
-from ..tables.designs import SIGNAL_COLUMNS, read_champion
+from ..tables.designs import read_champion
 from ..tables.study import Study
-from ..tables.treatments import SINGLE
 
 ONE_ROBOT = True
 HELP = "sensors and cones of the champions on one robot, darker where they coincide (Fig. 8)"
@@ -49,12 +48,8 @@ BAR_LABEL = "whose cones cover a place"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the length of the near view's cones."""
-    parser.add_argument(
-        "--cut",
-        type=float,
-        metavar="M",
-        help="length of the cones in the near view [m]; about the robot's length",
-    )
+    about = "length of the cones in the near view [m]; about the robot's length"
+    parser.add_argument("--cut", type=float, metavar="M", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
@@ -80,9 +75,6 @@ def choose_cuts(
     """Choose the lengths [m] at which cones are cut, in the near view and at the whole range.
 
     There is one view if the whole range is not longer, and none if there are no sensors.
-
-    Raises:
-        InputError: ``near_m`` is no length.
     """
     if near_m is not None and not 0 < near_m < math.inf:
         raise InputError(
@@ -108,21 +100,13 @@ def draw_overlay(
     without sensors. ``width`` is in inches. ``signals`` has the champions' sensors that cast no
     rays, as ``Study.signals``.
     """
-    others = pd.DataFrame(columns=SIGNAL_COLUMNS) if signals is None else signals
-    placed = sensors.dropna(subset="x_m")
+    champions = Champions(sensors, contexts, signals)
     cuts_m = sorted(cover.cut_m.unique()) or [0.0]
-    views = [fit_window(contexts.values(), placed, cut) for cut in cuts_m]
-    numbers = sensors.groupby("treatment").run.nunique()
-    several = int(numbers.max()) > 1
-    shades = _shades(int(max([int(numbers.max()), *cover.iloc[:, -1]])))
-    markers = robot.assign_markers(placed)
+    views = [fit_window(contexts.values(), champions.placed, cut) for cut in cuts_m]
+    shades = _shades(int(max([int(champions.numbers.max()), *cover.iloc[:, -1]])))
     with use_style():
-        handles = [
-            *robot.make_place_handles(placed),
-            *robot.make_type_handles(markers),
-            *make_signal_handles(others),
-        ]
-        lines = 0 if several else len(_describe_fitness(sensors).splitlines())
+        handles = champions.make_handles()
+        lines = max(champions.describe(treatment).count("\n") for treatment in contexts)
         page, side_by_side = _lay_out(len(contexts), views, width, bool(handles), lines)
         figure = page.make_figure()
         for (i, treatment), (view, cut) in product(enumerate(contexts), enumerate(cuts_m)):
@@ -132,16 +116,10 @@ def draw_overlay(
             axes.set(xlabel=robot.AXES[0], ylabel="" if place[1] else robot.AXES[1])
             shown = cover[(cover.treatment == treatment) & (cover.cut_m == cut)]
             _draw_counts(axes, contexts[treatment], shown, views[view], shades)
-            own = placed[placed.treatment == treatment]
-            alpha = 0.35 if several else 0.8  # dots on each other are darker
-            robot.draw_rays(axes, own, [robot.RAY] * len(own), cut, alpha)
-            if view == 0:
-                robot.draw_sensors(axes, own, ["black"] * len(own), markers, 2.5, alpha=alpha)
-                if len(others):
-                    mounted = others[others.treatment == treatment]
-                    draw_signals(axes, mounted, contexts[treatment], alpha)
-            fitness = "" if several else _describe_fitness(sensors, treatment)
-            title = _title(treatment, int(numbers[treatment]), cut, len(views), view, fitness)
+            champions.draw_on_each_other(axes, treatment, cut, places=view == 0)
+            how = "at full length," if view == len(views) - 1 else "cut at"
+            cones = f"cones {how} {cut:g} m" if cut else "no sensors"
+            title = cones if view else f"{champions.describe(treatment)}\n{cones}"
             axes.set_title(title, loc="left", fontsize="small")
             robot.frame_axes(axes, views[view])
         _add_legends(figure, page, shades, cover.columns[-1], handles)
@@ -196,24 +174,6 @@ def _draw_counts(
         interpolation="nearest",
         zorder=2,
     )
-
-
-def _describe_fitness(sensors: pd.DataFrame, treatment: str | None = None) -> str:
-    """Describe a champion's fitness on fresh draws with its interval; empty if it is not known."""
-    rows = sensors if treatment is None else sensors[sensors.treatment == treatment]
-    known = rows.dropna(subset="fitness_low") if "fitness_low" in rows else rows[:0]
-    if known.empty:
-        return ""
-    value, low, high = known.iloc[0][["validated_fitness", "fitness_low", "fitness_high"]]
-    return f"validated {value:.2f} [{low:.2f}, {high:.2f}]"
-
-
-def _title(treatment: str, number: int, cut_m: float, views: int, view: int, fitness: str) -> str:
-    count = f"{number} champion" + "s" * (number > 1)
-    how = "at full length," if view == views - 1 else "cut at"
-    cones = f"cones {how} {cut_m:g} m" if cut_m else "no sensors"
-    head = count if treatment == SINGLE else f"{treatment} ({count})"
-    return "\n".join(filter(None, (head, fitness, cones))) if view == 0 else cones
 
 
 def _add_legends(

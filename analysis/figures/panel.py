@@ -4,6 +4,7 @@ import argparse
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -13,12 +14,13 @@ from matplotlib.patches import Patch
 from evoros.storage.figure_context import FigureContext
 
 from ..drawing import robot
+from ..drawing.champions import Champions
 from ..drawing.sheet import Sheet
-from ..drawing.signals import draw_signals, make_signal_handles
+from ..drawing.signals import draw_signals
 from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, is_wide, use_style
 from ..measures.cones import fit_window, robot_length
 from ..product import Product
-from ..tables.designs import SIGNAL_COLUMNS, read_champion
+from ..tables.designs import read_champion
 from ..tables.study import Study
 
 ONE_ROBOT = True
@@ -69,33 +71,26 @@ def draw_panels(
     ``contexts`` has the context of each treatment. ``width`` is in inches. ``signals`` has the
     champions' sensors that cast no rays, as ``Study.signals``.
     """
-    others = pd.DataFrame(columns=SIGNAL_COLUMNS) if signals is None else signals
-    placed = sensors.dropna(subset="x_m")
-    treatments = list(dict.fromkeys(sensors.treatment))
-    shown = [contexts[treatment] for treatment in treatments]
+    champions = Champions(sensors, contexts, signals)
+    placed = champions.placed
+    shown = [contexts[treatment] for treatment in champions.numbers.index]
     cut = float(f"{CUT * max(map(robot_length, shown)):.1g}")
     view = fit_window(shown, placed, cut)
-    markers = robot.assign_markers(placed)
     with use_style():
-        headings = robot.make_place_handles(placed)[:1]
-        types = [*headings, *robot.make_type_handles(markers), *make_signal_handles(others)]
-        handles = [*_make_colour_handles(placed), *types]
+        handles = [*_make_colour_handles(placed), *champions.make_handles(with_rays=False)]
         columns = 6 if is_wide(width) else 2
         note = _note(placed, cut, width)
         foot = FOOT_IN + LINE_IN * (math.ceil(len(handles) / columns) + 1 + note.count("\n"))
-        certified = "fitness_low" in sensors and sensors.fitness_low.notna().any()
-        above = TITLE_IN + CERTIFIED_IN * certified
-        ratio = robot.aspect_ratio(view)
-        figure, panels = _make_panels(sensors, treatments, ratio, width, foot, above)
+        figure, panels = _make_panels(sensors, robot.aspect_ratio(view), width, foot)
         for run, axes in panels.items():
-            own = placed[placed.run == run]
+            own, first = placed[placed.run == run], sensors[sensors.run == run].iloc[0]
             colours = [CATEGORIES[int(rank) % len(CATEGORIES)] for rank in own["rank"]]
-            first = sensors[sensors.run == run].iloc[0]
             robot.draw_robot(axes, contexts[first.treatment])
             robot.draw_cones(axes, own, colours, cut)
-            robot.draw_sensors(axes, own, colours, markers)
-            if len(others):
-                draw_signals(axes, others[others.run == run], contexts[first.treatment])
+            robot.draw_sensors(axes, own, colours, champions.markers)
+            if len(champions.others):
+                others = champions.others[champions.others.run == run]
+                draw_signals(axes, others, contexts[first.treatment])
             axes.set_title(_title(first), fontsize="small", pad=2)
             robot.frame_axes(axes, view)
         figure.legend(handles=handles, title=note, loc="lower center", ncols=columns, frameon=False)
@@ -130,26 +125,29 @@ def _note(placed: pd.DataFrame, cut: float, width: float) -> str:
 
 
 def _make_panels(
-    sensors: pd.DataFrame,
-    treatments: Sequence[str],
-    ratio: float,
-    width: float,
-    foot: float,
-    above: float,
+    sensors: pd.DataFrame, ratio: float, width: float, foot: float
 ) -> tuple[Figure, dict[str, Axes]]:
     """Make the axes of each run; every treatment begins in a new row."""
-    runs = [list(dict.fromkeys(sensors[sensors.treatment == t].run)) for t in treatments]
-    page = lay_out([len(names) for names in runs], ratio, width, foot, above)
+    certified = "fitness_low" in sensors and sensors.fitness_low.notna().any()
+    above = TITLE_IN + CERTIFIED_IN * certified
+    by = sensors.groupby("treatment", sort=False).run
+    runs = {str(treatment): list(dict.fromkeys(names)) for treatment, names in by}
+    page = lay_out([len(names) for names in runs.values()], ratio, width, foot, above)
     figure = page.make_figure()
     panels: dict[str, Axes] = {}
     places: dict[tuple[int, int], Axes] = {}
     first = 0
-    for treatment, names in zip(treatments, runs, strict=True):
+    for treatment, names in runs.items():
         for i, run in enumerate(names):
             place = first + i // page.columns, i % page.columns
             panels[run] = places[place] = page.add_panel(figure, *place)
-        if len(treatments) > 1:
-            _add_head(places[first, 0], treatment, above)
+        if len(runs) > 1:
+            head: dict[str, Any] = {
+                "xycoords": "axes fraction",
+                "textcoords": "offset points",
+                "weight": "bold",
+            }
+            places[first, 0].annotate(treatment, (0, 1), (0, 72 * above), **head)
         first += math.ceil(len(names) / page.columns)
     for (row, column), axes in places.items():
         below = (row + 1, column) in places
@@ -157,19 +155,6 @@ def _make_panels(
         axes.set_xlabel("" if below else robot.AXES[0], fontsize="small")
         axes.tick_params(labelleft=not column, labelbottom=not below)
     return figure, panels
-
-
-def _add_head(axes: Axes, treatment: str, above: float) -> None:
-    """Add the name of a treatment above the title of its first panel."""
-    offset = (0, 72 * above)
-    axes.annotate(
-        treatment,
-        (0, 1),
-        offset,
-        xycoords="axes fraction",
-        textcoords="offset points",
-        weight="bold",
-    )
 
 
 def lay_out(

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from evoros.base.errors import InputError
 
 from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, use_style
-from ..measures.comparison import group_values
+from ..measures.comparison import group_values, title_measure
 from ..measures.power import (
     MAX_REPLICATES,
     MIN_SCATTER,
@@ -23,7 +23,7 @@ from ..measures.power import (
 from ..measures.statistics import LEVEL
 from ..product import Product
 from ..tables.study import Study
-from .scores import add_conditions, score_runs, title_measure
+from .scores import add_conditions, score_runs
 
 HELP = "how many replicates detect a given difference, simulated from the runs at hand"
 USUAL = (0.5, 1.0, 1.5)
@@ -35,26 +35,17 @@ POINTS = 14
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the difference, the power, and the tests that share the level."""
-    parser.add_argument(
-        "--difference",
-        type=float,
-        action="append",
-        metavar="D",
-        help="of fitness between two treatments; may be repeated; 0.5, 1 and 1.5 standard "
-        "deviations of the replicates",
+    about = (
+        "of fitness between two treatments; may be repeated; 0.5, 1 and 1.5 standard "
+        "deviations of the replicates"
     )
-    parser.add_argument(
-        "--power", type=float, default=0.8, metavar="P", help="the chance to detect it; 0.8"
-    )
-    parser.add_argument(
-        "--comparisons",
-        type=int,
-        metavar="K",
-        help="pairs of treatments that are compared; those of the given runs",
-    )
-    parser.add_argument(
-        "--recorded", action="store_true", help="of the recorded fitness, not the validated one"
-    )
+    parser.add_argument("--difference", type=float, action="append", metavar="D", help=about)
+    about = "the chance to detect it; 0.8"
+    parser.add_argument("--power", type=float, default=0.8, metavar="P", help=about)
+    about = "pairs of treatments that are compared; those of the given runs"
+    parser.add_argument("--comparisons", type=int, metavar="K", help=about)
+    about = "of the recorded fitness, not the validated one"
+    parser.add_argument("--recorded", action="store_true", help=about)
     add_conditions(parser)
 
 
@@ -87,11 +78,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _check(options: argparse.Namespace) -> None:
-    """Check the options.
-
-    Raises:
-        InputError: one is out of range.
-    """
+    """Check the options."""
     comparisons = [] if options.comparisons is None else [options.comparisons]
     rules: dict[str, tuple[Sequence[float], float, float]] = {
         "--difference": (options.difference or [], 1e-9, 1e9),

@@ -2,7 +2,7 @@
 
 import argparse
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -19,14 +19,7 @@ from evoros.storage.figure_context import FigureContext
 from ..drawing.robot import AXES, aspect_ratio, draw_robot, frame_axes, to_page
 from ..drawing.sheet import Sheet
 from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, scale_type, use_style
-from ..measures.cones import (
-    CONE,
-    Window,
-    fit_window,
-    outline_part,
-    robot_length,
-    trace_sector,
-)
+from ..measures.cones import CONE, Window, fit_window, outline_part, robot_length, trace_sector
 from ..product import Product
 from ..tables.study import Study
 
@@ -59,12 +52,11 @@ def group_contexts(study: Study) -> dict[str, FigureContext]:
             key = repr((context.robot, context.parts, context.regions, context.mirrored))
             contexts.setdefault(key, context)
             treatments.setdefault(key, []).append(record.treatment)
-    return {_join(list(dict.fromkeys(treatments[key]))): contexts[key] for key in contexts}
-
-
-def _join(treatments: Sequence[str]) -> str:
-    first, *others = treatments
-    return f"{first} and {len(others)} more" if others else first
+    labels = {key: list(dict.fromkeys(names)) for key, names in treatments.items()}
+    return {
+        f"{first} and {len(others)} more" if others else first: contexts[key]
+        for key, (first, *others) in labels.items()
+    }
 
 
 def list_regions(contexts: Mapping[str, FigureContext]) -> pd.DataFrame:

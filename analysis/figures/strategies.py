@@ -18,7 +18,7 @@ from matplotlib.ticker import MultipleLocator
 
 from evoros.base.arrays import Array
 
-from ..drawing.style import PAGE_IN, assign_colours, figure_width, letter, use_style
+from ..drawing.style import PAGE_IN, abbreviate, assign_colours, figure_width, use_style
 from ..drawing.words import wrap
 from ..measures.coverage import AHEAD_DEG, HEADINGS_DEG
 from ..measures.design_features import ALL, FRONT, SIDE, compare_with_random, describe_designs
@@ -27,9 +27,8 @@ from ..tables.candidates import read_initial_sensors
 from ..tables.designs import read_champion
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
-from .thresholds import add_arguments, check_thresholds
+from . import thresholds
 
-__all__ = ["HELP", "add_arguments", "draw_strategies", "make_product"]
 ONE_ROBOT = True
 HELP = "what evolved: coverage by direction, front arrays or side mounts, redundancy, clusters"
 RANDOM = "0.45"
@@ -40,7 +39,6 @@ NAME_LENGTH = 9  # maximum length of a label below an axis
 _GREY = "0.88"  # of the boxes of random designs
 _DASHES = (0, (3, 1.5))
 _MIDDLE = Line2D([], [], color=RANDOM, lw=1.2, ls=_DASHES, label="random designs, mean")
-_EACH = "each champion"
 _LOWER_KEY = [
     Patch(fc=_GREY, ec=RANDOM, lw=0.6, label="random designs: quartiles, 5 % and 95 %"),
     Line2D([], [], color=RANDOM, lw=1.4, label="random designs: median, or share"),
@@ -48,21 +46,21 @@ _LOWER_KEY = [
 ]
 
 
+add_arguments = thresholds.add_arguments
+
+
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Compare all champions of the study with random designs."""
-    check_thresholds(options)
+    thresholds.check_thresholds(options)
     study = study.select_finished(read_champion, read_initial_sensors)
     champions, near = study.gather(read_champion), (options.near_m, options.near_deg)
     table = describe_designs(champions, study.initial, study.rings, *near)
     # In the order of the runs, in which other figures assign colours and letters.
-    table = table.sort_values(
-        "treatment", key=lambda t: t.map(study.treatments.index), kind="stable"
-    )
-    table = table.reset_index(drop=True)
+    order = table.treatment.map(study.treatments.index).sort_values(kind="stable").index
+    table = table.loc[order].reset_index(drop=True)
     summary = compare_with_random(table, study.rings)
     figure = draw_strategies(table, summary, figure_width(options.columns, 2))
-    repeated = report_repeated((r.name, r.treatment, r.seed) for r in study.records)
-    return Product(summary, figure, [*repeated, *_report(summary)])
+    return Product(summary, figure, [*report_repeated(study.records), *_report(summary)])
 
 
 def _report(summary: pd.DataFrame) -> list[str]:
@@ -96,8 +94,7 @@ def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = P
     across = min(columns, len(treatments))
     above, below = -(-len(treatments) // across), 1 if columns >= 3 else 3
     with use_style():
-        lines = 1 if columns >= 3 else 3
-        heights = [1.65 * above + 0.2 * (lines + (lines > 1)), 1.9 * below + 0.2 * lines]
+        heights = [1.65 * above + 0.2 * (below + (below > 1)), 2.1 * below]
         figure = Figure(figsize=(width, sum(heights)), layout="constrained")
         parts: Any = figure.subfigures(2, 1, height_ratios=heights)
         grid = parts[0].subplots(above, across, squeeze=False, sharex=True, sharey=True)
@@ -110,10 +107,9 @@ def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = P
         for row in grid:
             row[0].set_ylabel("sensors that\ncover the heading")
         key: dict[str, Any] = {"frameon": False, "handlelength": 1.8}
-        across_page = 3 if columns >= 3 else 1
-        upper = _make_upper_key(assign_colours(treatments))
-        above_page = 4 if columns >= 3 else 1
-        parts[0].legend(handles=upper, loc="outside upper center", ncols=above_page, **key)
+        upper, wide = _make_upper_key(assign_colours(treatments)), columns >= 3
+        parts[0].legend(handles=upper, loc="outside upper center", ncols=4 if wide else 1, **key)
+        across_page = 3 if wide else 1
         parts[1].legend(handles=_LOWER_KEY, loc="outside lower center", ncols=across_page, **key)
         features = parts[1].subplots(below, 3 // below, squeeze=False)
         _draw_ahead(features.flat[0], table, summary)
@@ -126,16 +122,14 @@ def _make_upper_key(colours: Mapping[str, str]) -> list[Artist]:
     """Make the entries of the coverage, in the colour of the treatment if there is one."""
     colour = next(iter(colours.values()))
     band = Patch(fc=colour, alpha=0.25, label="95 % interval")
-    each = Line2D([], [], color=colour, lw=0.4, alpha=0.35, label=_EACH)
+    each = Line2D([], [], color=colour, lw=0.4, alpha=0.35, label="each champion")
     mean = Line2D([], [], color=colour, lw=1.4, label="champions, mean")
     return [mean, band, each, _MIDDLE]
 
 
 def _shorten(treatments: Sequence[str]) -> dict[str, str]:
-    """Map treatments to labels of ticks: letters if a name is too long."""
-    if max(map(len, treatments)) <= NAME_LENGTH and len(treatments) <= 4:
-        return {name: name for name in treatments}
-    return {name: letter(i) for i, name in enumerate(treatments)}
+    """Map treatments to labels of ticks: letters if a name is too long, or if there are many."""
+    return abbreviate(treatments, NAME_LENGTH if len(treatments) <= 4 else 0)
 
 
 def _title(treatment: str, treatments: Sequence[str], table: pd.DataFrame, room: float) -> str:

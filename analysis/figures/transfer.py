@@ -15,7 +15,8 @@ from matplotlib.ticker import MaxNLocator
 
 from ..drawing.columns import Layout, table_height, write_table
 from ..drawing.style import COLUMN_IN, assign_colours, figure_width, use_style
-from ..measures.statistics import LEVEL, mean_interval, spearman
+from ..drawing.words import cut_short
+from ..measures.statistics import LEVEL, Interval, mean_interval, spearman
 from ..product import Product
 from ..tables.ladder import climb
 from ..tables.paired_scores import pair_scores
@@ -35,23 +36,19 @@ HEADS = {
 MIN_DESIGNS = next(n for n in count(2) if 2 / factorial(n) < LEVEL)
 """Designs whose order can be significant: two of n! orders agree or disagree completely."""
 NOTE = f"*too few designs for a conclusion: {MIN_DESIGNS} or more are needed"
-NAME_LENGTH = 16
-"""Maximum length of a group's name in the table."""
+NAME_LENGTH, RUNG_LENGTH = 16, 17
+"""Maximum length of the name of a group and of a rung in the table."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the option that chooses between several parts."""
-    parser.add_argument(
-        "--between",
-        metavar="PART",
-        help="the part that differs between the axes, if evaluations differ in several parts: "
-        "simulator, failure ...",
+    about = (
+        "the part that differs between the axes, if evaluations differ in several parts: "
+        "simulator, failure ..."
     )
-    parser.add_argument(
-        "--ladder",
-        action="store_true",
-        help="the evaluations are rungs, in this order, each of which is compared with the next",
-    )
+    parser.add_argument("--between", metavar="PART", help=about)
+    about = "the evaluations are rungs, in this order, each of which is compared with the next"
+    parser.add_argument("--ladder", action="store_true", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
@@ -68,13 +65,11 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 def _draw_ladder(table: pd.DataFrame, summary: pd.DataFrame, width: float, label: str) -> Figure:
     """Draw the designs over the rungs, with the table of the steps below."""
-
-    def describe(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
-        _, *numbers = _table_row(row)
-        return "*" if row["n"] < MIN_DESIGNS else "", *numbers
-
+    rows = summary.to_dict("records")
+    rungs = (cut_short(row["y"], RUNG_LENGTH) + "*" * (row["n"] < MIN_DESIGNS) for row in rows)
+    cells = [(rung, *_table_row(row)[1:]) for rung, row in zip(rungs, rows, strict=True)]
     note = NOTE if bool((summary["n"] < MIN_DESIGNS).any()) else ""
-    return draw_ladder(table, summary, describe, note, width, label)
+    return draw_ladder(table, cells, note, width, label)
 
 
 def summarize(table: pd.DataFrame) -> pd.DataFrame:
@@ -86,16 +81,8 @@ def summarize(table: pd.DataFrame) -> pd.DataFrame:
     for (x, y, group), pairs in table.groupby(["x", "y", "group"], sort=False):
         order = spearman(pairs["x_fitness"].to_numpy(float), pairs["y_fitness"].to_numpy(float))
         change = mean_interval(pairs["change"].to_numpy(float))
-        numbers = (
-            len(pairs),
-            order.value,
-            order.low,
-            order.high,
-            change.value,
-            change.low,
-            change.high,
-        )
-        rows.append((x, y, group, *numbers))
+        intervals = (order.value, order.low, order.high, change.value, change.low, change.high)
+        rows.append((x, y, group, len(pairs), *intervals))
     return pd.DataFrame(rows, columns=["x", "y", "group", *NUMBERS])
 
 
@@ -109,13 +96,8 @@ def _conclude(row: Mapping[Hashable, Any]) -> str:
         return f"{head}: all designs have the same fitness under one condition: they have no order"
     order, change = _format_interval(row, "spearman"), _format_change(row)
     kept = "kept in part" if row["spearman_low"] > 0 else "not shown to be kept"
-    what = (
-        "fitness falls:"
-        if row["change_high"] < 0
-        else "fitness rises:"
-        if row["change_low"] > 0
-        else "no change of fitness shown:"
-    )
+    what = "fitness rises:" if row["change_low"] > 0 else "no change of fitness shown:"
+    what = "fitness falls:" if row["change_high"] < 0 else what
     return f"{head}: {row['n']} designs: order {kept}, rank correlation {order}; {what} {change}"
 
 
@@ -145,22 +127,17 @@ def draw_transfer(
     return figure
 
 
-def _format_interval(row: Mapping[Hashable, Any], name: str) -> str:
-    low, high = row[f"{name}_low"], row[f"{name}_high"]
-    interval = f" [{low:.2f}, {high:.2f}]" if low <= high else ""
-    return f"{row[name]:.2f}{interval}"
+def _format_interval(row: Mapping[Hashable, Any], name: str, form: str = ".2f") -> str:
+    return Interval(row[name], row[f"{name}_low"], row[f"{name}_high"]).write(form)
 
 
 def _format_change(row: Mapping[Hashable, Any]) -> str:
     """Format the mean change of fitness from the first condition to the second, with its sign."""
-    change, low, high = (row[name] for name in ("change", "change_low", "change_high"))
-    interval = f" [{low:+.2f}, {high:+.2f}]" if low <= high else ""
-    return f"{change:+.2f}{interval}".replace("-", "\N{MINUS SIGN}")
+    return _format_interval(row, "change", "+.2f").replace("-", "\N{MINUS SIGN}")
 
 
 def _table_row(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
-    name = str(row["group"])
-    short = (name or "all") if len(name) <= NAME_LENGTH else name[: NAME_LENGTH - 3] + "..."
+    short = cut_short(str(row["group"]) or "all", NAME_LENGTH)
     mark = "*" if row["n"] < MIN_DESIGNS else ""
     return f"{short}{mark}", str(row["n"]), _format_interval(row, "spearman"), _format_change(row)
 

@@ -1,6 +1,8 @@
 """What stops a design: the smallest set of failed sensors, and the risk under drawn failures."""
 
 import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -11,9 +13,10 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 from evoros.base.errors import InputError
 from evoros.failure.case import Case
 from evoros.storage.figure_context import FigureContext
-from evoros.storage.worst_cases import describe_worst_cases, read_worst_cases
+from evoros.storage.reading import read_overrides, read_worst_cases
+from evoros.worst_cases.summary import describe_worst_cases
 
-from ..drawing.paper import spread
+from ..drawing.paper import label_sensors
 from ..drawing.robot import (
     AXES,
     assign_markers,
@@ -26,13 +29,7 @@ from ..drawing.robot import (
 from ..drawing.style import BLUE, PAGE_IN, VERMILLION, figure_width, is_wide, use_style
 from ..drawing.words import wrap
 from ..measures.cones import outline_part
-from ..measures.worst_cases import (
-    count_sets,
-    estimate_risks,
-    find_smallest,
-    list_cases,
-    read_set,
-)
+from ..measures.worst_cases import count_sets, estimate_risks, find_smallest, list_cases, read_set
 from ..product import Product
 from ..tables.designs import place_sensors
 from ..tables.failed_missions import KEYS, collect_missions, count_sensors
@@ -45,42 +42,39 @@ REACH_M = 0.25  # of the cones that are drawn, beyond the robot
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the design."""
-    parser.add_argument(
-        "--design", metavar="NAME", help="the design that is drawn, of several; the first one"
-    )
+    about = "the design that is drawn, of several; the first one"
+    parser.add_argument("--design", metavar="NAME", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw one design; the tables have all designs: cases, sets by their size, and risks."""
     missions = collect_missions(study)
-    sensors = dict(pair for record in study.evaluations for pair in count_sensors(record))
-    missions = missions.assign(**{key: missions[key].astype(str) for key in KEYS})
+    counts = dict(pair for record in study.evaluations for pair in count_sensors(record))
     cases, risks = list_cases(missions), estimate_risks(missions)
-    sets = count_sets(cases, sensors)
-    key = _choose(cases, options.design)
-    searched = {
-        (str(source), str(design)): own
-        for each in study.evaluations
-        if (found := read_worst_cases(each.path)) is not None
-        for (source, design), own in found.groupby(list(KEYS))
+    sets = count_sets(cases, counts)
+    tables = {
+        record.path: table
+        for record in study.evaluations
+        if (table := read_worst_cases(record.path)) is not None
     }
-    record = next(each for each in study.evaluations if key in dict(count_sensors(each)))
-    mounts = record.mounts.assign(**{name: record.mounts[name].astype(str) for name in KEYS})
-    placed = place_sensors(_of(mounts, *key), record.context)
-    figure = draw_worst(
-        _of(cases, *key),
-        _of(sets, *key),
-        placed,
-        record.context,
-        figure_width(options.columns, 2),
-        searched.get(key),
-    )
-    messages = [
-        line
-        for each in sensors
-        for line in describe(cases, sets, risks, *each, searched=each in searched)
-    ]
-    messages += [line for each in study.evaluations for line in describe_worst_cases(each.path)]
+    searched = {key: rows for table in tables.values() for key, rows in table.groupby(list(KEYS))}
+    designs = {
+        key: TestedDesign(
+            f"design {key[1]} of {key[0]}",
+            _of(cases, key),
+            _of(sets, key),
+            _of(risks, key),
+            searched.get(key),
+        )
+        for key in counts
+    }
+    key = _choose(cases, options.design)
+    record = next(record for record in study.evaluations if key in dict(count_sensors(record)))
+    placed = place_sensors(_of(record.mounts.astype(dict.fromkeys(KEYS, str)), key), record.context)
+    figure = draw_worst(designs[key], placed, record.context, figure_width(options.columns, 2))
+    messages = [line for design in designs.values() for line in design.describe()]
+    for path, table in tables.items():
+        messages += describe_worst_cases(table, read_overrides(path))
     return Product(cases, figure, messages, {"worst_sets.csv": sets, "worst_risks.csv": risks})
 
 
@@ -96,82 +90,72 @@ def _choose(cases: pd.DataFrame, wanted: str | None) -> tuple[str, str]:
     return str(row["source"]), str(row["design"])
 
 
-def _of(table: pd.DataFrame, source: str, design: str) -> pd.DataFrame:
-    return table[(table["source"] == source) & (table["design"] == design)]
+def _of(table: pd.DataFrame, key: tuple[str, str]) -> pd.DataFrame:
+    return table[(table["source"] == key[0]) & (table["design"] == key[1])]
 
 
-def describe(
-    cases: pd.DataFrame,
-    sets: pd.DataFrame,
-    risks: pd.DataFrame,
-    source: str,
-    design: str,
-    searched: bool = False,
-) -> list[str]:
-    """Say what stops a design, how much was tried, how to repeat it, and the risks.
+@dataclass(frozen=True, eq=False)
+class TestedDesign:
+    """A design with the cases of failed sensors that it has met."""
 
-    What an evaluation that has ``searched`` for worst cases found is said by its own table.
-    """
-    own, name = _of(cases, source, design), f"design {design} of {source}"
-    if own.empty:
-        return []
-    smallest, tried = find_smallest(own), _of(sets, source, design)
-    lines = [
-        f"{name}: without a failure, {row['stopped']} of {row['missions']} missions are not "
-        f"completed"
-        for row in tried[tried["failed"] == 0].to_dict("records")
-    ]
-    if searched:
-        lines = []
-    elif smallest.empty:
-        extent = _describe_extent(tried)
-        lines.append(f"{name}: completed with every set of failed sensors ({extent})")
-    else:
+    name: str
+    cases: pd.DataFrame
+    sets: pd.DataFrame
+    risks: pd.DataFrame
+    searched: pd.DataFrame | None
+    """Its rows in the table of an evaluation that looked for worst cases; they count instead."""
+
+    def describe(self) -> Iterator[str]:
+        """Describe what stops the design, how much was tried, how to repeat it, and the risks.
+
+        The table of an evaluation that looked for worst cases has lines of its own.
+        """
+        if self.cases.empty:
+            return
+        if self.searched is None:
+            for row in self.sets[self.sets["failed"] == 0].to_dict("records"):
+                missions = f"{row['stopped']} of {row['missions']} missions"
+                yield f"{self.name}: without a failure, {missions} are not completed"
+            yield f"{self.name}: {self._describe_smallest()}"
+        for row in self.risks[self.risks["world"] == ""].to_dict("records"):
+            yield (
+                f"{self.name}: under {row['evaluation']}, a trial fails with a probability of "
+                f"{row['risk']:.3f} (95 % interval {row['risk_low']:.3f} to "
+                f"{row['risk_high']:.3f}, {row['missions']} trials)"
+            )
+
+    def _describe_smallest(self) -> str:
+        smallest, extent = find_smallest(self.cases), self._describe_extent()
+        if smallest.empty:
+            return f"completed with every set of failed sensors ({extent})"
         first = smallest.iloc[0]
         numbers = ",".join(map(str, read_set(first["failed_sensors"])))
         others = f", as in {len(smallest) - 1} other cases of so few" if len(smallest) > 1 else ""
         worlds = first["stopped_in"].replace(" ", ", ")
-        lines.append(
-            f"{name}: not completed in {worlds} with {_count(first)} failed ({numbers}) at "
-            f"{first['failed_at_s']:g} s{others} ({_describe_extent(tried)}); "
+        sensors = f"{first['failed']:.0f} sensor{'' if first['failed'] == 1 else 's'}"
+        return (
+            f"not completed in {worlds} with {sensors} failed ({numbers}) at "
+            f"{first['failed_at_s']:g} s{others} ({extent}); "
             f"whether that is the failure or noise, more trials tell: failure=given "
             f"failure.sensors=[{numbers}] failure.time_s={first['failed_at_s']:g} trials=40"
         )
-    lines += [
-        f"{name}: under {row['evaluation']}, a trial fails with a probability of {row['risk']:.3f} "
-        f"(95 % interval {row['risk_low']:.3f} to {row['risk_high']:.3f}, {row['missions']} trials)"
-        for row in _of(risks[risks["world"] == ""], source, design).to_dict("records")
-    ]
-    return lines
 
-
-def _describe_extent(tried: pd.DataFrame) -> str:
-    """Say up to which number of failed sensors all sets were met."""
-    most = 0
-    for row in tried[tried["failed"] > 0].to_dict("records"):
-        if row["failed"] != most + 1 or row["sets"] != row["of"]:
-            break
-        most = int(row["failed"])
-    return f"all sets of up to {most} were met" if most else "not all sets were met"
-
-
-def _count(case: "pd.Series[float]") -> str:
-    return "1 sensor" if case["failed"] == 1 else f"{case['failed']:.0f} sensors"
+    def _describe_extent(self) -> str:
+        """Describe up to which number of failed sensors all sets were met."""
+        most = 0
+        for row in self.sets[self.sets["failed"] > 0].to_dict("records"):
+            if row["failed"] != most + 1 or row["sets"] != row["of"]:
+                break
+            most = int(row["failed"])
+        return f"all sets of up to {most} were met" if most else "not all sets were met"
 
 
 def draw_worst(
-    cases: pd.DataFrame,
-    sets: pd.DataFrame,
-    sensors: pd.DataFrame,
-    context: FigureContext,
-    width: float = PAGE_IN,
-    searched: pd.DataFrame | None = None,
+    design: TestedDesign, sensors: pd.DataFrame, context: FigureContext, width: float = PAGE_IN
 ) -> Figure:
     """Draw the share of sets that stop a design by their size, and its smallest stopping set.
 
-    ``cases`` and ``sets`` are those of one design; ``sensors`` has the columns of
-    ``designs.COLUMNS``. ``width`` is in inches. ``searched`` has the rows of the design in the
-    table of an evaluation that looked for worst cases; its finding takes the place of the cases.
+    ``sensors`` has the columns of ``designs.COLUMNS``. ``width`` is in inches.
     """
     with use_style():
         if is_wide(width):
@@ -180,8 +164,9 @@ def draw_worst(
         else:
             figure = Figure(figsize=(width, 1.65 * width), layout="constrained")
             shares, plan = figure.subplots(2, 1, height_ratios=(1.0, 1.5))
-        _draw_shares(shares, sets)
-        failed, title = _find_met(cases) if searched is None else _find_confirmed(searched)
+        _draw_shares(shares, design.sets)
+        searched = design.searched
+        failed, title = _find_met(design.cases) if searched is None else _find_confirmed(searched)
         _draw_plan(plan, sensors, context, failed)
         plan.set_title(wrap(title, 30))
     return figure
@@ -250,30 +235,9 @@ def _draw_plan(
     corners = [to_page(outline_part(part)) for part in context.parts]
     reach = max(float(abs(points).max()) for points in corners) + REACH_M
     frame_axes(axes, (-reach, reach, -reach, reach))
-    _number_sensors(axes, sensors, failed, reach)
+    labels = sensors.assign(label=sensors["sensor"], bold=sensors["sensor"].isin(failed))
+    label_sensors(axes, labels, 0.85 * reach, 0.14 * reach)
     axes.set(xlabel=AXES[0], ylabel=AXES[1])
     kinds = [(VERMILLION, "failed"), (BLUE, "works")] if failed else [(BLUE, "sensor")]
     handles = [Patch(fc=colour, alpha=0.6, label=label) for colour, label in kinds]
     axes.legend(handles=handles, frameon=False, loc="lower center", ncols=2)
-
-
-def _number_sensors(
-    axes: Axes, sensors: pd.DataFrame, failed: tuple[int, ...], reach: float
-) -> None:
-    """Write the numbers of the sensors at both sides of the robot, with lines to them."""
-    apart = 0.14 * reach
-    for side in (1.0, -1.0):
-        own = sensors[(sensors["y_m"] >= 0.0) == (side > 0.0)].sort_values("x_m")
-        levels = spread(own["x_m"].tolist(), apart)
-        for row, level in zip(own.to_dict("records"), levels, strict=True):
-            end = side * 0.85 * reach
-            axes.plot([row["y_m"], end], [row["x_m"], level], color="0.3", lw=0.4, zorder=3)
-            axes.text(
-                end,
-                level,
-                f" {row['sensor']} ",
-                fontsize="small",
-                weight="bold" if row["sensor"] in failed else "normal",
-                ha="right" if side > 0 else "left",
-                va="center",
-            )

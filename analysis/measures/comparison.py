@@ -1,14 +1,23 @@
-"""Treatments compared in pairs: tests, effect sizes and intervals, as a table."""
+"""Treatments compared in pairs: tests, effect sizes and intervals, as a table and in words."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from itertools import combinations
+from typing import Any
 
 import pandas as pd
 
 from evoros.base.arrays import Array
 
+from ..tables.quantities import FITNESS
 from .effect_sizes import a12_interval, name_magnitude
-from .statistics import holm, mann_whitney, median_interval, minimum_p
+from .statistics import (
+    LEVEL,
+    holm,
+    mann_whitney,
+    median_interval,
+    minimum_p,
+    minimum_replicates,
+)
 
 MEASURES = ("recorded", "validated")
 SIDE = ("n", "median", "median_low", "median_high")
@@ -64,3 +73,56 @@ def _describe_side(side: str, values: Array) -> dict[str, object]:
     median = median_interval(values)
     numbers = (values.size, median.value, median.low, median.high)
     return {f"{name}_{side}": number for name, number in zip(SIDE, numbers, strict=True)}
+
+
+def title_measure(measure: str, label: str = FITNESS) -> str:
+    """Name a column of the scores of runs; ``label`` is what the fitness is called."""
+    return f"{measure} {label}" if measure in MEASURES else f"{label} {measure}"
+
+
+def conclude(table: pd.DataFrame) -> list[str]:
+    """Return a conclusion, one sentence, for each row of ``compare_treatments``.
+
+    If no pair of a measure has enough replicates, one sentence says so of all.
+    """
+    said: list[str] = []
+    for measure, rows in table.groupby("measure", sort=False):
+        pairs = rows.to_dict("records")
+        if len(pairs) > 1 and (rows["least_p_holm"] >= LEVEL).all():
+            counts = [row[name] for row in pairs for name in ("n_a", "n_b")]
+            said.append(
+                f"{title_measure(str(measure))}, {len(pairs)} pairs: too few replicates "
+                f"({min(counts)} to {max(counts)}) for any conclusion: at least "
+                f"{minimum_replicates(len(pairs))} in each are needed"
+            )
+        else:
+            said += [_conclude_pair(row, len(pairs)) for row in pairs]
+    return said
+
+
+def _conclude_pair(row: Mapping[Hashable, Any], pairs: int) -> str:
+    a, b = row["a"], row["b"]
+    measure = title_measure(row["measure"])
+    if not b:
+        return f"{measure}: all runs are of one treatment: nothing to compare"
+    head = f'{measure}, "{a}" against "{b}"'
+    if row["least_p_holm"] >= LEVEL:
+        return (
+            f"{head}: too few replicates ({row['n_a']} and {row['n_b']}) for any conclusion: at "
+            f"least {minimum_replicates(pairs)} in each are needed"
+        )
+    named = f", {row['magnitude']}" if row["magnitude"] else ""
+    result = f"{format_p(row['p_holm'])} (Holm), A12 = {format_effect(row)} (95 % interval){named}"
+    if row["p_holm"] >= LEVEL:
+        return f"{head}: no difference shown at the 5 % level: {result}"
+    return f'{head}: "{a if row["a12"] > 0.5 else b}" is higher: {result}'
+
+
+def format_effect(row: Mapping[Hashable, Any]) -> str:
+    """Format A12 and its interval."""
+    return f"{row['a12']:.2f} [{row['a12_low']:.2f}, {row['a12_high']:.2f}]"
+
+
+def format_p(p: float) -> str:
+    """Format a p."""
+    return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"

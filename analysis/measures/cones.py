@@ -95,10 +95,7 @@ def find_covered(sensors: pd.DataFrame, x: Array, y: Array, cell_m: float, reach
 
 
 def fit_window(
-    contexts: Iterable[FigureContext],
-    sensors: pd.DataFrame,
-    reach_m: float,
-    margin_m: float = 0.03,
+    contexts: Iterable[FigureContext], sensors: pd.DataFrame, reach_m: float, margin_m: float = 0.03
 ) -> Window:
     """Return the window that contains the robots and cones, symmetric about the x axis."""
     outlines = [outline_part(part) for context in contexts for part in context.parts]

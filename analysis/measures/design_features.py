@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pandas as pd
 
-from evoros.base.arrays import Array
 from evoros.storage.figure_context import Ring
 
 from .clusters import Clusters, compare_with_samples, find_clusters
@@ -101,11 +100,11 @@ def compare_with_random(table: pd.DataFrame, rings: Sequence[Ring] = ()) -> pd.D
 
 def _compare(best: pd.DataFrame, drawn: pd.DataFrame, radii: Sequence[float]) -> Iterator[Row]:
     for heading in HEADINGS_DEG:
-        interval = mean_interval(_numbers(best[heading]))
+        interval = mean_interval(best[heading].to_numpy(float))
         row = _row("coverage", interval, best, drawn, at=heading)
         yield {**row, "random": drawn[heading].mean()}
     seeing, drawn_seeing = best.dropna(subset="ahead"), drawn.dropna(subset="ahead")
-    row = _row("ahead", median_interval(_numbers(seeing.ahead)), seeing, drawn_seeing)
+    row = _row("ahead", median_interval(seeing.ahead.to_numpy(float)), seeing, drawn_seeing)
     p = _p(seeing.ahead, drawn_seeing.ahead)
     yield {**row, "random": drawn_seeing.ahead.median(), "p": p}
     for name in (FRONT, SIDE):
@@ -113,14 +112,14 @@ def _compare(best: pd.DataFrame, drawn: pd.DataFrame, radii: Sequence[float]) ->
     yield _share("redundant", best.redundant, drawn.redundant)
     for radius in radii:
         yield _share("pair within", best.closest_m <= radius, drawn.closest_m <= radius, radius)
-    row = _row("lost", mean_interval(_numbers(best.lost)), best, drawn)
+    row = _row("lost", mean_interval(best.lost.to_numpy(float)), best, drawn)
     yield {**row, "random": drawn.lost.mean(), "p": _p(best.lost, drawn.lost)}
 
 
 def _structure(best: pd.DataFrame, drawn: pd.DataFrame) -> Iterator[Row]:
     found = cluster_designs(best)
-    score = Interval(found.silhouette, np.nan, np.nan)
-    yield {**_row("clusters", Interval(found.count, np.nan, np.nan), best, drawn), "p": found.p}
+    score = Interval(found.silhouette)
+    yield {**_row("clusters", Interval(found.count), best, drawn), "p": found.p}
     yield {**_row("silhouette", score, best, drawn), "p": found.p}
     pool = compute_directions(drawn[HEADINGS_DEG].drop_duplicates())
     p = compare_with_samples(found.silhouette, len(best), pool)
@@ -152,11 +151,8 @@ def _row(name: str, interval: Interval, best: object, drawn: object, at: float =
 
 
 def _p(best: "pd.Series[float]", drawn: "pd.Series[float]") -> float:
-    return mann_whitney(_numbers(best), _numbers(drawn)) if len(best) and len(drawn) else np.nan
-
-
-def _numbers(column: "pd.Series[float]") -> Array:
-    return np.asarray(column, float)
+    known = len(best) and len(drawn)
+    return mann_whitney(best.to_numpy(float), drawn.to_numpy(float)) if known else np.nan
 
 
 def _adjust(frame: pd.DataFrame) -> "pd.Series[float]":

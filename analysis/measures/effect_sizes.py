@@ -48,7 +48,7 @@ def contrast_interval(cells: Sequence[Sample], weights: Sample) -> Interval:
     factors: Array = np.asarray(weights, float)
     value = float(sum(w * x.mean() for w, x in zip(factors, samples, strict=True)))
     if min(x.size for x in samples) < 2:
-        return Interval(value, np.nan, np.nan)
+        return Interval(value)
     parts = [w * w * x.var(ddof=1) / x.size for w, x in zip(factors, samples, strict=True)]
     total = float(sum(parts))
     if total == 0:

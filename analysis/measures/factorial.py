@@ -65,10 +65,10 @@ def permute_effects(
     tests = []
     for i, name in enumerate(names):
         others = [one, *(s for j, s in enumerate(sets) if j != i)]
-        tests.append(_test((name,), values, np.hstack(others), sets[i], cells, resamples))
+        tests.append(_test((name,), values, (np.hstack(others), sets[i], cells), resamples))
     if len(sets) == 2:
-        additive = np.hstack([one, *sets])
-        tests.append(_test(tuple(names), values, additive, cross, cells, resamples))
+        models = np.hstack([one, *sets]), cross, cells
+        tests.append(_test(tuple(names), values, models, resamples))
     return tests
 
 
@@ -87,14 +87,13 @@ def _basis(columns: Array) -> Array:
 
 
 def _test(
-    effect: tuple[str, ...],
-    values: Array,
-    without: Array,
-    columns: Array,
-    cells: Array,
-    resamples: int,
+    effect: tuple[str, ...], values: Array, models: tuple[Array, Array, Array], resamples: int
 ) -> EffectTest:
-    """Test what ``columns`` add to the model ``without`` them, against the scatter in cells."""
+    """Test what columns add to the model without them, against the scatter in cells.
+
+    ``models`` has the columns of the model without them, of the effect, and of the cells.
+    """
+    without, columns, cells = models
     reduced, full = _basis(without), _basis(cells)
     added = _basis(columns - reduced @ (reduced.T @ columns))
     freedom, error = added.shape[1], values.size - full.shape[1]

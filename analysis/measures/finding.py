@@ -1,10 +1,11 @@
 """A finding on a claim: number, interval, and a verdict by a rule."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from .statistics import Interval
+from .statistics import NOTHING, Interval
 
 SUPPORTED, NOT_SUPPORTED, UNKNOWN = "supported", "not supported", "cannot be said"
 BUILT_IN = "built in"
@@ -13,7 +14,6 @@ SHARE, DEGREES, NUMBER = "share", "deg", ""
 """Units of the measured values."""
 MIN_REPLICATES = 6
 """With fewer, even the whole range of a sample covers the median in less than 95 % of samples."""
-NOTHING = Interval(np.nan, np.nan, np.nan)
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,17 @@ class Finding:
     why: str
 
 
+class Against(NamedTuple):
+    """The values with which a rule compares; NaN: there is none."""
+
+    reference: float = np.nan  # a bound of the rule
+    random: float = np.nan  # the value of random designs
+    p: float = np.nan  # of the test in the rule
+
+
+NOTHING_ELSE = Against()
+
+
 @dataclass(frozen=True)
 class Claim:
     """A claim and the quantity that is measured for it."""
@@ -43,36 +54,21 @@ class Claim:
     unit: str = SHARE
 
     def conclude(
-        self,
-        measured: Interval,
-        n: int,
-        verdict: str,
-        why: str,
-        reference: float = np.nan,
-        p: float = np.nan,
-        random: float = np.nan,
+        self, measured: Interval, n: int, judged: tuple[str, str], against: Against = NOTHING_ELSE
     ) -> Finding:
-        """Return the finding; ``why`` mentions a small number of replicates."""
+        """Return the finding, of n replicates; ``judged`` are the verdict and its reason.
+
+        The reason mentions a small number of replicates.
+        """
+        verdict, why = judged
         if not np.isnan(measured.value) and n < MIN_REPLICATES:
             why += f"; {n} replicate{'' if n == 1 else 's'}"
-        return Finding(
-            self.text,
-            self.measure,
-            self.unit,
-            measured.value,
-            measured.low,
-            measured.high,
-            n,
-            reference,
-            random,
-            p,
-            verdict,
-            why,
-        )
+        measures = (self.text, self.measure, self.unit, measured.value, measured.low)
+        return Finding(*measures, measured.high, n, *against, verdict, why)
 
     def lack(self, data: str) -> Finding:
         """Return the finding without a value that names the missing data."""
-        return self.conclude(NOTHING, 0, UNKNOWN, f"needs {data}")
+        return self.conclude(NOTHING, 0, (UNKNOWN, f"needs {data}"))
 
 
 def judge_above(measured: Interval, bound: float) -> str:

@@ -23,9 +23,9 @@ from ..tables.validated import validate_champions
 from .design_features import describe_designs
 from .effect_sizes import contrast_interval
 from .finding import (
-    NOTHING,
     NUMBER,
     SHARE,
+    Against,
     Claim,
     Finding,
     judge_above,
@@ -33,7 +33,7 @@ from .finding import (
     require_beyond_random,
     require_replicates,
 )
-from .statistics import Interval, mean_interval, share_interval
+from .statistics import NOTHING, Interval, mean_interval, share_interval
 
 FEATURES = ("sensors", "ahead", "redundant", "closest_m", "lost")
 """Features of designs, see ``describe_designs``."""
@@ -63,34 +63,29 @@ def judge_own(claim: OwnClaim, study: Study, near: Near) -> Finding:
     The value is the mean over runs, or the difference of two such means, of the champions.
     Supported: the interval is beyond the threshold, and the champions are beyond their own random
     designs in the same direction. Not supported: the interval is on the other side.
-
-    Raises:
-        InputError: there is no such measure, factor, level or treatment.
     """
     values = measure_runs(claim.measure, study, near, claim.place)
     groups = [claim.treatments, *([claim.against] if claim.against else [])]
     sides = []
     for group in groups:
         names = [record.name for record in group.select(study, claim.place)]
-        known = values[values.index.isin(names) & values.value.notna()]
-        sides.append(known)
+        sides.append(values[values.index.isin(names) & values.value.notna()])
     about = " less ".join(filter(None, (group.describe() or "all runs" for group in groups)))
-    stated = Claim(
-        claim.text,
-        f"{title_measure(claim.measure)}, {about}",
-        SHARE if claim.measure in SHARES else NUMBER,
-    )
+    unit = SHARE if claim.measure in SHARES else NUMBER
+    stated = Claim(claim.text, f"{title_measure(claim.measure)}, {about}", unit)
     if min(map(len, sides)) < 2:
         return stated.lack(f"two finished runs each with {claim.measure} of {about}")
-    measured = _estimate([_numbers(side.value) for side in sides])
+    measured = _estimate([side.value.to_numpy(float) for side in sides])
     verdict = require_replicates(_judge(claim, measured), *map(len, sides))
     reference = claim.low if claim.low == claim.high else np.nan
-    why = f"{claim.comparison} {_describe_bounds(claim)}"
+    bounds = dict.fromkeys((f"{claim.low:g}", f"{claim.high:g}"))
+    why = f"{claim.comparison} {' to '.join(bounds)}"
     rate, excess = _compare_with_random(sides)
     if not np.isnan(excess.value):
         why += f"; against random designs {excess.value:+.2g} [{excess.low:.2g}, {excess.high:.2g}]"
         verdict, why = require_beyond_random(verdict, why, _is_beyond(claim, excess))
-    return stated.conclude(measured, min(map(len, sides)), verdict, why, reference, random=rate)
+    judged, n = (verdict, why), min(map(len, sides))
+    return stated.conclude(measured, n, judged, Against(reference, rate))
 
 
 def title_measure(measure: str) -> str:
@@ -103,16 +98,14 @@ def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval
 
     Both are NaN if a run has no such value.
     """
-    random = [_numbers(side.random) for side in sides]
+    random = [side.random.to_numpy(float) for side in sides]
     if any(np.isnan(drawn).any() for drawn in random):
         return np.nan, NOTHING
     rate = float(random[0].mean() - sum(drawn.mean() for drawn in random[1:]))
     pairs = zip(sides, random, strict=True)
-    return rate, _estimate([_numbers(side.value) - drawn for side, drawn in pairs], plain=True)
-
-
-def _numbers(column: "pd.Series[float]") -> Array:
-    return np.asarray(column, float)
+    return rate, _estimate(
+        [side.value.to_numpy(float) - drawn for side, drawn in pairs], plain=True
+    )
 
 
 def _estimate(samples: Sequence[Array], plain: bool = False) -> Interval:
@@ -129,7 +122,7 @@ def _judge(claim: OwnClaim, measured: Interval) -> str:
     if claim.comparison == ABOVE:
         return judge_above(measured, claim.high)
     if claim.comparison == BELOW:
-        return judge_above(Interval(-measured.value, -measured.high, -measured.low), -claim.low)
+        return judge_above(-measured, -claim.low)
     return judge_within(measured, claim.low, claim.high)
 
 
@@ -139,17 +132,10 @@ def _is_beyond(claim: OwnClaim, excess: Interval) -> bool:
     return {ABOVE: above, BELOW: below}.get(claim.comparison, above or below)
 
 
-def _describe_bounds(claim: OwnClaim) -> str:
-    return f"{claim.low:g}" if claim.low == claim.high else f"{claim.low:g} to {claim.high:g}"
-
-
 def measure_runs(measure: str, study: Study, near: Near, place: str) -> pd.DataFrame:
     """Measure each run: ``value`` of its champion and ``random``, the mean of its random designs.
 
     The index is the name of the run; NaN: not known.
-
-    Raises:
-        InputError: there is no such measure.
     """
     readers: Mapping[str, Callable[[], pd.DataFrame]] = {
         **dict.fromkeys(FITNESS, lambda: _measure_fitness(measure, study)),

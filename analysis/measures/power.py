@@ -1,6 +1,7 @@
 """How many replicates detect a difference: simulations from the replicates at hand."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -93,16 +94,9 @@ class Simulation:
         ``difference`` is in standard deviations. Infinity: more than ``MAX_REPLICATES``.
         """
 
-        def suffices(n: int) -> bool:
-            return self.compute_power(difference, n) >= power
-
-        if not suffices(MAX_REPLICATES):
-            return np.inf
-        low, high = 1, MAX_REPLICATES  # low is too few
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (low, middle) if suffices(middle) else (middle, high)
-        return high
+        numbers = range(1, MAX_REPLICATES + 1)  # 1 is too few
+        found = bisect_left(numbers, power, 1, key=lambda n: self.compute_power(difference, n))
+        return numbers[found] if found < len(numbers) else np.inf
 
 
 def find_critical(n: int, level: float) -> int:
@@ -119,16 +113,7 @@ def find_critical(n: int, level: float) -> int:
         first: Array = np.array(above[:n], dtype=np.float64) + np.arange(n) * 1e-6
         return mann_whitney(first, second)
 
-    return _bisect(lambda u: compute_p(u) < level, n * n // 2)
-
-
-def _bisect(holds: Callable[[int], bool], end: int) -> int:
-    """Return the greatest number up to ``end`` for which a falling condition holds; or -1."""
-    low, high = -1, end + 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
+    return bisect_left(range(n * n // 2 + 1), level, key=compute_p) - 1
 
 
 def plan_replicates(

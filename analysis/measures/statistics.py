@@ -11,6 +11,7 @@ from math import comb
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from evoros.base.arrays import Array
@@ -26,7 +27,8 @@ MAX_PAIRS = 30_000
 """Maximum number of pairs of values for the exact test; more would take many seconds."""
 MAGNITUDES = ((0.21, "large"), (0.14, "medium"), (0.06, "small"), (0.0, "negligible"))
 """By the distance of A12 from 0.5: Vargha and Delaney (2000), J. Educ. Behav. Stat. 25, 101-132."""
-Sample = Sequence[float] | Array
+Numbers = NDArray[np.floating[Any]]
+Sample = Sequence[float] | Numbers
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,20 @@ class Interval:
     """An estimate and the bounds of its interval; NaN if there are too few values to resample."""
 
     value: float
-    low: float
-    high: float
+    low: float = np.nan
+    high: float = np.nan
+
+    def __neg__(self) -> "Interval":
+        return Interval(-self.value, -self.high, -self.low)
+
+    def write(self, form: str = ".2f") -> str:
+        """Write the estimate, and its bounds if they are known."""
+        bounds = f" [{self.low:{form}}, {self.high:{form}}]" if self.low <= self.high else ""
+        return f"{self.value:{form}}{bounds}"
+
+
+NOTHING = Interval(np.nan)
+"""What is not known."""
 
 
 def mann_whitney(x: Sample, y: Sample) -> float:
@@ -47,7 +61,7 @@ def mann_whitney(x: Sample, y: Sample) -> float:
     permutation method rejects samples of one value, so that small samples with ties are
     enumerated here.
     """
-    x, y = np.asarray(x, float), np.asarray(y, float)
+    x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     tied = np.unique([*x, *y]).size < x.size + y.size
     if tied and comb(x.size + y.size, x.size) <= MAX_SPLITS:
         return _enumerate_splits(x, y)
@@ -55,7 +69,7 @@ def mann_whitney(x: Sample, y: Sample) -> float:
     return float(stats.mannwhitneyu(x, y, alternative="two-sided", method=method).pvalue)
 
 
-def _enumerate_splits(x: Array, y: Array) -> float:
+def _enumerate_splits(x: Numbers, y: Numbers) -> float:
     ranks = stats.rankdata([*x, *y])  # multiples of 0.5, so that their sums are exact
     observed = ranks[: x.size].sum()
     sums = np.array(list(combinations(ranks, x.size))).sum(axis=1)
@@ -117,7 +131,7 @@ def spearman(x: Sample, y: Sample) -> Interval:
 def share_interval(count: int, total: int) -> Interval:
     """Return a share and its Wilson interval (Wilson 1927, J. Am. Stat. Assoc. 22, 209-212)."""
     if not total:
-        return Interval(np.nan, np.nan, np.nan)
+        return NOTHING
     bounds = stats.binomtest(count, total).proportion_ci(1 - LEVEL, method="wilson")
     return Interval(count / total, float(bounds.low), float(bounds.high))
 
@@ -136,8 +150,6 @@ def ratio_interval(parts: Sample, wholes: Sample) -> Interval:
     Each replicate has one value of either. Replicates are resampled as a unit, so that values of
     one replicate are not taken as independent.
     """
-    if len(parts) == 1:
-        return Interval(float(_ratio(np.asarray(parts), np.asarray(wholes))), np.nan, np.nan)
     return _bootstrap(_ratio, parts, wholes)
 
 
@@ -164,8 +176,7 @@ def _bootstrap(statistic: Callable[..., Any], *samples: Sample) -> Interval:
     values = [np.asarray(sample, float) for sample in samples]
     n = len(values[0])
     if n < 2:
-        single = float(values[0][0]) if n and len(values) == 1 else np.nan
-        return Interval(single, np.nan, np.nan)
+        return Interval(float(statistic(*values, axis=-1))) if n else NOTHING
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", stats.DegenerateDataWarning)  # about NaN resamples
         value = float(statistic(*values, axis=-1))
@@ -181,7 +192,7 @@ def _bootstrap(statistic: Callable[..., Any], *samples: Sample) -> Interval:
         ).bootstrap_distribution
     known = resampled[~np.isnan(resampled)]
     if not known.size:
-        return Interval(value, np.nan, np.nan)
+        return Interval(value)
     low, high = np.quantile(known, [LEVEL / 2, 1 - LEVEL / 2])
     return Interval(value, float(low), float(high))
 

@@ -6,9 +6,8 @@ import pandas as pd
 
 from evoros.base.errors import InputError, single_line
 
-from ..figures.compare import conclude
 from ..figures.scores import score_runs
-from ..measures.comparison import compare_treatments
+from ..measures.comparison import compare_treatments, conclude
 from ..measures.statistics import median_interval
 from ..tables.quantities import FITNESS, label_fitness
 from ..tables.study import Study
@@ -19,10 +18,7 @@ VALIDATED, RECORDED = "validated", "recorded"
 def list_findings(study: Study) -> tuple[list[str], str]:
     """Return the findings of the runs, and why there are none, which is empty if there are some."""
     if not study.records:
-        return (
-            [],
-            "There are no runs to compare: give their folders besides the evaluations.",
-        )
+        return ([], "There are no runs to compare: give their folders besides the evaluations.")
     try:
         runs, measures = score_runs(study, None)
         measure = next(name for name in (VALIDATED, RECORDED) if name in measures)
@@ -40,10 +36,8 @@ def _describe_treatments(runs: pd.DataFrame, measure: str) -> Iterator[str]:
     by = runs.dropna(subset=measure).groupby("treatment", sort=False)[measure]
     for treatment in by.median().sort_values(ascending=False).index:
         values = by.get_group(treatment).to_numpy(float)
-        median = median_interval(values)
-        bounds = f" [{median.low:.2f}, {median.high:.2f}]" if median.low <= median.high else ""
-        runs_of = f"{values.size} run" + "s" * (values.size > 1)
-        yield f"{treatment}: median {measure} fitness {median.value:.2f}{bounds} of {runs_of}"
+        runs_of = f"{median_interval(values).write()} of {values.size} run"
+        yield f"{treatment}: median {measure} fitness {runs_of}" + "s" * (values.size > 1)
 
 
 def _describe_best(study: Study) -> Iterator[str]:

@@ -7,7 +7,6 @@ from functools import partial
 from markupsafe import Markup
 
 from ..drawing.gallery import choose_apart
-from ..tables.records import Record
 from ..tables.shown import read_shown
 from ..tables.study import Study
 from .maps import DesignMap
@@ -52,8 +51,8 @@ def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: flo
         record, design = chosen.designs[index]
         key = (record.name, design)
         if key not in missions.playbacks:
-            encode = partial(_encode, design=design, missions=missions)
-            data = dict(study.read_each([record], encode)).get(record)
+            shown = dict(study.read_each([record], partial(read_shown, design=design)))
+            data = encode_shown(shown[record], MAX_RECORDS, missions.grounds) if shown else None
             if data is None or size + len(data) > max_bytes:
                 continue
             size += len(data)
@@ -63,16 +62,12 @@ def collect_missions(maps: Mapping[str, DesignMap], study: Study, max_bytes: flo
     return missions
 
 
-def _encode(record: Record, design: int, missions: Missions) -> Markup:
-    return encode_shown(read_shown(record, design), MAX_RECORDS, missions.grounds)
-
-
 def _take_turns(maps: Mapping[str, DesignMap]) -> Iterator[tuple[str, int]]:
     """Yield the name of a map and the number of a playable mark of it."""
     orders = {}
-    for name, each in maps.items():
-        playable = [i for i, mark in enumerate(each.marks) if mark.playable]
-        apart = choose_apart(each.points[playable], len(playable)) if playable else []
+    for name, chosen in maps.items():
+        playable = [i for i, mark in enumerate(chosen.marks) if mark.playable]
+        apart = choose_apart(chosen.points[playable], len(playable)) if playable else []
         orders[name] = [playable[i] for i in apart]
     for turn in range(max(map(len, orders.values()), default=0)):
         for name, order in orders.items():

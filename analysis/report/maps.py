@@ -22,7 +22,7 @@ from evoros.base.errors import InputError
 
 from ..drawing.cells import LENGTHS as SHORT
 from ..drawing.gallery import LENGTHS
-from ..measures.cones import fit_window, outline_part, robot_length, trace_cones
+from ..measures.cones import fit_window, robot_length
 from ..subcommands import parse
 from ..tables.agents import choose_robot
 from ..tables.candidates import place_candidates
@@ -31,6 +31,7 @@ from ..tables.measured import Axis
 from ..tables.records import Record
 from ..tables.shown import has_missions
 from ..tables.study import Study
+from .pictures import draw_outline, draw_sensors
 from .playback import encode_parts, encode_sensors
 
 MOST_DRAWN = 18
@@ -41,9 +42,6 @@ CMAP = "viridis"
 FITNESS = "fitness"
 BETTER = {1.0: "more is better", -1.0: "less is better"}
 TITLES = {"archive": "Archive", "front": "Front"}
-_OUTLINE = Markup(
-    '<path d="{}" fill="{}" stroke="#000" stroke-width=".5" vector-effect="non-scaling-stroke"/>'
-)
 
 
 class Mark(NamedTuple):
@@ -122,9 +120,8 @@ def _map_archive(study: Study, options: argparse.Namespace) -> DesignMap:
     (x, y, cells), elites = archive.grid, archive.elites
     width = 100 / cells
     corners = elites[["cell_x", "cell_y"]].to_numpy(float) * width
-    return _make_map(
-        "archive", study, elites, (x, y), corners, width, (x.bounds, y.bounds), cells <= MOST_DRAWN
-    )
+    ground = _Ground("archive", (x, y), (x.bounds, y.bounds), width, drawn=cells <= MOST_DRAWN)
+    return _make_map(study, elites, corners, ground)
 
 
 def _map_front(study: Study, options: argparse.Namespace) -> DesignMap:
@@ -134,9 +131,10 @@ def _map_front(study: Study, options: argparse.Namespace) -> DesignMap:
     low, high = everything.min(axis=0), everything.max(axis=0)
     margin = MARGIN * np.where(high > low, high - low, 1.0)
     bounds = tuple(zip((low - margin).tolist(), (high + margin).tolist(), strict=True))
-    places = [_to_percent(points, bounds) for points in (front[columns], everything)]
-    dots = np.unique(np.round(places[1], 1), axis=0)[:MOST_DOTS]
-    return _make_map("front", study, front, (x, y), places[0], 0.0, bounds, False, dots)
+    places = _to_percent(everything, bounds)
+    dots = np.unique(np.round(places, 1), axis=0)[:MOST_DOTS].tolist()
+    ground = _Ground("front", (x, y), bounds, dots=[(across, up) for across, up in dots])
+    return _make_map(study, front, _to_percent(front[columns], bounds), ground)
 
 
 def _to_percent(points: Any, bounds: Sequence[tuple[float, float]]) -> Array:
@@ -145,81 +143,65 @@ def _to_percent(points: Any, bounds: Sequence[tuple[float, float]]) -> Array:
     return shares
 
 
-def _make_map(
-    name: str,
-    study: Study,
-    table: pd.DataFrame,
-    axes: tuple[Axis, Axis],
-    places: Array,
-    width: float,
-    bounds: Sequence[tuple[float, float]],
-    drawn: bool,
-    dots: Array | None = None,
-) -> DesignMap:
+class _Ground(NamedTuple):
+    """The axes of a map, and what is on it besides the marks."""
+
+    name: str
+    axes: tuple[Axis, Axis]
+    bounds: Sequence[tuple[float, float]]
+    width: float = 0.0  # of a mark, in percent; 0: marks are points
+    drawn: bool = False  # whether marks have pictures
+    dots: Sequence[tuple[float, float]] = ()  # of other designs, in percent
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """The labels of the axes; those of points tell which direction is better."""
+        x, y = (a.label if self.width else f"{a.label} ({BETTER[a.sign]})" for a in self.axes)
+        return x, y
+
+
+def _make_map(study: Study, table: pd.DataFrame, places: Array, ground: _Ground) -> DesignMap:
+    """Make a map of designs, whose marks are at ``places`` (n, 2), in percent."""
     records = [study.records[int(place)] for place in table.place]
-    numbers = [int(number) for number in table.id]
     designs = [
         place_candidates(table.loc[[row]], record)
         for row, record in zip(table.index, records, strict=True)
     ]
-    low, high = float(table.fitness.min()), float(table.fitness.max())
     context = study.records[0].context
     reach = SHORT * robot_length(context)
-    everything = pd.concat(designs)
-    x_low, x_high, _, y = fit_window([context], everything, reach)
-    pictures = [_draw(sensors, reach) if drawn else Markup() for sensors in designs]
-    marks = list(_list_marks(table, records, axes, places, width, pictures, len(study.records) > 1))
-    ticks = [list(_list_ticks(interval)) for interval in bounds]
+    x_low, x_high, _, side = fit_window([context], pd.concat(designs), reach)
+    x_ticks, y_ticks = (list(_list_ticks(interval)) for interval in ground.bounds)
+    low, high = float(table.fitness.min()), float(table.fitness.max())
+    shares = (table.fitness - low) / (high - low) if high > low else table.fitness * 0.0 + 1.0
+    pictures = [draw_sensors(own, reach) if ground.drawn else Markup() for own in designs]
+    marked = table.assign(
+        picture=pictures, colour=shares.map(_colour), record=pd.Series(records, table.index)
+    )
     return DesignMap(
-        name=name,
-        axes=_name_axes(axes, with_direction=not width),
-        ticks=(ticks[0], ticks[1]),
-        marks=marks,
-        dots=[] if dots is None else [(float(a), float(b)) for a, b in dots],
-        designs=list(zip(records, numbers, strict=True)),
-        data=_encode_designs(study, table, axes, designs),
+        name=ground.name,
+        axes=ground.labels,
+        ticks=(x_ticks, y_ticks),
+        marks=list(_list_marks(marked, places, ground, len(study.records) > 1)),
+        dots=list(ground.dots),
+        designs=[(record, int(number)) for record, number in zip(records, table.id, strict=True)],
+        data=_encode_designs(study, table, ground.axes, designs),
         low=low,
         high=high,
-        view_box=f"{-y:.3f} {-x_high:.3f} {2 * y:.3f} {x_high - x_low:.3f}",
-        outline=Markup("").join(
-            _OUTLINE.format(_trace(outline_part(part)), "#595959" if part.wheel else "#f7f7f7")
-            for part in sorted(context.parts, key=lambda part: part.top_m)
-        ),
+        view_box=f"{-side:.3f} {-x_high:.3f} {2 * side:.3f} {x_high - x_low:.3f}",
+        outline=draw_outline(context),
     )
 
 
 def _list_marks(
-    table: pd.DataFrame,
-    records: Sequence[Record],
-    axes: tuple[Axis, Axis],
-    places: Array,
-    width: float,
-    pictures: Sequence[Markup],
-    several: bool,
+    table: pd.DataFrame, places: Array, ground: _Ground, several: bool
 ) -> Iterator[Mark]:
-    """Yield a mark for each row of the table, coloured by its share of the span of fitness.
-
-    With ``several`` runs in the study, the name of a mark has its run.
-    """
-    low, high = float(table.fitness.min()), float(table.fitness.max())
-    for (x, y), (_, row), record, picture in zip(
-        np.round(places, 3).tolist(), table.iterrows(), records, pictures, strict=True
-    ):
-        title = _name(row, record, several)
-        share = (row["fitness"] - low) / (high - low) if high > low else 1.0
-        label = ", ".join([title, *(f"{a.label} {row[a.column]:.2f}" for a in axes)])
-        playable = has_missions(record, int(row["id"]))
-        yield Mark(x, y, width, width, _colour(share), title, label, playable, picture)
-
-
-def _name_axes(axes: tuple[Axis, Axis], with_direction: bool) -> tuple[str, str]:
-    x, y = (f"{a.label} ({BETTER[a.sign]})" if with_direction else a.label for a in axes)
-    return x, y
-
-
-def _name(row: "pd.Series[Any]", record: Record, several: bool) -> str:
-    run = f" of {record.name}" if several else ""
-    return f"design {row['id']}{run}, fitness {row['fitness']:.2f}"
+    """Yield the mark of each design; of several runs, its name has the run."""
+    for row, (x, y) in zip(table.to_dict("records"), places.round(3).tolist(), strict=True):
+        run = f" of {row['record'].name}" if several else ""
+        name = f"design {row['id']}{run}, fitness {row['fitness']:.2f}"
+        label = ", ".join([name, *(f"{a.label} {row[a.column]:.2f}" for a in ground.axes)])
+        looks = row["colour"], name, label, has_missions(row["record"], row["id"]), row["picture"]
+        yield Mark(x, y, ground.width, ground.width, *looks)
 
 
 def _encode_designs(
@@ -227,39 +209,22 @@ def _encode_designs(
 ) -> Markup:
     """Encode what is drawn and written beside the map of each design."""
     context = study.records[0].context
-    content = {
-        "parts": encode_parts(context),
-        "reach": LENGTHS * robot_length(context),
-        "designs": [
-            {
-                "run": study.records[int(row["place"])].name,
-                "design": int(row["id"]),
-                "values": [
-                    [f"{FITNESS}, recorded", f"{row['fitness']:.3f}"],
-                    *(
-                        [axis.label, f"{row[axis.column]:.3f}"]
-                        for axis in axes
-                        if axis.label != FITNESS
-                    ),
-                ],
-                "sensors": list(encode_sensors(sensors)),
-            }
-            for (_, row), sensors in zip(table.iterrows(), designs, strict=True)
-        ],
-    }
+    shown = [axis for axis in axes if axis.label != FITNESS]
+    encoded = [
+        {
+            "run": study.records[int(row["place"])].name,
+            "design": int(row["id"]),
+            "values": [
+                [f"{FITNESS}, recorded", f"{row['fitness']:.3f}"],
+                *([axis.label, f"{row[axis.column]:.3f}"] for axis in shown),
+            ],
+            "sensors": list(encode_sensors(sensors)),
+        }
+        for row, sensors in zip(table.to_dict("records"), designs, strict=True)
+    ]
+    reach = LENGTHS * robot_length(context)
+    content = {"parts": encode_parts(context), "reach": reach, "designs": encoded}
     return htmlsafe_json_dumps(content, separators=(",", ":"))
-
-
-def _draw(sensors: pd.DataFrame, reach_m: float) -> Markup:
-    """Return the cones and the places of sensors, as elements of SVG."""
-    cones = "".join(_trace(cone) for cone in trace_cones(sensors, reach_m))
-    dots = "".join(f"M{-y:.3f} {-x:.3f}h0" for x, y in sensors[["x_m", "y_m"]].to_numpy(float))
-    return Markup('<path class="cone" d="{}"/><path class="dot" d="{}"/>').format(cones, dots)
-
-
-def _trace(outline: Array) -> str:
-    """Return the path of a polygon in the robot's frame: nose up, left on the left."""
-    return "M" + "L".join(f"{-y:.3f} {-x:.3f}" for x, y in outline.tolist()) + "Z"
 
 
 def _colour(share: float) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
-from evoros.base.resources import expand_home
+from evoros.files.resources import expand_home
 
 from ..product import Product
 from ..subcommands import EXPORTS, SUBCOMMANDS
@@ -21,13 +21,7 @@ from .maps import TITLES, DesignMap, make_maps
 from .outline import common_choices, outline, tabulate_differences
 from .playback import Json, select_playbacks
 from .section import render_section
-from .summary import (
-    label_runs,
-    summarize,
-    tabulate_evaluations,
-    tabulate_runs,
-    tabulate_versions,
-)
+from .summary import label_runs, summarize, tabulate_evaluations, tabulate_runs, tabulate_versions
 from .templates import format_table, read_asset, render
 
 HELP = "one HTML page with everything, and the champions' missions to be played"
@@ -49,22 +43,16 @@ SCRIPTS = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the size of the missions that can be played."""
-    parser.add_argument(
-        "--replays",
-        type=float,
-        default=3.0,
-        metavar="MB",
-        help="size of the missions in the page: the best run of each treatment, which is always "
-        "included, then the others, as far as they fit; 3",
+    about = (
+        "size of the missions in the page: the best run of each treatment, which is always "
+        "included, then the others, as far as they fit; 3"
     )
-    parser.add_argument(
-        "--designs",
-        type=float,
-        default=3.0,
-        metavar="MB",
-        help="size of the missions of designs in an archive and a front, as many as fit, from one "
-        "that lies apart to the next; 3",
+    parser.add_argument("--replays", type=float, default=3.0, metavar="MB", help=about)
+    about = (
+        "size of the missions of designs in an archive and a front, as many as fit, from one "
+        "that lies apart to the next; 3"
     )
+    parser.add_argument("--designs", type=float, default=3.0, metavar="MB", help=about)
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:

@@ -1,19 +1,27 @@
-"""Figures as elements of an HTML page."""
+"""Figures and designs as elements of an HTML page."""
 
 import base64
 import io
 import re
 from xml.etree import ElementTree
 
+import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from evoros.base.arrays import Array
+from evoros.storage.figure_context import FigureContext
+
 from ..drawing.style import save
+from ..measures.cones import outline_part, trace_cones
 
 MAX_SVG = 1_000_000
 """Maximum size in bytes of an embedded SVG; larger figures become PNGs."""
 SCALE = 1.5  # enlargement for screens, which are farther away than paper
 _CSS_PER_IN, _PT_PER_IN = 96, 72
+_OUTLINE = Markup(
+    '<path d="{}" fill="{}" stroke="#000" stroke-width=".5" vector-effect="non-scaling-stroke"/>'
+)
 _NAMESPACE = re.compile(r"\{[^}]*\}")
 
 
@@ -72,3 +80,23 @@ def _set_width(root: ElementTree.Element, name: str) -> None:
     width = points * _CSS_PER_IN / _PT_PER_IN * SCALE
     root.attrib.pop("height")
     root.attrib |= {"style": f"width:{width:.0f}px", "role": "img", "aria-label": name}
+
+
+def draw_outline(context: FigureContext) -> Markup:
+    """Return the parts of a robot from above, as elements of SVG."""
+    return Markup("").join(
+        _OUTLINE.format(_trace(outline_part(part)), "#595959" if part.wheel else "#f7f7f7")
+        for part in sorted(context.parts, key=lambda part: part.top_m)
+    )
+
+
+def draw_sensors(sensors: pd.DataFrame, reach_m: float) -> Markup:
+    """Return the cones and the places of sensors, as elements of SVG."""
+    cones = "".join(_trace(cone) for cone in trace_cones(sensors, reach_m))
+    dots = "".join(f"M{-y:.3f} {-x:.3f}h0" for x, y in sensors[["x_m", "y_m"]].to_numpy(float))
+    return Markup('<path class="cone" d="{}"/><path class="dot" d="{}"/>').format(cones, dots)
+
+
+def _trace(outline: Array) -> str:
+    """Return the path of a polygon in the robot's frame: nose up, left on the left."""
+    return "M" + "L".join(f"{-y:.3f} {-x:.3f}" for x, y in outline.tolist()) + "Z"

@@ -15,8 +15,8 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
 from evoros.base.arrays import Array
+from evoros.filter.protocol import ENDS, GROWS
 from evoros.geometry.footprint import project_shape, top_height
-from evoros.storage.fault_effects import ENDS, GROWS
 from evoros.storage.figure_context import FigureContext
 from evoros.world.course import Course
 from evoros.world.model import World
@@ -67,11 +67,7 @@ def select_playbacks(study: Study, max_bytes: float) -> dict[str, Markup]:
 
 
 def encode_playback(record: Record) -> Markup:
-    """Encode the missions of a finished run's champion as JSON for a ``script`` element.
-
-    Raises:
-        InputError: a file of the champion is missing or damaged, or no mission could be run.
-    """
+    """Encode the missions of a finished run's champion as JSON for a ``script`` element."""
     return encode_shown(read_champion_shown(record))
 
 

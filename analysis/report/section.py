@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from evoros.base.errors import InputError, single_line
-from evoros.base.log import LOGGER
+from evoros.terminal.log import LOGGER
 
 from ..robot_choice import make_product
 from ..subcommands import import_subcommand, parse

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from evoros.base.errors import InputError, single_line
-from evoros.base.log import LOGGER
+from evoros.terminal.log import LOGGER
 
 from ..tables.records import EvaluationRecord, Record
 from ..tables.study import Study

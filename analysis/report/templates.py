@@ -55,7 +55,8 @@ def _format_column(column: pd.Series) -> tuple[bool, list[str]]:
     if values.dtype.kind in "iu":
         return True, [str(value) for value in values]
     if values.dtype.kind != "f":
-        return False, ["" if pd.isna(value) else _format_value(value) for value in column]
+        known = column.astype(object).replace({True: "yes", False: "no"})
+        return False, ["" if pd.isna(value) else str(value) for value in known]
     sizes = np.abs(values[np.isfinite(values) & (values != 0)])
     decimals = max(0, 3 - math.floor(math.log10(sizes.max()))) if sizes.size else 0
     whole = bool(np.all(sizes == np.round(sizes)))
@@ -63,7 +64,3 @@ def _format_column(column: pd.Series) -> tuple[bool, list[str]]:
     if sizes.size and not whole and sizes.min() < 10.0**-decimals:
         form = ".3g"
     return True, ["" if math.isnan(value) else format(value, form) for value in values]
-
-
-def _format_value(value: object) -> str:
-    return ("yes" if value else "no") if isinstance(value, bool | np.bool_) else str(value)

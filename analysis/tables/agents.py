@@ -10,16 +10,12 @@ import pandas as pd
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run
-from evoros.storage.tables import (
-    AGENT,
-    CANDIDATE_COLUMNS,
-    MEASURED_COLUMNS,
-    MISSION_COLUMNS,
-)
+from evoros.storage.tables import AGENT, CANDIDATE_COLUMNS, MEASURED_COLUMNS, MISSION_COLUMNS
 
 from .records import Record
-from .robots import find_designed, select_robot, select_trajectory
+from .robots import select_robot, select_trajectory
 from .study import AnyRecord, Study
+from .tracks import read_track
 from .treatments import SINGLE
 
 FIRST = "first robot"
@@ -77,11 +73,7 @@ class AgentRun(Run):
 
 
 def select_agent(record: AnyRecord, name: str) -> AnyRecord:
-    """Return the record of a run as one of its agents has it.
-
-    Raises:
-        InputError: the run has no such agent.
-    """
+    """Return the record of a run as one of its agents has it."""
     if name not in record.context.agents:
         raise InputError(
             f"{record.path}: must have the agent {name!r}, but has "
@@ -97,13 +89,32 @@ def select_agent(record: AnyRecord, name: str) -> AnyRecord:
     )
 
 
-def list_others(record: Record) -> list[Record]:
-    """Return the records of the other robots of a run, of which this is one's."""
-    first = record
+def find_designed(record: AnyRecord, name: str) -> str:
+    """Return the name of the robot whose design an agent has: its own, or the first one's."""
+    own = any(key.startswith(f"agents.{name}.design.") for key in record.values)
+    return name if own else ""
+
+
+def list_robots(record: Record) -> list[Record]:
+    """Return the records of all robots of a run, of which this is one's."""
+    whole = record
     if isinstance(record.run, AgentRun):
-        first = replace(record, run=record.run.whole, context=record.run.context, agent="")
-    robots = [first, *(select_agent(first, name) for name in first.context.agents)]
-    return [robot for robot in robots if robot.agent != record.agent]
+        whole = replace(record, run=record.run.whole, context=record.run.context, agent="")
+    return [whole, *(select_agent(whole, name) for name in whole.context.agents)]
+
+
+def read_tracks(record: Record, world: str) -> pd.DataFrame:
+    """Read the tracks of all robots; of several robots, the last column has the name.
+
+    Raises:
+        InputError: see ``read_track``.
+    """
+    robots = list_robots(record)
+    tracks = [read_track(robot.run, robot.context, world) for robot in robots]
+    if len(tracks) == 1:
+        return tracks[0]
+    named = [track.assign(agent=robot.agent) for track, robot in zip(tracks, robots, strict=True)]
+    return pd.concat([track for track in named if len(track)] or named[:1], ignore_index=True)
 
 
 def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
@@ -128,9 +139,6 @@ def choose_robot(study: Study, agent: str | None) -> Choice:
 
     This is the first robot, or the named agent. Runs without that agent are left out. If there are
     several robots, the treatments name the one that is shown.
-
-    Raises:
-        InputError: no run has such an agent.
     """
     several = (*study.records, *study.evaluations)
     known = list(dict.fromkeys(name for record in several for name in record.context.agents))

@@ -3,24 +3,17 @@
 import re
 from collections.abc import Iterator
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from evoros.base.errors import InputError
 
 from .designs import COLUMNS, TYPES, place_sensors
-
-if TYPE_CHECKING:
-    from .records import Record
+from .records import Record
 
 
-def read_generations(record: "Record") -> pd.DataFrame:
-    """Read a row for each candidate of each generation.
-
-    Raises:
-        InputError: no generation is finished.
-    """
+def read_generations(record: Record) -> pd.DataFrame:
+    """Read a row for each candidate of each generation."""
     table = record.run.generations
     if table.empty:
         raise InputError(
@@ -29,14 +22,14 @@ def read_generations(record: "Record") -> pd.DataFrame:
     return table
 
 
-def read_initial_sensors(record: "Record") -> pd.DataFrame:
+def read_initial_sensors(record: Record) -> pd.DataFrame:
     """Read the sensors of the random designs of generation 0."""
     table = read_generations(record)
     first = table[(table.generation == 0) & (table.operator == "initial")].drop_duplicates("id")
     return place_candidates(first, record)
 
 
-def place_candidates(candidates: pd.DataFrame, record: "Record") -> pd.DataFrame:
+def place_candidates(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
     """Place the sensors of candidates, each with the field of view and range that it evolved.
 
     ``candidates`` has rows of a generation's table; see ``place_sensors`` for what is returned.
@@ -49,7 +42,7 @@ def place_candidates(candidates: pd.DataFrame, record: "Record") -> pd.DataFrame
     return placed
 
 
-def _list_beam_genes(record: "Record") -> Iterator[tuple[str, str, str]]:
+def _list_beam_genes(record: Record) -> Iterator[tuple[str, str, str]]:
     """Yield each gene of a field of view or range, its type of sensor, and the column of both."""
     columns = {"fov_deg": "fov_deg", "range_max_m": "range_m"}
     for gene, key in record.context.genes.items():
@@ -59,7 +52,7 @@ def _list_beam_genes(record: "Record") -> Iterator[tuple[str, str, str]]:
             yield gene, value[1], columns[value[2]]
 
 
-def read_evolved(record: "Record", design: int) -> dict[str, float]:
+def read_evolved(record: Record, design: int) -> dict[str, float]:
     """Read the values that evolved beside the mounts of an individual, by key."""
     table = read_generations(record)
     row = table[table.id == design].iloc[:1]
@@ -67,13 +60,14 @@ def read_evolved(record: "Record", design: int) -> dict[str, float]:
     return {key: float(row[gene].iloc[0]) for gene, key in genes.items() if len(row)}
 
 
-def list_mounts(candidates: pd.DataFrame, record: "Record") -> pd.DataFrame:
+def list_mounts(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
     """List the mounts of candidates, twins included, with the columns of ``design.csv``.
 
     ``candidates`` has rows of a generation's table. Fixed sensors are those of all.
     """
     placed = [_fix(candidates, slot, record) for slot in range(-len(record.context.fixed), 0)]
-    slots = [_slot(candidates, slot, record) for slot in range(len(_slots(candidates)))]
+    count = sum(bool(re.fullmatch(r"sensor\d+_yaw_deg", str(name))) for name in candidates)
+    slots = [_slot(candidates, slot, record) for slot in range(count)]
     if record.context.mirrored:
         slots += [mount.assign(twin=1, y_m=-mount.y_m, yaw_deg=-mount.yaw_deg) for mount in slots]
     placed += slots
@@ -86,11 +80,7 @@ def list_mounts(candidates: pd.DataFrame, record: "Record") -> pd.DataFrame:
     return mounts.assign(sensor=mounts.groupby("design").cumcount())
 
 
-def _slots(candidates: pd.DataFrame) -> list[str]:
-    return [str(name) for name in candidates if re.fullmatch(r"sensor\d+_yaw_deg", str(name))]
-
-
-def _fix(candidates: pd.DataFrame, slot: int, record: "Record") -> pd.DataFrame:
+def _fix(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
     """List one fixed sensor; their slots are less than 0."""
     mount = record.context.fixed[slot]
     values = {**asdict(mount), "type": mount.sensor, "slot": slot, "twin": 0}
@@ -98,7 +88,7 @@ def _fix(candidates: pd.DataFrame, slot: int, record: "Record") -> pd.DataFrame:
     return pd.DataFrame({"design": candidates.id.to_numpy(), **values})
 
 
-def _slot(candidates: pd.DataFrame, slot: int, record: "Record") -> pd.DataFrame:
+def _slot(candidates: pd.DataFrame, slot: int, record: Record) -> pd.DataFrame:
     """List the sensors of one slot; values without a column are those of their region."""
     prefix = f"sensor{slot}_"
     mounts = candidates[[name for name in candidates if str(name).startswith((prefix, "id"))]]

@@ -1,22 +1,18 @@
 """What fresh draws say of a champion, from its certificate."""
 
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from evoros.base.errors import InputError
 from evoros.storage.verification import read_text
 
-if TYPE_CHECKING:
-    from .records import Record
+from .records import Record
 
 
-def describe_rates(record: "Record") -> dict[str, str]:
+def describe_rates(record: Record) -> dict[str, str]:
     """Describe, by world, how often the champion completed it on fresh draws, with the interval.
 
     Worlds without such draws are left out.
-
-    Raises:
-        InputError: the certificate is missing or damaged.
     """
     certificate = _read_certificate(record)
     return {
@@ -29,7 +25,7 @@ def describe_rates(record: "Record") -> dict[str, str]:
     }
 
 
-def _read_certificate(record: "Record") -> dict[str, Any]:
+def _read_certificate(record: Record) -> dict[str, Any]:
     path = record.path / "champion" / "certificate.json"
     try:
         return dict(json.loads(read_text(path)))

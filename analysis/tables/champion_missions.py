@@ -1,25 +1,17 @@
 """Missions of champions on fresh draws, from their own runs and from evaluations."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from .factors import name_part
-from .matching import (
-    find_differences,
-    identify_champion,
-    read_champion_genes,
-    select_conditions,
-)
+from .matching import find_differences, identify_champion, read_champion_genes, select_conditions
+from .records import EvaluationRecord, Record
+from .study import Study
 from .validated import Scores, read_evaluations
 
-if TYPE_CHECKING:
-    from .records import EvaluationRecord, Record
-    from .study import Study
 
-
-def list_missions(study: "Study") -> pd.DataFrame:
+def list_missions(study: Study) -> pd.DataFrame:
     """List the missions of champions on fresh draws under the failure of their evolution.
 
     Columns: ``run``; ``kind`` of its failure; ``source``, where the missions were run; ``failed``,
@@ -38,7 +30,7 @@ def list_missions(study: "Study") -> pd.DataFrame:
     return table.drop_duplicates(["source", "run", "draws"], ignore_index=True)
 
 
-def list_random_missions(study: "Study") -> pd.DataFrame:
+def list_random_missions(study: Study) -> pd.DataFrame:
     """List the missions of the random designs of generation 0 of each run.
 
     They were not selected by them, so that luck is no part of the outcome. Columns: ``kind``,
@@ -58,7 +50,7 @@ def list_random_missions(study: "Study") -> pd.DataFrame:
     return pd.concat([frame for frame in frames if len(frame)] or frames, ignore_index=True)
 
 
-def _sources(record: "Record", evaluations: list[Scores]) -> Iterator[tuple[str, pd.DataFrame]]:
+def _sources(record: Record, evaluations: list[Scores]) -> Iterator[tuple[str, pd.DataFrame]]:
     """Yield the missions of a run's champion by their source: the run, then evaluations."""
     missions = record.run.missions
     best = record.run.champion.design.iloc[0]
@@ -72,14 +64,14 @@ def _sources(record: "Record", evaluations: list[Scores]) -> Iterator[tuple[str,
             yield f"evaluated in {simulator}", _select_champion(evaluation, designs, record)
 
 
-def classify_failure(record: "Record") -> str:
+def classify_failure(record: Record) -> str:
     """Classify a run's failure: spatial if it has rings of damage, else its choice."""
     name = name_part("failure", record.values, record.choices)
     return "spatial" if record.context.rings and name != "combined" else name
 
 
 def _select_champion(
-    evaluation: "EvaluationRecord", designs: pd.DataFrame, record: "Record"
+    evaluation: EvaluationRecord, designs: pd.DataFrame, record: Record
 ) -> pd.DataFrame:
     """Select the missions of a run's champion in an evaluation."""
     content = identify_champion(record)
@@ -90,7 +82,7 @@ def _select_champion(
     return missions[[name in keys for name in names]]
 
 
-def _has_conditions_of(evaluation: "EvaluationRecord", record: "Record") -> bool:
+def _has_conditions_of(evaluation: EvaluationRecord, record: Record) -> bool:
     """Whether an evaluation has the conditions of a run, in any simulator."""
     differing = find_differences(select_conditions(evaluation), select_conditions(record))
     evolved = read_champion_genes(record)

@@ -3,18 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from evoros.base.checks import is_number
 from evoros.base.errors import InputError
 
-from .conditions import Conditions, select_rows
+from .conditions import Conditions, read_levels, select_rows
 from .entries import read_entries
-from .factors import format_level
-
-if TYPE_CHECKING:
-    from .records import Record
-    from .study import Study
+from .records import Record
+from .study import Study
 
 ABOVE, BELOW, WITHIN = "above", "below", "within"
 KEYS = ("claim", "measure", "comparison", "threshold", "treatments", "against")
@@ -28,12 +24,8 @@ class Group:
     conditions: Conditions
     labels: tuple[str, ...] = ()
 
-    def select(self, study: "Study", place: str) -> "list[Record]":
-        """Select the finished runs of these treatments.
-
-        Raises:
-            InputError: there is no such factor, level or treatment.
-        """
+    def select(self, study: Study, place: str) -> list[Record]:
+        """Select the finished runs of these treatments."""
         unknown = [label for label in self.labels if label not in study.treatments]
         if unknown:
             raise InputError(
@@ -68,11 +60,7 @@ class OwnClaim:
 
 
 def read_claims(path: Path) -> list[OwnClaim]:
-    """Read the claims of a file.
-
-    Raises:
-        InputError: it cannot be read, or an entry is wrong.
-    """
+    """Read the claims of a file."""
     entries = read_entries(path, "claims", ", ".join(REQUIRED), "- claim: ...")
     return [_read(entry, f"{path}, entry {number}") for number, entry in enumerate(entries, 1)]
 
@@ -129,14 +117,7 @@ def _read_bounds(
 def _read_group(given: object, place: str) -> Group:
     """Read levels by factor, or labels."""
     if isinstance(given, Mapping):
-        pairs = {
-            str(name): tuple(
-                format_level({"": level}, "")
-                for level in (levels if isinstance(levels, list) else [levels])
-            )
-            for name, levels in given.items()
-        }
-        return Group(pairs)
+        return Group(read_levels(given))
     labels = [given] if isinstance(given, str) else given
     if isinstance(labels, list) and labels and all(isinstance(name, str) for name in labels):
         return Group({}, tuple(labels))

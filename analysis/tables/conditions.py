@@ -1,25 +1,19 @@
 """Conditions on runs, as ``failure=none,random``: by factors, and by any key of configurations."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 from evoros.base.errors import InputError
 
 from .factors import TARGET, Factor, find_factors, format_level, name_part
-
-if TYPE_CHECKING:
-    from .records import Record
+from .records import Record
 
 Conditions = Mapping[str, Sequence[str]]
 """The allowed levels by factor."""
 
 
 def parse_conditions(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Parse conditions ``FACTOR=LEVEL,LEVEL...``; those on the same factor are united.
-
-    Raises:
-        InputError: a text has no ``=``, or no level.
-    """
+    """Parse conditions ``FACTOR=LEVEL,LEVEL...``; those on the same factor are united."""
     conditions: dict[str, tuple[str, ...]] = {}
     for text in texts:
         factor, _, levels = (part.strip() for part in text.partition("="))
@@ -32,14 +26,23 @@ def parse_conditions(texts: Sequence[str]) -> dict[str, tuple[str, ...]]:
     return conditions
 
 
-def find_record_factors(records: "Sequence[Record]") -> list[Factor]:
+def read_levels(given: Mapping[Any, Any]) -> dict[str, tuple[str, ...]]:
+    """Read conditions that a YAML file has, a level or a list of levels by factor."""
+    lists = {str(name): v if isinstance(v, list) else [v] for name, v in given.items()}
+    return {
+        name: tuple(format_level({"": level}, "") for level in levels)
+        for name, levels in lists.items()
+    }
+
+
+def find_record_factors(records: Sequence[Record]) -> list[Factor]:
     """Find the factors in which records differ."""
     return find_factors(
         [r.values for r in records], [r.choices for r in records], [r.given for r in records]
     )
 
 
-def find_levels(records: "Sequence[Record]", name: str) -> list[str] | None:
+def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
     """Return the level of each record of a factor or a key; None if none has such a key.
 
     A factor is named by its column, its words or its key, a key by its end. ``treatment`` is the
@@ -60,7 +63,7 @@ def find_levels(records: "Sequence[Record]", name: str) -> list[str] | None:
     return [_find_level(record, key) for record in records]
 
 
-def _find_level(record: "Record", key: str) -> str:
+def _find_level(record: Record, key: str) -> str:
     if key in record.given:
         return format_level(record.given, key)
     if key in record.values:
@@ -78,13 +81,10 @@ def is_level(level: str, wanted: str) -> bool:
         return False
 
 
-def select_rows(records: "Sequence[Record]", conditions: Conditions, source: str) -> list[bool]:
+def select_rows(records: Sequence[Record], conditions: Conditions, source: str) -> list[bool]:
     """Return which records have one of the allowed levels of every factor.
 
     ``source`` begins error messages.
-
-    Raises:
-        InputError: no record has the factor, or the level.
     """
     chosen = [True] * len(records)
     for name, allowed in conditions.items():
@@ -100,12 +100,8 @@ def select_rows(records: "Sequence[Record]", conditions: Conditions, source: str
     return chosen
 
 
-def require_levels(records: "Sequence[Record]", name: str, source: str) -> list[str]:
-    """Return the level of each record, as ``find_levels``.
-
-    Raises:
-        InputError: no record has such a key.
-    """
+def require_levels(records: Sequence[Record], name: str, source: str) -> list[str]:
+    """Return the level of each record, as ``find_levels``."""
     levels = find_levels(records, name)
     if levels is None:
         factors = [factor.name for factor in find_record_factors(records)]

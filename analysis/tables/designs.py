@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,10 +11,8 @@ import pandas as pd
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import Beam, FigureContext, Signal
 
-from .robots import find_context, find_designed, select_robot
-
-if TYPE_CHECKING:
-    from .records import Record
+from .records import Record
+from .robots import select_robot
 
 COLUMNS = (
     "design",
@@ -40,9 +38,6 @@ def place_sensors(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
 
     ``mounts`` has the columns of ``champion/design.csv``. Angles are from -180 to 180. Rows of
     designs without sensors are dropped.
-
-    Raises:
-        InputError: a link or type is not in the context.
     """
     frame = _transform_mounts(mounts, context)
     frame = frame[frame.type.isin(context.beams)].copy()
@@ -53,11 +48,7 @@ def place_sensors(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
 
 
 def place_signals(mounts: pd.DataFrame, context: FigureContext) -> pd.DataFrame:
-    """Return the sensors that cast no rays, with ``SIGNAL_COLUMNS``; see ``place_sensors``.
-
-    Raises:
-        InputError: a link or type is not in the context.
-    """
+    """Return the sensors that cast no rays, with ``SIGNAL_COLUMNS``; see ``place_sensors``."""
     frame = _transform_mounts(mounts, context)
     frame = frame[frame.type.isin(context.signals)].copy()
     signals = [context.signals[kind] for kind in frame.type]
@@ -99,28 +90,26 @@ def _number_pairs(frame: pd.DataFrame, context: FigureContext) -> "pd.Series[int
     return (among // 2).where(~fixed, pairs + among).astype(int)
 
 
-def read_champion_sensors(record: "Record", agent: str = "") -> pd.DataFrame:
+def read_champion_sensors(record: Record) -> pd.DataFrame:
     """Read the sensors of a run's champion, with its fitness in columns of their own.
 
     ``fitness`` is recorded, ``validated_fitness`` that on fresh draws of the run, with its interval
     from ``fitness_low`` to ``fitness_high``.
-    They are those of the first robot, or of the named one.
     """
-    mounts = select_robot(record.run.champion, find_designed(record, agent))
-    return place_sensors(mounts, adapt_context(record, agent)).assign(**_fitness(record))
+    mounts = select_robot(record.run.champion)
+    return place_sensors(mounts, adapt_context(record)).assign(**_fitness(record))
 
 
-def read_champion_signals(record: "Record", agent: str = "") -> pd.DataFrame:
+def read_champion_signals(record: Record) -> pd.DataFrame:
     """Read the sensors of a run's champion that cast no rays; see ``read_champion_sensors``."""
-    mounts = select_robot(record.run.champion, find_designed(record, agent))
-    return place_signals(mounts, adapt_context(record, agent))
+    return place_signals(select_robot(record.run.champion), adapt_context(record))
 
 
-def adapt_context(record: "Record", agent: str = "") -> FigureContext:
+def adapt_context(record: Record) -> FigureContext:
     """Return the context of a robot with its types of sensors as the champion evolved them."""
-    genes = select_robot(record.run.genes, find_designed(record, agent))
+    genes = select_robot(record.run.genes)
     evolved = dict(zip(genes.key.astype(str), genes.value.tolist(), strict=True))
-    return adapt_types(find_context(record.context, agent), evolved)
+    return adapt_types(record.context, evolved)
 
 
 def adapt_types(context: FigureContext, evolved: Mapping[str, float]) -> FigureContext:
@@ -152,7 +141,7 @@ def _adapt_signal(signal: Signal, prefix: str, values: Mapping[str, float]) -> S
     return replace(signal, **changes)
 
 
-def _fitness(record: "Record") -> dict[str, float]:
+def _fitness(record: Record) -> dict[str, float]:
     status = record.run.status
     names = {
         "fitness": "best_fitness",
@@ -163,9 +152,9 @@ def _fitness(record: "Record") -> dict[str, float]:
     return {name: to_number(status.get(key)) for name, key in names.items()}
 
 
-def read_champion(record: "Record", agent: str = "") -> pd.DataFrame:
+def read_champion(record: Record) -> pd.DataFrame:
     """Read the champion's sensors, or one row with fitness alone if it has no sensors."""
-    frame = read_champion_sensors(record, agent)
+    frame = read_champion_sensors(record)
     if len(frame):
         return frame
     missing = dict.fromkeys(("design", "sensor", "pair"), "Int64")  # integers beside other runs

@@ -44,11 +44,7 @@ class Front(NamedTuple):
 
 
 def read_archive(study: Study, options: argparse.Namespace) -> Archive:
-    """Read the archive; ``options`` choose the descriptors, ``x`` and ``y``, and the ``cells``.
-
-    Raises:
-        InputError: the runs have no two descriptors, or an option does not fit.
-    """
+    """Read the archive; ``options`` choose the descriptors, ``x`` and ``y``, and the ``cells``."""
     x, y = choose_axes(study, DESCRIPTORS, options)
     cells = options.cells or int(study.records[0].values.get("optimizer.cells", 10))
     if not 1 <= cells <= MOST_CELLS:
@@ -107,9 +103,6 @@ def read_front(study: Study, options: argparse.Namespace) -> Front:
     """Read the front; ``options`` choose the objectives ``x`` and ``y`` that are drawn.
 
     All objectives of the first run count for the front.
-
-    Raises:
-        InputError: the runs have no two objectives, or an option does not fit.
     """
     x, y = choose_axes(study, OBJECTIVES, options)
     axes = read_axes(study.records[0], OBJECTIVES)

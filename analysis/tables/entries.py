@@ -19,9 +19,6 @@ def read_entries(path: Path, content: str, keys: str, begin: str) -> Sequence[ob
 
     ``content`` is what the entries are, ``keys`` what each must have, and ``begin`` how the first
     line of one begins; they are for messages.
-
-    Raises:
-        InputError: it cannot be read, or is no list of at least one entry.
     """
     try:
         entries = yaml.safe_load(path.read_text())

@@ -1,11 +1,8 @@
 """Columns of factors: the levels of each row's treatment, in every table."""
 
-from typing import TYPE_CHECKING
-
 import pandas as pd
 
-if TYPE_CHECKING:
-    from .study import Study
+from .study import Study
 
 NAMING = ("treatment", "group", "run")
 """Columns that tell the treatment of a row; the first that a table has is used."""
@@ -13,7 +10,7 @@ SIDES = ("a", "b")
 """Columns of the two treatments of a comparison."""
 
 
-def add_factors(table: pd.DataFrame, study: "Study") -> pd.DataFrame:
+def add_factors(table: pd.DataFrame, study: Study) -> pd.DataFrame:
     """Insert a column for each factor, with the level of the row's treatment, behind its name.
 
     A comparison of treatments ``a`` and ``b`` gets two, with these ends. A row of several

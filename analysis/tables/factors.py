@@ -62,9 +62,7 @@ def name_part(key: str, values: Values, choices: Choices) -> str:
 
 
 def find_factors(
-    configurations: Sequence[Values],
-    choices: Sequence[Choices] = (),
-    given: Sequence[Given] = (),
+    configurations: Sequence[Values], choices: Sequence[Choices] = (), given: Sequence[Given] = ()
 ) -> list[Factor]:
     """Find the factors in which configurations differ, given ones first.
 

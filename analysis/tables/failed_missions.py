@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -10,25 +9,21 @@ from evoros.base.errors import InputError
 from evoros.failure.case import INTACT
 from evoros.storage.tables import CASE
 
-if TYPE_CHECKING:
-    from .records import EvaluationRecord
-    from .study import Study
+from .records import EvaluationRecord
+from .study import Study
 
 KEYS = ("source", "design")
 """The columns that identify a design in an evaluation."""
 NO_FAULT = ""
 
 
-def collect_missions(study: "Study") -> pd.DataFrame:
+def collect_missions(study: Study) -> pd.DataFrame:
     """Concatenate the missions of all evaluations, with the columns ``evaluation`` and ``drawn``.
 
     ``evaluation`` is the end of its path; if it is alone, its failure model.
 
     ``drawn`` says whether the failures are drawn, so that their shares estimate a risk. ``intact``
     says whether no sensor was to fail; other missions without a failure had ended before it.
-
-    Raises:
-        InputError: there is no evaluation with missions, or they are in several simulators.
     """
     _require_one_simulator(study)
     several = len(study.evaluations) > 1
@@ -46,12 +41,12 @@ def collect_missions(study: "Study") -> pd.DataFrame:
             "worst: must be given evaluations, and there is none; make one with evoros-evaluate "
             "designs=FOLDER failure=exhaustive trials=..."
         )
-    table = pd.concat(frames, ignore_index=True)
+    table = pd.concat(frames, ignore_index=True).astype(dict.fromkeys(KEYS, str))
     failed = table["failed_sensors"].map(_write_set)
     return table.assign(failed_sensors=failed, failed_at_s=table["failed_at_s"].map(_first_time))
 
 
-def count_sensors(record: "EvaluationRecord") -> Iterator[tuple[tuple[str, str], int]]:
+def count_sensors(record: EvaluationRecord) -> Iterator[tuple[tuple[str, str], int]]:
     """Yield the number of sensors of each design of an evaluation, by source and name."""
     for (source, design), own in record.mounts.groupby(list(KEYS), sort=False):
         yield (str(source), str(design)), int(own["sensor"].notna().sum())
@@ -64,18 +59,14 @@ def _is_stated(missions: pd.DataFrame) -> "pd.Series[bool]":
     return missions[CASE].notna()
 
 
-def _find_intact(record: "EvaluationRecord", missions: pd.DataFrame) -> "pd.Series[bool]":
+def _find_intact(record: EvaluationRecord, missions: pd.DataFrame) -> "pd.Series[bool]":
     failure, stated = record.context.failure, _is_stated(missions)
     of_model = (missions["trial"].isin(failure.intact) | failure.always_intact) & ~stated
     return of_model | (stated & missions[CASE].eq(INTACT) if CASE in missions else stated)
 
 
-def _require_one_simulator(study: "Study") -> None:
-    """Refuse evaluations in several simulators, whose missions tell nothing of one another.
-
-    Raises:
-        InputError: there are several.
-    """
+def _require_one_simulator(study: Study) -> None:
+    """Refuse evaluations in several simulators, whose missions tell nothing of one another."""
     simulators: dict[str, str] = {}
     for record in study.evaluations:
         for name in record.run.manifest.get("simulators", ())[:1]:  # without the confirming one

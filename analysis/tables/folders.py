@@ -4,8 +4,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER
 from evoros.storage.discovery import folders_below
+from evoros.terminal.log import LOGGER
 
 
 def find_folders(paths: Sequence[Path]) -> list[Path]:
@@ -13,9 +13,6 @@ def find_folders(paths: Sequence[Path]) -> list[Path]:
 
     A folder that several paths lead to is listed once. If it were listed twice, it would be taken
     for two replicates.
-
-    Raises:
-        InputError: a path does not exist.
     """
     found: dict[Path, Path] = {}
     for path in paths:
@@ -25,11 +22,7 @@ def find_folders(paths: Sequence[Path]) -> list[Path]:
 
 
 def list_folders(path: Path) -> Iterator[Path]:
-    """Yield ``path`` itself or the run and evaluation folders below it; warn if there are none.
-
-    Raises:
-        InputError: ``path`` is not a folder.
-    """
+    """Yield ``path`` itself or the run and evaluation folders below it; warn if there are none."""
     if not path.is_dir():
         raise InputError(f"{path}: must be a folder of runs, but does not exist; correct the path")
     found = list(folders_below(path))

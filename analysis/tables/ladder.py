@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 
@@ -10,24 +10,19 @@ from evoros.base.errors import InputError
 
 from .matching import apply_confirmation, find_differences, select_conditions
 from .paired_scores import COLUMNS, first_key, join_designs
+from .study import Study
 from .treatments import label_treatments
 from .validated import Scores, read_evaluations
-
-if TYPE_CHECKING:
-    from .study import Study
 
 NAMES = ("source", "design")
 """What names a design; on all rungs it has the names of the lowest."""
 
 
-def climb(study: "Study") -> pd.DataFrame:
+def climb(study: Study) -> pd.DataFrame:
     """Pair the scores of designs on each rung with those on the next, with ``COLUMNS``.
 
     The rungs are the evaluations in the order in which they were given. Designs that are not on
     all of them are left out, and one line reports it.
-
-    Raises:
-        InputError: there are fewer than two evaluations, or no design is on all of them.
     """
     rungs = read_evaluations(study) if len(study.evaluations) > 1 else []
     if len(rungs) < 2:

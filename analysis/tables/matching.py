@@ -4,16 +4,12 @@ Folders may be moved and renamed, and the number of a design has no meaning outs
 """
 
 from collections.abc import Hashable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import pandas as pd
 
-from evoros.base.errors import InputError, single_line
-
+from .records import EvaluationRecord, Record
 from .robots import name_robots
-
-if TYPE_CHECKING:
-    from .records import EvaluationRecord, Record
 
 MISSION = (
     "robot",
@@ -35,7 +31,7 @@ Content = tuple[Hashable, ...]
 Value = TypeVar("Value")
 
 
-def select_conditions(record: "Record") -> dict[str, Any]:
+def select_conditions(record: Record) -> dict[str, Any]:
     """Select the values on which the score of a given design depends.
 
     The simulator is the confirming one, if the run has one.
@@ -68,45 +64,31 @@ def find_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[s
     return [key for key in dict.fromkeys([*one, *other]) if one.get(key) != other.get(key)]
 
 
-def identify_champion(record: "Record") -> Content:
-    """Return the content of a finished run's champion: its sensors and its genes.
-
-    Raises:
-        InputError: a file is missing or damaged.
-    """
+def identify_champion(record: Record) -> Content:
+    """Return the content of a finished run's champion: its sensors and its genes."""
     return _content(record.run.champion, read_champion_genes(record))
 
 
-def read_champion_genes(record: "Record") -> dict[str, float]:
+def read_champion_genes(record: Record) -> dict[str, float]:
     """Read the evolved values other than sensors of a finished run's champion, by key."""
     return _genes(record.run.genes)
 
 
-def read_scores(evaluation: "EvaluationRecord") -> pd.DataFrame:
+def read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
     """Read the content and the scores of each design of a finished evaluation.
 
     Columns: ``content``, ``source``, ``design``, ``fitness``, ``fitness_sd``, ``trials``. The
     fitness is what the evaluation's fitness makes of the trials, which for most is their mean.
-
-    Raises:
-        InputError: the evaluation is not finished, or a file is damaged.
     """
     names = ["source", "design"]
-    try:
-        mounts, genes, scores = (
-            table.assign(**{name: table[name].astype(str) for name in names})
-            for table in (evaluation.mounts, evaluation.genes, evaluation.designs)
-        )
-        evolved = {key: _genes(rows) for key, rows in genes.groupby(names)}
-        contents = {
-            key: _content(rows, evolved.get(key, {})) for key, rows in mounts.groupby(names)
-        }
-        keys = zip(scores["source"], scores["design"], strict=True)
-        scores["content"] = pd.Series([contents[key] for key in keys], scores.index, dtype=object)
-    except (LookupError, AttributeError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{evaluation.path}: its tables must be complete ({single_line(error)}); restore them"
-        ) from error
+    mounts, genes, scores = (
+        table.assign(**{name: table[name].astype(str) for name in names})
+        for table in (evaluation.mounts, evaluation.genes, evaluation.designs)
+    )
+    evolved = {key: _genes(rows) for key, rows in genes.groupby(names)}
+    contents = {key: _content(rows, evolved.get(key, {})) for key, rows in mounts.groupby(names)}
+    keys = zip(scores["source"], scores["design"], strict=True)
+    scores["content"] = pd.Series([contents[key] for key in keys], scores.index, dtype=object)
     if "fitness" not in scores:
         scores["fitness"] = scores["fitness_mean"]
     return scores[["content", *names, "fitness", "fitness_sd", "trials"]]

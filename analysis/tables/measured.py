@@ -3,17 +3,14 @@
 import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from evoros.base.errors import InputError
 
 from .candidates import read_generations
+from .records import Record
 from .study import Study
-
-if TYPE_CHECKING:
-    from .records import Record
 
 OBJECTIVES, DESCRIPTORS = "objectives", "descriptors"
 
@@ -28,13 +25,13 @@ class Axis:
     sign: float  # -1 if it is to be minimized
 
 
-def read_axes(record: "Record", group: str) -> list[Axis]:
+def read_axes(record: Record, group: str) -> list[Axis]:
     """Read the measures of a run that are ``OBJECTIVES`` or ``DESCRIPTORS``."""
     columns = [str(name) for name in read_generations(record) if str(name).startswith(f"{group}.")]
     return [_read_axis(record, column) for column in columns]
 
 
-def _read_axis(record: "Record", column: str) -> Axis:
+def _read_axis(record: Record, column: str) -> Axis:
     values, choice = record.values, record.choices.get(column, column.partition(".")[2])
     title = str(values.get(f"{column}.title", choice.replace("_", " ")))
     unit = values.get(f"{column}.unit")
@@ -48,17 +45,12 @@ def _read_axis(record: "Record", column: str) -> Axis:
 def add_choice(parser: argparse.ArgumentParser) -> None:
     """Add the choice of the two measures that are drawn."""
     for name, default in (("x", "first"), ("y", "second")):
-        parser.add_argument(
-            f"--{name}", metavar="NAME", help=f"measure along {name}; the {default} one"
-        )
+        about = f"measure along {name}; the {default} one"
+        parser.add_argument(f"--{name}", metavar="NAME", help=about)
 
 
 def choose_axes(study: Study, group: str, options: argparse.Namespace) -> tuple[Axis, Axis]:
-    """Choose the two measures that are drawn, of the first run.
-
-    Raises:
-        InputError: the runs have not two of them, or none of a name that was given.
-    """
+    """Choose the two measures that are drawn, of the first run."""
     if not study.records:
         raise InputError(f"{options.subcommand}: must be given a run; give the folder of one")
     known = {axis.column.partition(".")[2]: axis for axis in read_axes(study.records[0], group)}
@@ -77,12 +69,8 @@ def choose_axes(study: Study, group: str, options: argparse.Namespace) -> tuple[
     return known[names[0]], known[names[1]]
 
 
-def read_measured(record: "Record", axes: Sequence[Axis]) -> pd.DataFrame:
-    """Read all rows of a run's generations, which have the columns of ``axes``.
-
-    Raises:
-        InputError: a column is missing.
-    """
+def read_measured(record: Record, axes: Sequence[Axis]) -> pd.DataFrame:
+    """Read all rows of a run's generations, which have the columns of ``axes``."""
     table = read_generations(record)
     for axis in axes:
         if axis.column not in table:
@@ -98,7 +86,7 @@ def take_latest(table: pd.DataFrame) -> pd.DataFrame:
     return table.drop_duplicates("id", keep="last")
 
 
-def count_missions(record: "Record") -> "pd.Series[int]":
+def count_missions(record: Record) -> "pd.Series[int]":
     """Count the missions up to each generation, without those of validations."""
     missions = record.run.missions
     counts = missions[missions.purpose != "validation"].groupby("generation").size()

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping
 from itertools import combinations
 from math import nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 
@@ -18,12 +18,10 @@ from .matching import (
     identify_champion,
     select_conditions,
 )
+from .records import Record
+from .study import Study
 from .treatments import SINGLE, label_treatments
 from .validated import read_evaluations
-
-if TYPE_CHECKING:
-    from .records import Record
-    from .study import Study
 
 COLUMNS = (
     *("between", "x", "y", "group", "source", "design"),
@@ -32,7 +30,7 @@ COLUMNS = (
 Row = dict[str, Any]
 
 
-def pair_scores(study: "Study", between: str | None = None) -> pd.DataFrame:
+def pair_scores(study: Study, between: str | None = None) -> pd.DataFrame:
     """Pair the scores of designs under two conditions: a row for each design and pair.
 
     The conditions are those of evaluations that differ in one part, such as the simulator
@@ -41,9 +39,6 @@ def pair_scores(study: "Study", between: str | None = None) -> pd.DataFrame:
     what else differs between the evaluations; if nothing does, it is the treatment of the design's
     run. ``change`` is ``y_fitness`` less ``x_fitness``. If a design has several scores under the
     same conditions, the row with the most trials is kept.
-
-    Raises:
-        InputError: no design has two scores, or ``between`` must be chosen.
     """
     rows = list(_pair_evaluations(study)) or list(_pair_confirmations(study))
     parts = list(dict.fromkeys(str(row["between"]) for row in rows))
@@ -65,7 +60,7 @@ def pair_scores(study: "Study", between: str | None = None) -> pd.DataFrame:
     return best.assign(change=best["y_fitness"] - best["x_fitness"])[list(COLUMNS)]
 
 
-def _pair_evaluations(study: "Study") -> Iterator[Row]:
+def _pair_evaluations(study: Study) -> Iterator[Row]:
     """Pair the designs that are in both of two evaluations whose conditions differ in one part."""
     evaluations = read_evaluations(study) if len(study.evaluations) > 1 else []
     conditions = [select_conditions(evaluation) for evaluation, _ in evaluations]
@@ -105,7 +100,7 @@ def _prefix(side: str, row: Mapping[Any, Any]) -> Row:
     return {f"{side}_{short}": row[name] for short, name in names.items()}
 
 
-def _champion_treatments(study: "Study") -> dict[Any, str]:
+def _champion_treatments(study: Study) -> dict[Any, str]:
     """Map the champions of the runs in the study to the treatments of the runs."""
     treatments = {}
     for record in study.records:
@@ -116,14 +111,14 @@ def _champion_treatments(study: "Study") -> dict[Any, str]:
     return treatments
 
 
-def _pair_confirmations(study: "Study") -> Iterator[Row]:
+def _pair_confirmations(study: Study) -> Iterator[Row]:
     confirmed = [record for record in study.records if f"{CONFIRMING}.{TARGET}" in record.values]
     if confirmed:
         table = study.keep(confirmed).gather(_read_confirmed)
         yield from ({str(k): v for k, v in row.items()} for row in table.to_dict("records"))
 
 
-def _read_confirmed(record: "Record") -> pd.DataFrame:
+def _read_confirmed(record: Record) -> pd.DataFrame:
     """Read the confirmed designs of a run."""
     table = read_generations(record)
     confirmed = table[table["loss"].notna()].drop_duplicates("id")

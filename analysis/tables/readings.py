@@ -45,9 +45,6 @@ def read_sensors(
     """Return all sensors of a robot in their order, with their readings.
 
     ``links`` are those of the robot, which ``source`` describes.
-
-    Raises:
-        InputError: the trajectory has other sensors than the robot.
     """
     prefix = find_prefix(links, context.types)
     types = _find_types(links, context.types, prefix)

@@ -84,11 +84,7 @@ class EvaluationRecord(Record):
 
 
 def read_record(folder: Path, name: str) -> Record:
-    """Read the run or evaluation in a folder; large tables are read when they are used.
-
-    Raises:
-        InputError: the folder is neither a run nor an evaluation, or a file is damaged.
-    """
+    """Read the run or evaluation in a folder; large tables are read when they are used."""
     run = load_run(folder)
     kind = EvaluationRecord if run.manifest.get("command") == EVALUATION else Record
     values = read_values(folder / "config.yaml")

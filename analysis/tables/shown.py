@@ -51,11 +51,7 @@ class ShownDesign:
 
 
 def read_champion_shown(record: Record) -> ShownDesign:
-    """Read the champion of a finished run.
-
-    Raises:
-        InputError: a file of the champion is missing or damaged, or no mission could be run.
-    """
+    """Read the champion of a finished run."""
     worlds = load_champion_worlds(record.run, record.context)
     missions = [
         ShownMission(
@@ -88,11 +84,7 @@ def is_kept(record: Record, row: "pd.Series[str]") -> bool:
 
 
 def read_shown(record: Record, design: int) -> ShownDesign:
-    """Read any design whose first missions a run has kept.
-
-    Raises:
-        InputError: a file is missing or damaged, or no mission could be run.
-    """
+    """Read any design whose first missions a run has kept."""
     missions = []
     for name in record.context.courses:
         row = find_first_mission(record.run, design, name)

@@ -13,8 +13,8 @@ from typing import TypeVar
 import pandas as pd
 
 from evoros.base.errors import InputError, single_line
-from evoros.base.log import LOGGER
 from evoros.storage.figure_context import Ring
+from evoros.terminal.log import LOGGER
 
 from .candidates import read_generations, read_initial_sensors
 from .conditions import Conditions, find_record_factors, parse_conditions, select_rows
@@ -45,22 +45,22 @@ class Study:
         """Concatenate the tables of all runs, with ``run``, ``treatment`` and ``seed`` first.
 
         A run whose files cannot be read is left out, and one line reports it.
-
-        Raises:
-            InputError: no run has rows.
         """
+        frames = self._mark(self.records, read)
+        if not frames:
+            without = "none of the runs has the required data; give the folders of complete runs"
+            raise InputError(without if self.records else NO_RUNS)
+        return pd.concat(frames, ignore_index=True)
+
+    def _mark(
+        self, records: Iterable[Record], read: Callable[[Record], pd.DataFrame]
+    ) -> list[pd.DataFrame]:
+        """Read the tables that have rows, with ``run``, ``treatment`` and ``seed`` first."""
         frames = []
-        for record, frame in self.read_each(self.records, read):
-            others = [name for name in frame.columns if name not in KEYS]
+        for record, frame in self.read_each(records, read):
             marked = frame.assign(run=record.name, treatment=record.treatment, seed=record.seed)
-            frames.append(marked[[*KEYS, *others]])
-        if not any(len(frame) for frame in frames):
-            raise InputError(
-                "none of the runs has the required data; give the folders of complete runs"
-                if self.records
-                else NO_RUNS
-            )
-        return pd.concat([frame for frame in frames if len(frame)], ignore_index=True)
+            frames.append(marked[[*KEYS, *frame.columns.difference([*KEYS], sort=False)]])
+        return [frame for frame in frames if len(frame)]
 
     def read_each(
         self, records: Iterable[AnyRecord], read: Callable[[AnyRecord], Result]
@@ -68,7 +68,7 @@ class Study:
         """Yield each record with the result of reading it; report and skip unreadable ones."""
         for record in records:
             try:
-                yield record, _read(record, read)
+                yield record, read_complete(record, read)
             except InputError as error:
                 self.report(str(error))
 
@@ -92,15 +92,9 @@ class Study:
     def signals(self) -> pd.DataFrame:
         """A row for each sensor of each champion that casts no rays; none if there is none."""
         others = [record for record in self.records if record.context.signals]
-        frames = [
-            frame.assign(run=record.name, treatment=record.treatment, seed=record.seed)
-            for record, frame in self.read_each(others, read_champion_signals)
-        ]
-        found = [frame for frame in frames if len(frame)]
-        columns = [*KEYS, *SIGNAL_COLUMNS]
-        if not found:
-            return pd.DataFrame(columns=columns)
-        return pd.concat(found, ignore_index=True)[columns]
+        frames = self._mark(others, read_champion_signals)
+        empty = pd.DataFrame(columns=[*KEYS, *SIGNAL_COLUMNS])
+        return pd.concat(frames, ignore_index=True) if frames else empty
 
     @cached_property
     def initial(self) -> pd.DataFrame:
@@ -123,11 +117,7 @@ class Study:
         return next((record.context.rings for record in self.records if record.context.rings), ())
 
     def check_worlds(self, names: Iterable[str]) -> None:
-        """Check that at least one run has each of the named worlds.
-
-        Raises:
-            InputError: no run has one of them.
-        """
+        """Check that at least one run has each of the named worlds."""
         known = dict.fromkeys(name for record in self.records for name in record.context.courses)
         for name in names:
             if name not in known:
@@ -136,11 +126,7 @@ class Study:
                 )
 
     def select_finished(self, *reads: Callable[[Record], object]) -> "Study":
-        """Keep the finished runs that all ``reads`` can read; report each other run once.
-
-        Raises:
-            InputError: no run is left.
-        """
+        """Keep the finished runs that all ``reads`` can read; report each other run once."""
 
         def check(record: Record) -> pd.DataFrame:
             if not record.finished:
@@ -157,11 +143,7 @@ class Study:
         return replace(self, records=tuple(records))
 
     def find(self, name: str) -> Record:
-        """Find the run with this name, or the only one whose name ends with it.
-
-        Raises:
-            InputError: no run or several runs match.
-        """
+        """Find the run with this name, or the only one whose name ends with it."""
         exact = [record for record in self.records if record.name == name]
         matches = exact or [record for record in self.records if record.name.endswith(name)]
         if len(matches) != 1:
@@ -173,11 +155,7 @@ class Study:
 
     @cached_property
     def ranked(self) -> tuple[Record, ...]:
-        """The finished runs, the best first: by validated fitness, without it by recorded fitness.
-
-        Raises:
-            InputError: no run is finished.
-        """
+        """The finished runs, the best first: by validated, else by recorded fitness."""
         finished = [record for record in self.records if record.finished]
         if not self.records:
             raise InputError(NO_RUNS)
@@ -187,20 +165,16 @@ class Study:
         return tuple(sorted(finished, key=_fitness, reverse=True))
 
     def choose(self, name: str | None, read: Callable[[Record], Result]) -> tuple[Record, Result]:
-        """Read the named run, or the best one that can be read.
-
-        Raises:
-            InputError: the named run does not exist, or no run can be read.
-        """
+        """Read the named run, or the best one that can be read."""
         candidates = self.ranked if name is None else self.keep([self.find(name)]).ranked
         if len(candidates) == 1:
-            return candidates[0], _read(candidates[0], read)
+            return candidates[0], read_complete(candidates[0], read)
         for record, result in self.read_each(candidates, read):
             return record, result
         raise InputError("no run has a champion that can be shown; restore or resume one")
 
 
-def _read(record: AnyRecord, read: Callable[[AnyRecord], Result]) -> Result:
+def read_complete(record: AnyRecord, read: Callable[[AnyRecord], Result]) -> Result:
     """Read the record; any error in its files becomes one ``InputError``."""
     try:
         return read(record)
@@ -212,8 +186,8 @@ def _read(record: AnyRecord, read: Callable[[AnyRecord], Result]) -> Result:
 
 def _fitness(record: Record) -> tuple[float, float]:
     """Return validated and recorded fitness of the champion; minus infinity if unknown."""
-    status = record.run.status
-    scores = [to_number(status.get(f"best_{kind}fitness")) for kind in ("validated_", "")]
+    names = ("best_validated_fitness", "best_fitness")
+    scores = (to_number(record.run.status.get(name)) for name in names)
     first, second = (-math.inf if math.isnan(score) else score for score in scores)
     return first, second
 
@@ -225,41 +199,30 @@ def load_study(
 
     ``where`` has conditions on the runs, such as ``failure=none,random``; without runs, on the
     evaluations. ``treatments`` is a file that names the treatments of the runs.
-
-    Raises:
-        InputError: a path does not exist, there is no complete run or evaluation, a condition
-            names what is not there or leaves no run, or the file does not fit the runs.
     """
     conditions = parse_conditions(where)
-    entries = None if treatments is None else read_treatments(treatments)
     folders = find_folders(paths)
     names = shorten_names(folders)
-    runs: list[Record] = []
-    evaluations: list[EvaluationRecord] = []
+    records: list[Record] = []
     left_out: list[str] = []
     for folder in folders:
         try:
-            record = read_record(folder, names[folder])
+            records.append(read_record(folder, names[folder]))
         except InputError as error:
             LOGGER.warning("%s; left out", error)
             left_out.append(str(error))
-            continue
-        if isinstance(record, EvaluationRecord):
-            evaluations.append(record)
-        else:
-            runs.append(record)
-    if not runs and not evaluations:
+    if not records:
         raise InputError(
             f"{', '.join(map(str, paths))}: must contain complete runs or evaluations, but "
             f"contains none; see the warnings above"
         )
-    if entries is not None and treatments is not None:
-        runs = list(name_treatments(runs, entries, treatments))
+    evaluations = [record for record in records if isinstance(record, EvaluationRecord)]
+    runs = [record for record in records if not isinstance(record, EvaluationRecord)]
+    if treatments is not None:
+        runs = list(name_treatments(runs, read_treatments(treatments), treatments))
     if runs:
-        runs = _select(runs, conditions)
-    else:
-        evaluations = _select(evaluations, conditions)
-    return Study(_label(runs), _label(evaluations), tuple(left_out))
+        return Study(_label(_select(runs, conditions)), _label(evaluations), tuple(left_out))
+    return Study((), _label(_select(evaluations, conditions)), tuple(left_out))
 
 
 def _select(records: Sequence[AnyRecord], conditions: Conditions) -> list[AnyRecord]:

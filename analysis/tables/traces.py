@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from evoros.base.arrays import Array
 from evoros.sensor.protocol import name_readings
@@ -10,10 +10,8 @@ from evoros.storage.figure_context import Signal
 
 from .designs import read_champion_signals
 from .readings import choose_channels
+from .records import Record
 from .tracks import find_champion_mission, list_failures
-
-if TYPE_CHECKING:
-    from .records import Record
 
 
 class Trace(NamedTuple):
@@ -26,13 +24,10 @@ class Trace(NamedTuple):
     failed_s: float  # when the sensor failed; NaN: it did not
 
 
-def read_traces(record: "Record", world: str) -> list[Trace]:
+def read_traces(record: Record, world: str) -> list[Trace]:
     """Read what the champion's sensors that cast no rays read in a world, channel by channel.
 
     Of an IMU, it is the yaw rate and the level accelerations.
-
-    Raises:
-        InputError: a file is missing or damaged.
     """
     trajectory, context = record.run.trajectory(world), record.context
     failures = list_failures(find_champion_mission(record.run, world))

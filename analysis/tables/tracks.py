@@ -7,17 +7,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.base.log import withhold_messages
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run
 from evoros.storage.trajectory_files import world_file
 from evoros.storage.verification import verify_world
+from evoros.terminal.log import withhold_messages
 from evoros.world.course import Course
 from evoros.world.loading import load_world
 from evoros.world.model import World
 
-from .robots import find_context, name_robots, select_trajectory
+from .robots import name_robots
 
 NONE = "none"
 """The mode in which no layer of the controller decided."""
@@ -40,30 +41,16 @@ ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
 """Further columns of missions whose localization computes the pose from the readings."""
 
 
-def read_tracks(run: Run, context: FigureContext, world: str) -> pd.DataFrame:
-    """Read the tracks of all robots; of several robots, the last column has the name.
-
-    Raises:
-        InputError: see ``read_track``.
-    """
-    first = read_track(run, context, world)
-    if not context.agents:
-        return first
-    others = [read_track(run, context, world, name).assign(agent=name) for name in context.agents]
-    tracks = [table for table in (first.assign(agent=""), *others) if len(table)]
-    return pd.concat(tracks, ignore_index=True) if tracks else first.assign(agent="")
-
-
 def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFrame:
     """Select the track of a robot in a world from several ones."""
     own = (tracks["world"] == world) & (name_robots(tracks) == agent)
     return tracks[own].reset_index(drop=True)
 
 
-def read_track(run: Run, context: FigureContext, world: str, agent: str = "") -> pd.DataFrame:
+def read_track(run: Run, context: FigureContext, world: str) -> pd.DataFrame:
     """Read the champion's mission in a world: a row for each record, with ``COLUMNS``.
 
-    The track is that of the first robot, or of the named one, until it has ended. The columns
+    The track lasts until the robot has ended, as a mission may go on for others. The columns
     ``ESTIMATE`` and ``TOUCHED`` follow if the trajectory has them. ``TOUCHED`` are the bumpers that
     closed since the previous record, separated by semicolons.
 
@@ -72,14 +59,11 @@ def read_track(run: Run, context: FigureContext, world: str, agent: str = "") ->
     that failed since the previous record, and ``failed_by`` the effects, both separated by
     semicolons; ``ended`` is set in the last row alone. If the mission could not be run, the table
     is empty.
-
-    Raises:
-        InputError: a file is missing or damaged, or the mission is not in ``missions.csv``.
     """
     trajectory, mission = run.trajectory(world), find_champion_mission(run, world)
-    if context.agents:
-        trajectory, mission = _select_robot(trajectory, mission, agent)
-    names = np.array([NONE, *find_context(context, agent).modes])
+    ended = float(mission["time_s"]) + 1e-6
+    trajectory = trajectory[trajectory["time_s"] <= ended].reset_index(drop=True)
+    names = np.array([NONE, *context.modes])
     modes = trajectory["mode"].to_numpy(int)
     if len(modes) and not 0 <= modes.min() <= modes.max() < len(names):
         raise InputError(
@@ -89,12 +73,9 @@ def read_track(run: Run, context: FigureContext, world: str, agent: str = "") ->
     table = trajectory[["time_s", "x_m", "y_m", "yaw_rad", "contact"]].astype(float)
     table["world"], table["mode"] = world, names[modes]
     table["contact"] = table["contact"].astype(int)
-    goals = len(find_context(context, agent).courses[world].waypoints) + 1  # of the first phase
+    goals = len(context.courses[world].waypoints) + 1  # of the first phase
     table["phase"] = np.where(trajectory["visited"].to_numpy(int) < goals, 1, 2)
-    failed = _failures_by_row(mission, table["time_s"].to_numpy())
-    for column, place in (("failed_sensors", 0), ("failed_by", 1)):
-        cells = {row: ";".join(pair[place] for pair in pairs) for row, pairs in failed.items()}
-        table[column] = [cells.get(row, "") for row in range(len(table))]
+    table[["failed_sensors", "failed_by"]] = _list_failed(mission, table["time_s"].to_numpy())
     table["ended"] = ["" for _ in table.index[1:]] + [mission["ended"] for _ in table.index[:1]]
     estimate = [name for name in ESTIMATE if name in trajectory]
     table[estimate] = trajectory[estimate].astype(float)
@@ -117,25 +98,8 @@ def _list_touched(trajectory: pd.DataFrame, bumpers: Mapping[int, str]) -> list[
     return [";".join(str(numbers[i]) for i in np.flatnonzero(row)) for row in begins]
 
 
-def _select_robot(
-    trajectory: pd.DataFrame, mission: "pd.Series[str]", agent: str
-) -> "tuple[pd.DataFrame, pd.Series[str]]":
-    """Select what is one robot's, until it has ended; missions go on until all have."""
-    if agent:
-        trajectory = select_trajectory(trajectory, agent)
-        prefix = f"{agent}."
-        own = [name for name in mission.index if name.startswith(prefix)]
-        mission = mission[own].rename(lambda name: name.removeprefix(prefix))
-    until = float(mission["time_s"]) + 1e-6
-    return trajectory[trajectory["time_s"] <= until].reset_index(drop=True), mission
-
-
 def find_champion_mission(run: Run, world: str) -> "pd.Series[str]":
-    """Find the row of ``missions.csv`` whose trajectory is in ``champion``.
-
-    Raises:
-        InputError: the row is missing.
-    """
+    """Find the row of ``missions.csv`` whose trajectory is in ``champion``."""
     return find_first_mission(run, int(run.champion["design"].iloc[0]), world)
 
 
@@ -143,9 +107,6 @@ def find_first_mission(run: Run, design: int, world: str) -> "pd.Series[str]":
     """Find the first mission of a design in a world that counted for its fitness.
 
     It is one of its first confirmation if it was confirmed, else of its first selection.
-
-    Raises:
-        InputError: the row is missing.
     """
     missions = run.missions
     candidates = missions[(missions["design"] == design) & (missions["world"] == world)]
@@ -160,44 +121,28 @@ def find_first_mission(run: Run, design: int, world: str) -> "pd.Series[str]":
 
 
 def load_champion_worlds(run: Run, context: FigureContext) -> Mapping[str, World]:
-    """Load the worlds of the champion's missions from the run's folder, by name.
-
-    Raises:
-        InputError: a file is missing or damaged.
-    """
+    """Load the worlds of the champion's missions from the run's folder, by name."""
     return {name: load_champion_world(run, context, name) for name in context.courses}
 
 
 def load_champion_world(run: Run, context: FigureContext, name: str) -> World:
-    """Load one world of the champion's missions.
-
-    Raises:
-        InputError: the file is missing or damaged.
-    """
-    path = run.path / "champion" / f"world_{name}.sdf"
-    if not path.is_file():
-        raise InputError(f"{path}: must exist, but is missing; resume the run, or restore the file")
-    verify_world(path)
-    return _load_recorded(path, context.courses[name])
+    """Load one world of the champion's missions."""
+    return _load_recorded(run.path / "champion" / f"world_{name}.sdf", context.courses[name])
 
 
 def load_mission_world(run: Run, context: FigureContext, row: "pd.Series[str]") -> World:
     """Load the world of a mission whose trajectory the run has kept.
 
     It is the same in all missions unless each has its own.
-
-    Raises:
-        InputError: the file is missing or damaged.
     """
-    path = find_mission_world(run, row)
-    if not path.is_file():
-        raise InputError(f"{path}: must exist, but is missing; restore it")
-    verify_world(path)
-    return _load_recorded(path, context.courses[str(row["world"])])
+    return _load_recorded(find_mission_world(run, row), context.courses[str(row["world"])])
 
 
 def _load_recorded(path: Path, course: Course) -> World:
     """Load a world as a run wrote it, which the run has told all about."""
+    if not path.is_file():
+        raise InputError(f"{path}: must exist, but is missing; resume the run, or restore the file")
+    verify_world(path)
     with withhold_messages():
         return load_world(str(path.resolve()), course)
 
@@ -216,15 +161,14 @@ def list_failures(mission: "pd.Series[str]") -> list[tuple[int, float, str]]:
     return [(int(float(sensor)), float(time), effect) for sensor, time, effect in failures]
 
 
-def _failures_by_row(
-    mission: "pd.Series[str]", times: np.ndarray
-) -> dict[int, list[tuple[str, str]]]:
-    """Group sensors and effects by the first row at or after the failure."""
-    rows: dict[int, list[tuple[str, str]]] = {}
-    for sensor, time, effect in list_failures(mission):
-        row = min(int(np.searchsorted(times, time)), len(times) - 1)
-        rows.setdefault(row, []).append((str(sensor), effect))
-    return rows
+def _list_failed(mission: "pd.Series[str]", times: Array) -> pd.DataFrame:
+    """List the sensors and effects of failures, each in the first row at or after the failure."""
+    cells = pd.DataFrame("", range(len(times)), ["failed_sensors", "failed_by"], dtype=str)
+    failures = pd.DataFrame(list_failures(mission), columns=["failed_sensors", "time", "failed_by"])
+    rows = np.searchsorted(times, failures.pop("time")).clip(max=len(times) - 1)
+    joined = failures.astype(str).groupby(rows).agg(";".join)
+    cells.loc[joined.index] = joined
+    return cells
 
 
 def _split(value: object) -> list[str]:

@@ -3,7 +3,10 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+import pandas as pd
+
 from .factors import Choices, Factor, Given, Values, find_factors, follows, list_conditions
+from .records import Record
 
 SINGLE = "all runs"
 """The label if there is one treatment."""
@@ -27,9 +30,7 @@ OWN_NAMES = {
 
 
 def label_treatments(
-    configurations: Sequence[Values],
-    choices: Sequence[Choices] = (),
-    given: Sequence[Given] = (),
+    configurations: Sequence[Values], choices: Sequence[Choices] = (), given: Sequence[Given] = ()
 ) -> list[str]:
     """Label each configuration by the name that it was given, else by its levels of all factors.
 
@@ -114,15 +115,13 @@ def _number(label: str, taken: Iterable[str]) -> str:
     return f"{label} #{namesakes + 1}" if namesakes else label
 
 
-def report_repeated(runs: Iterable[tuple[str, str, int]]) -> list[str]:
-    """Report, in one line, the runs (name, treatment, seed) that repeat another run.
+def report_repeated(runs: Iterable[Record]) -> list[str]:
+    """Report, in one line, the runs that repeat another run.
 
     Runs with the same configuration and seed are identical, so that they are no replicates.
     """
-    names: dict[tuple[str, int], list[str]] = {}
-    for name, treatment, seed in runs:
-        names.setdefault((treatment, seed), []).append(name)
-    repeated = [name for same in names.values() for name in same[1:]]
+    table = pd.DataFrame([(r.name, r.treatment, r.seed) for r in runs], columns=["run", "t", "s"])
+    repeated = table.run[table.duplicated(["t", "s"])].tolist()
     if not repeated:
         return []
     shown = ", ".join(repeated[:3]) + (", ..." if len(repeated) > 3 else "")

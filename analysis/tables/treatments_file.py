@@ -8,19 +8,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER
-from evoros.base.treatment import describe_problem
+from evoros.evolution.treatment import describe_problem
+from evoros.terminal.log import LOGGER
 
-from .conditions import Conditions, find_record_factors, match_levels, require_levels
+from .conditions import Conditions, find_record_factors, match_levels, read_levels, require_levels
 from .entries import read_entries
-from .factors import format_level
+from .records import Record
 from .treatments import label_levels
 
-if TYPE_CHECKING:
-    from .records import Record
 SELECTING = ("where", "folders")
 
 
@@ -39,11 +37,7 @@ class NamedTreatment:
 
 
 def read_treatments(path: Path) -> list[NamedTreatment]:
-    """Read the file.
-
-    Raises:
-        InputError: it cannot be read, or an entry is wrong.
-    """
+    """Read the file."""
     entries = read_entries(path, "treatments", "name and where or folders", "- name: ...")
     named = [_read_entry(entry, f"{path}, entry {i}") for i, entry in enumerate(entries, 1)]
     names = [entry.name for entry in named]
@@ -74,23 +68,13 @@ def _read_entry(entry: object, place: str) -> NamedTreatment:
         problem = f"folders must be a list of patterns, not {folders!r}"
     if problem:
         raise InputError(f"{place}: {problem}; correct it")
-    levels = {
-        str(key): tuple(
-            format_level({"": level}, "") for level in (v if isinstance(v, list) else [v])
-        )
-        for key, v in where.items()
-    }
-    return NamedTreatment(given, levels, patterns)
+    return NamedTreatment(given, read_levels(where), patterns)
 
 
 def name_treatments(
-    records: "Sequence[Record]", entries: Sequence[NamedTreatment], path: Path
-) -> "tuple[Record, ...]":
-    """Give each record the name of the one entry that fits it; report entries that fit none.
-
-    Raises:
-        InputError: no entry fits a record, or several do.
-    """
+    records: Sequence[Record], entries: Sequence[NamedTreatment], path: Path
+) -> tuple[Record, ...]:
+    """Give each record the name of the one entry that fits it; report entries that fit none."""
     fitting = [_fit(records, entry, path) for entry in entries]
     labels = label_levels(find_record_factors(records), len(records))
     named = []
@@ -111,7 +95,7 @@ def name_treatments(
     return tuple(named)
 
 
-def _fit(records: "Sequence[Record]", entry: NamedTreatment, path: Path) -> list[bool]:
+def _fit(records: Sequence[Record], entry: NamedTreatment, path: Path) -> list[bool]:
     """Return which records fit an entry. Levels that none of them has fit none."""
     rows = [
         not entry.folders

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 
@@ -17,17 +17,15 @@ from .matching import (
     read_scores,
     select_conditions,
 )
-
-if TYPE_CHECKING:
-    from .records import EvaluationRecord, Record
-    from .study import Study
+from .records import EvaluationRecord, Record
+from .study import Study
 
 BY_EVALUATION, BY_RUN, BY_NOTHING = "evaluation", "run", ""
-Scores = tuple["EvaluationRecord", pd.DataFrame]
+Scores = tuple[EvaluationRecord, pd.DataFrame]
 """An evaluation and the table of its designs."""
 
 
-def validate_champions(study: "Study") -> pd.DataFrame:
+def validate_champions(study: Study) -> pd.DataFrame:
     """Collect the recorded and the validated fitness of each finished run's champion.
 
     ``recorded`` is fitness on the draws that selected the champion. ``validated`` is fitness on
@@ -35,23 +33,16 @@ def validate_champions(study: "Study") -> pd.DataFrame:
     matching evaluation with the most trials (``fresh``, ``fresh_sd``, ``fresh_trials``, and its
     name, ``evaluation``). Without one it is the run itself, on fewer trials (``in_run``,
     ``in_run_trials``). If the run has a confirmation, all of them are of the confirming simulator.
-
-    Raises:
-        InputError: no run is finished.
     """
     evaluations = read_evaluations(study)
     return study.gather(lambda record: _validate(record, evaluations))
 
 
-def score_under(study: "Study", name: str) -> pd.DataFrame:
+def score_under(study: Study, name: str) -> pd.DataFrame:
     """Collect the score of each finished run's champion under common conditions.
 
     The column ``under NAME`` is the mean fitness in the evaluation with that name or treatment;
     among several it is the one with the most trials. NaN: no such evaluation has the champion.
-
-    Raises:
-        InputError: no finished evaluation has the name, none has scored a champion, or no run is
-            finished.
     """
     evaluations = read_evaluations(study)
     column = f"under {name}"
@@ -65,7 +56,7 @@ def score_under(study: "Study", name: str) -> pd.DataFrame:
     scores = pd.concat(named).sort_values("trials", kind="stable")
     means = dict(zip(scores["content"], scores["fitness"], strict=True))
 
-    def score(record: "Record") -> pd.DataFrame:
+    def score(record: Record) -> pd.DataFrame:
         _require_finished(record)
         return pd.DataFrame([{column: means.get(identify_champion(record), math.nan)}])
 
@@ -78,17 +69,17 @@ def score_under(study: "Study", name: str) -> pd.DataFrame:
     return runs
 
 
-def read_evaluations(study: "Study") -> list[Scores]:
+def read_evaluations(study: Study) -> list[Scores]:
     """Read the scores of the finished evaluations; report each other evaluation."""
     return list(study.read_each(study.evaluations, read_scores))
 
 
-def validates(evaluation: "EvaluationRecord", record: "Record") -> bool:
+def validates(evaluation: EvaluationRecord, record: Record) -> bool:
     """Whether the conditions of an evaluation are those of a run, for the run's champion."""
     return not _list_differences(evaluation, record)
 
 
-def _list_differences(evaluation: "EvaluationRecord", record: "Record") -> list[str]:
+def _list_differences(evaluation: EvaluationRecord, record: Record) -> list[str]:
     """List the keys in which the conditions of an evaluation and a run differ.
 
     Values that evolve belong to the design, whatever the two configurations contain.
@@ -98,7 +89,7 @@ def _list_differences(evaluation: "EvaluationRecord", record: "Record") -> list[
     return [key for key in differences if key not in evolved]
 
 
-def list_unused(study: "Study") -> dict[str, list[str]]:
+def list_unused(study: Study) -> dict[str, list[str]]:
     """List the parts in which each evaluation that validates no run differs from the nearest one.
 
     The names of evaluations are the keys.
@@ -112,7 +103,7 @@ def list_unused(study: "Study") -> dict[str, list[str]]:
     return unused
 
 
-def _require_finished(record: "Record") -> None:
+def _require_finished(record: Record) -> None:
     if not record.finished:
         raise InputError(
             f"{record.path}: must be a finished run, but its state is "
@@ -120,7 +111,7 @@ def _require_finished(record: "Record") -> None:
         )
 
 
-def _validate(record: "Record", evaluations: Sequence[Scores]) -> pd.DataFrame:
+def _validate(record: Record, evaluations: Sequence[Scores]) -> pd.DataFrame:
     _require_finished(record)
     status, fresh = record.run.status, _score_freshly(record, evaluations)
     in_run = to_number(status.get("best_validated_fitness"))
@@ -137,7 +128,7 @@ def _validate(record: "Record", evaluations: Sequence[Scores]) -> pd.DataFrame:
     return pd.DataFrame([row | fresh])
 
 
-def _score_freshly(record: "Record", evaluations: Sequence[Scores]) -> dict[str, Any]:
+def _score_freshly(record: Record, evaluations: Sequence[Scores]) -> dict[str, Any]:
     """Return the champion's scores in the evaluation with the most trials, or no scores."""
     content, best = identify_champion(record), dict[str, Any]()
     for evaluation, table in evaluations:

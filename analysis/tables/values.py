@@ -19,9 +19,6 @@ def read_values(path: Path) -> dict[str, Any]:
     """Read all values of a ``config.yaml`` and resolve its references to other keys.
 
     A list counts as one value.
-
-    Raises:
-        InputError: the file cannot be read.
     """
     try:
         tree = yaml.safe_load(path.read_text())

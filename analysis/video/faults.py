@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
-from evoros.storage.fault_effects import ENDS, GROWS
+from evoros.filter.protocol import ENDS, GROWS
 
 from ..drawing.faults import GROWN_S
 

@@ -35,9 +35,6 @@ def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
     """Interpolate poses linearly; wheels steer and turn so that they roll.
 
     ``trajectory`` has at least the columns ``POSE``.
-
-    Raises:
-        InputError: a value is missing, or time decreases.
     """
     check_poses(trajectory)
     # The end has a record of its own, even at the time of the previous record.
@@ -65,11 +62,7 @@ def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
 
 
 def check_poses(trajectory: pd.DataFrame, source: str = "trajectory") -> None:
-    """Check that a trajectory has poses at increasing times; ``source`` names it in errors.
-
-    Raises:
-        InputError: a column, the rows or a value are missing, or time decreases.
-    """
+    """Check that a trajectory has poses at increasing times; ``source`` names it in errors."""
     for name in (*POSE, "mode", "visited"):
         if name not in trajectory:
             raise InputError(f"{source}: must have the column {name}, but has not; restore it")

@@ -1,7 +1,7 @@
 """How a mission is shown: times of the pictures, cameras and captions."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -12,14 +12,13 @@ from scipy.ndimage import gaussian_filter1d
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_whole, one_of
 from evoros.base.errors import InputError
+from evoros.filter.protocol import ENDS
 from evoros.sensor.protocol import CONTACT
-from evoros.storage.fault_effects import ENDS
-from evoros.storage.figure_context import FigureContext
 from evoros.world.model import World
 
 from .camera import Camera, chase_camera, overhead_camera
 from .captions import CLEAR, ERRING, FAILED, NEAR, Caption
-from .faults import ShownFault
+from .mission import FilmedMission
 from .motion import Motion
 
 CAMERAS = ("chase", "above")
@@ -50,11 +49,7 @@ class RenderOptions:
 
 
 def sample_times(trajectory: pd.DataFrame, options: RenderOptions) -> Array:
-    """Return the times (n,) [s] of the pictures; the last one is the end.
-
-    Raises:
-        InputError: the mission ends before ``start_s``.
-    """
+    """Return the times (n,) [s] of the pictures; the last one is the end."""
     first, last = (float(trajectory["time_s"].iloc[row]) for row in (0, -1))
     start, end = max(options.start_s, first), min(options.end_s, last)
     if start > end:
@@ -85,20 +80,16 @@ def place_cameras(
 
 
 def make_captions(
-    trajectory: pd.DataFrame,
-    motion: Motion,
-    world: World,
-    context: FigureContext,
-    options: RenderOptions,
-    faults: Sequence[ShownFault] = (),
+    mission: FilmedMission, motion: Motion, options: RenderOptions
 ) -> Iterator[Caption]:
     """Yield the caption of each picture, without the states of the sensors."""
+    trajectory, context = mission.trajectory, mission.context
     touches = any(signal.measures == CONTACT for signal in context.signals.values())
     near = "near, touched" if touches else "near"
     key = [(CLEAR, "clear"), (NEAR, near), (FAILED, "failed or silent")]
-    if any(fault.kind != ENDS for fault in faults):
+    if any(fault.kind != ENDS for fault in mission.faults):
         key.append((ERRING, "the more, the greater its error"))
-    end, goals = float(trajectory["time_s"].iloc[-1]), len(world.course.route(True))
+    end, goals = float(trajectory["time_s"].iloc[-1]), len(mission.world.course.route(True))
     contacts = trajectory.get("contact", pd.Series(0, trajectory.index)).to_numpy() > 0
     modes = ("none", *context.modes)
     for time, row in zip(motion.time_s, motion.record, strict=True):

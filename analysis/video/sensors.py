@@ -48,10 +48,7 @@ class ShownSensor:
 
 
 def make_views(
-    robot: Urdf,
-    sensors: Sequence[RecordedSensor],
-    records: NDArray[np.int64],
-    near_m: float | None,
+    robot: Urdf, sensors: Sequence[RecordedSensor], records: NDArray[np.int64], near_m: float | None
 ) -> Iterator[ShownSensor]:
     """Yield the sensors with their readings at ``records``, the row of each picture.
 

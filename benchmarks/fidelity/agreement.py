@@ -32,7 +32,7 @@ from agreement_tables import (
 from series import Series, random_designs
 
 from evoros.fitness.equation_one import equation_one
-from evoros.storage.tables import read_outcome
+from evoros.storage.tables import read_outcomes
 
 PLANAR_TRIALS = 5  # for each seed: the first with the engines' draws, the others with fresh draws
 CONTROLS = {
@@ -60,7 +60,7 @@ def read_missions(study: Path, series: Sequence[Series]) -> pd.DataFrame:
     missions = pd.concat([part.missions(study) for part in series if part.finished(study)])
     rows = cast(list[dict[str, str]], missions.to_dict("records"))
     typed = missions.assign(
-        score=[equation_one(read_outcome(row)) for row in rows],
+        score=[equation_one(read_outcomes(row)[0]) for row in rows],
         design=missions.design.astype(int),
         completed=missions.completed == "true",
         progress=missions.progress.astype(float),

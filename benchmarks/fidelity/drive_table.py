@@ -12,9 +12,9 @@ from collections.abc import Iterator, Sequence
 
 from evoros.base.errors import InputError, SimulationError, single_line
 from evoros.config.compose import compose
-from evoros.evolution.drive_check import choose_speed, empty_world
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.trial_drive import MANOEUVRES, Trial
+from evoros.preflight.drive import choose_speed, empty_world
+from evoros.preflight.trial_drive import MANOEUVRES, Trial
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
 from evoros.simulator.protocol import Simulator
@@ -36,7 +36,7 @@ def build(overrides: str) -> Experiment:
 
 def make_rows(experiment: Experiment) -> Iterator[Sequence[str]]:
     """Yield the row of each engine."""
-    robot, speed = experiment.robot, choose_speed(experiment)
+    robot, speed = experiment.robot, choose_speed(experiment.members[0])
     world = empty_world(next(iter(experiment.world.values())))
     for engine, simulator in ENGINES.items():
         try:

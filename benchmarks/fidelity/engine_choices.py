@@ -8,9 +8,9 @@ from lxml import etree
 
 from evoros.robot.model import Robot
 from evoros.simulator.engines import pybullet_bodies, pybullet_model, pybullet_robot
+from evoros.simulator.engines.pybullet_library import import_pybullet
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
 from evoros.simulator.protocol import PlacedRobot
-from evoros.simulator.pybullet import import_pybullet
 from evoros.world.model import World
 
 
@@ -67,7 +67,7 @@ def running(choice: str, robots: dict[str, Robot], world: World) -> tuple[Any, A
         model = engine.prepare([PlacedRobot(robot, world.course.home)], world, settings)
     finally:
         vars(pybullet_robot)["merge_fixed_links"] = merge
-    simulation = PyBulletSimulation(engine.bullet, engine.client, model, robot, settings)
+    simulation = PyBulletSimulation(engine, model, [robot], settings)
     simulation.advance(np.array([0.1, 0.6]), 2.0)
     return engine, import_pybullet().stepSimulation
 

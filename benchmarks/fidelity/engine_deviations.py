@@ -11,7 +11,7 @@ from openloop import commands
 
 from evoros.base.arrays import SPEED, Array, X, Y
 from evoros.robot.model import Robot
-from evoros.simulator.protocol import Simulator
+from evoros.simulator.protocol import Simulator, open_alone
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
@@ -85,7 +85,7 @@ def coarse(step: float, iterations: int) -> PyBullet:
 
 def pushed(simulator: PyBullet, robot: Robot, world: World) -> tuple[float, float]:
     """How far [mm] the rover pushes a 5 kg block in 8 s, and how far it sinks meanwhile."""
-    with simulator.open(robot, world) as opened:
+    with open_alone(simulator.open, robot, world) as opened:
         simulation: Any = opened
         bullet, client = simulation._bullet, simulation._client
         (block, (before, _)) = next(iter(simulation._model.movable.items()))

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-from evoros.analysis.drawing.png import write_png
 from matplotlib.figure import Figure
 
+from evoros.analysis.drawing.png import write_png
 from evoros.base.arrays import Array
 from evoros.config.compose import compose
 from evoros.controller.rover import Rover
@@ -50,7 +50,9 @@ def heading(robot: str, lag_s: float, hold_s: float) -> Array:
     controller = experiment.controller
     assert isinstance(controller, Rover)
     controller = replace(controller, localization=late | {"delay": Delay(lag_s)})
-    scenario = replace(experiment.scenario, controller=controller, world={"leg": leg(experiment)})
+    member = replace(experiment.members[0], controller=controller)
+    world = {"leg": leg(experiment)}
+    scenario = replace(experiment.scenario, members=(member,), world=world)
     mission = Mission(0, 0, Design(()), "leg", 0, "evaluation", "weave")
     _, track = run_mission(scenario, mission)
     return np.column_stack((track[:, TIME], np.degrees(track[:, HEADING])))

@@ -8,7 +8,7 @@ import numpy as np
 from evoros.base.arrays import STATE_SIZE, YAW, Array, X, Y
 from evoros.evolution.experiment import Experiment
 from evoros.robot.model import Robot
-from evoros.simulator.protocol import Simulator
+from evoros.simulator.protocol import Simulator, open_alone
 from evoros.world.model import World
 
 PERIOD = 0.1  # [s] between commands
@@ -40,7 +40,7 @@ def drive(
     """
     course = replace(world.course, home_yaw_rad=heading)
     states = np.zeros((len(wanted) + 1, STATE_SIZE))
-    with simulator.open(robot, replace(world, course=course)) as simulation:
+    with open_alone(simulator.open, robot, replace(world, course=course)) as simulation:
         for state, command in zip(states, wanted, strict=False):
             simulation.observe(state)
             simulation.advance(command, PERIOD)

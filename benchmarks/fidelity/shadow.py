@@ -4,7 +4,7 @@ At every control step, the planar robot is moved to the place of PyBullet's robo
 simulators sense.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -15,10 +15,9 @@ from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
-from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
 from evoros.simulator.planar import Planar
-from evoros.simulator.protocol import RuleSimulation
+from evoros.simulator.protocol import PlacedRobot, RuleSimulation
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
@@ -50,9 +49,9 @@ class ShadowedPyBullet:
         return self.engine.time_step
 
     @contextmanager
-    def open(self, robot: Robot, world: World) -> Iterator["_Simulation"]:
-        """Place the robots of both simulators at the world's home."""
-        with self.engine.open(robot, world) as real, Planar().open(robot, world) as shadow:
+    def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator["_Simulation"]:
+        """Place the robot in both simulators."""
+        with self.engine.open(robots, world) as real, Planar().open(robots, world) as shadow:
             yield _Simulation(self.log, real, shadow)
 
 

@@ -15,15 +15,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from evoros.analysis.drawing.png import write_png
 from matplotlib.figure import Figure
 
+from evoros.analysis.drawing.png import write_png
 from evoros.base.arrays import COMMAND_SIZE, STATE_SIZE, YAW, Array
 from evoros.drive.skid_steer import SkidSteer, SkidSteerDescription
 from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
 from evoros.simulator.mujoco import Mujoco
-from evoros.simulator.protocol import Simulator
+from evoros.simulator.protocol import Simulator, open_alone
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.course import Course
 from evoros.world.floors import GROUND
@@ -92,7 +92,7 @@ def drive_circle(simulator: Simulator, robot: Robot, speed: float, turn: float) 
     command, state = np.zeros(COMMAND_SIZE), np.zeros(STATE_SIZE)
     command[:] = speed, math.atan(turn)  # the wheelbase is the track
     headings, times = [], []
-    with simulator.open(robot, world) as simulation:
+    with open_alone(simulator.open, robot, world) as simulation:
         simulation.advance(command, SETTLE_S)
         time, heading, before = 0.0, 0.0, None
         while heading < 2.0 * math.pi and time < LIMIT_S:

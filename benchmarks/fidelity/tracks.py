@@ -6,11 +6,11 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from evoros.analysis.drawing.png import write_png
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from openloop import PERIOD, distances
 
+from evoros.analysis.drawing.png import write_png
 from evoros.base.arrays import Array, X, Y
 
 LOOKS: Mapping[str, dict[str, object]] = {

@@ -25,8 +25,8 @@ from typing import Any
 from evoros.base.rng import generator
 from evoros.cli.evaluate import evaluate
 from evoros.config.compose import compose
-from evoros.evolution import calls, dispatch
-from evoros.executor.node import Request
+from evoros.dispatch import calls, dispatcher
+from evoros.executor.companion import Request
 from evoros.executor.payload import MISSING, RETURNED, Kept, MissingError, Shared, unpack_call
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
@@ -74,7 +74,7 @@ class Replaced:
 
 
 def answer_in_thread(wanted: dict[str, str], request: bytes) -> tuple[int, bytes, bool, str]:
-    """Stand in for ``dask_transport.answer``: run the call in this thread."""
+    """Stand in for ``dask_sending.answer``: run the call in this thread."""
     from distributed import get_worker
 
     told: Request = pickle.loads(request)
@@ -94,7 +94,7 @@ def measure(arguments: Sequence[str], sleep_s: float | None, threads: bool) -> d
     of the workers, and without the end, at which some have no work.
     """
     counts: list[tuple[float, float, float, int]] = []  # wall, CPU and busy time, missions so far
-    patched: Any = dispatch
+    patched: Any = dispatcher
     original, note, busy_s = patched.Dispatcher.run, patched.Pace.note, 0.0
 
     def noted(self: Any, finished: int, timed: int, seconds: float) -> None:
@@ -113,9 +113,9 @@ def measure(arguments: Sequence[str], sleep_s: float | None, threads: bool) -> d
     if sleep_s is not None:
         patched.run_for_outcomes = Replaced(sleep_s)
     if threads:
-        from evoros.executor import dask_transport
+        from evoros.executor import dask_sending
 
-        dask_transport.answer = answer_in_thread
+        dask_sending.answer = answer_in_thread
     status = evaluate(arguments)
     if status:
         raise SystemExit(status)

@@ -123,7 +123,7 @@ class Sample:
     def _world(self, experiment: Experiment, missions: list[Mission]) -> list[dict[str, object]]:
         rows = []
         for mission in missions:
-            outcome, _ = run_mission(experiment.scenario, mission)
+            (outcome,), _ = run_mission(experiment.scenario, mission)
             place = {"design": mission.design_id, "world": mission.world, "trial": mission.trial}
             rows.append(place | asdict(outcome))
             if self.again and (outcome.ended != TIME_LIMIT or outcome.visited >= 5):

@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 from as_run_ranks import DESIGNS, correlation, place_name
 from as_run_report import ORIGINAL, ROOT, TREATMENTS, WORLDS, curves, designs, read
-from evoros.analysis.drawing.png import write_png
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from evoros.analysis.drawing.png import write_png
 
 IMAGES = ROOT / "docs" / "img"
 LOGS, RUNS, COUNTED = "black", "#0072b2", "#d55e00"

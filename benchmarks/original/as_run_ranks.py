@@ -66,7 +66,7 @@ class Ranking:
         for number, values in enumerate(table.itertuples(index=False)):
             design = logged_design(experiment, values[: 3 * SENSORS], self.back_m)
             for mission in plan.selection(0, number, design):
-                outcome, _ = run_mission(experiment.scenario, mission)
+                (outcome,), _ = run_mission(experiment.scenario, mission)
                 place = {"design": number, "world": mission.world, "trial": 0}
                 rows.append(place | {"direction": direction} | asdict(outcome))
         return rows
@@ -75,7 +75,7 @@ class Ranking:
 def logged_design(experiment: Experiment, values: Iterable[float], back_m: float) -> Design:
     """Return the design of a row: x [m], y [m] and yaw [deg] of each sensor, set back."""
     robot = experiment.robot
-    pitch = robot.default_pitch(experiment.scenario.design.sensors.values())
+    pitch = robot.default_pitch(experiment.design.sensors.values())
     genes = np.array(list(values)).reshape(-1, 3).tolist()
     return Design(
         tuple(

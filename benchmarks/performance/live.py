@@ -104,18 +104,20 @@ def time_mission(
 ) -> Row:
     """Run a mission in the open, twice, because the first one loads what it needs."""
     scenario = experiment.scenario
-    assert isinstance(scenario.controller, LiveController)
+    (member,) = scenario.members
+    assert isinstance(member.controller, LiveController)
     world = next(iter(scenario.world.values()))
     ground = tuple(body for body in world.bodies if body.is_ground)
     course: Course = replace(world.course, time_limit_s=LIMIT_S)
-    controller = Timed(scenario.controller, alone)
+    controller = Timed(member.controller, alone)
     opened = {"open": replace(world, bodies=ground, course=course)}
-    scenario = replace(scenario, world=opened, controller=controller)
+    timed = replace(member, controller=controller)
+    scenario = replace(scenario, world=opened, members=(timed,))
     yaws = np.linspace(-90.0, 90.0, SENSORS)
     mounts = tuple(Mount("sonar", "base_link", 0.1, 0.0, 0.166, yaw, 12.5) for yaw in yaws)
     mission = Mission(0, 0, Design(mounts), "open", 0, "evaluation", "benchmark")
     run_mission(scenario, mission)
-    outcome, _ = run_mission(scenario, mission)
+    (outcome,), _ = run_mission(scenario, mission)
     wall = perf_counter() - controller.begun
     if outcome.ended == SIMULATION_FAILURE:
         sys.exit(f"live.py: {name}: the mission failed: {outcome.reason}")

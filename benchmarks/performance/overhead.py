@@ -11,6 +11,7 @@ busy machine slows both:
 """
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from time import thread_time
 from typing import Any
@@ -28,6 +29,7 @@ from evoros.robot.model import Robot
 from evoros.simulator.engines.pybullet_bodies import VISIBLE
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.mujoco import forget_models as forget_mujoco
+from evoros.simulator.protocol import PlacedRobot, open_alone
 from evoros.simulator.pybullet import PyBullet
 from evoros.simulator.pybullet import forget_models as forget_pybullet
 from evoros.world.model import World
@@ -44,10 +46,10 @@ class Recorder:
         self.simulator, self.time_step = simulator, simulator.time_step
         self.commands: list[Command] = []
 
-    def open(self, robot: Robot, world: World) -> Any:
+    def open(self, robots: Sequence[PlacedRobot], world: World) -> Any:
         """Open a simulation of the simulator, with an empty record."""
         self.commands = []
-        return _Recording(self.simulator.open(robot, world), self.commands)
+        return _Recording(self.simulator.open(robots, world), self.commands)
 
 
 class _Recording:
@@ -77,10 +79,10 @@ def bare(
     """The time [s] in the engine's two calls alone, and the state at the end."""
     state = np.zeros(STATE_SIZE)
     spent = 0.0
-    with scenario.simulator.open(robot, world) as opened:
+    with open_alone(scenario.simulator.open, robot, world) as opened:
         simulation: Any = opened
         bullet, client, body = simulation._bullet, simulation._client, simulation._model.robot.body
-        rays = [(starts, ends) for starts, ends, _ in simulation._rays._batches]
+        rays = [(starts, ends) for starts, ends, _ in simulation._vehicles[0]._rays._batches]
         step = scenario.simulator.time_step
         for number, (command, duration) in enumerate(commands):
             if number % sense_every == 0:
@@ -109,15 +111,17 @@ def bare_mujoco(
 ) -> tuple[float, Array]:
     """The time [s] in MuJoCo's two calls alone, and the state at the end."""
     state, ranges, spent = np.zeros(STATE_SIZE), np.zeros(robot.beam_count), 0.0
-    with scenario.simulator.open(robot, world) as opened:
+    with open_alone(scenario.simulator.open, robot, world) as opened:
         simulation: Any = opened
-        engine, data, cast = simulation._engine, simulation._data, simulation._rays._call
+        engine, data = simulation._model.model, simulation._model.data
+        beams = simulation._vehicles[0]._rays
+        cast = beams._call
         step, move = scenario.simulator.time_step, simulation._step
         calls: list[tuple[Any, ...]] = []
-        simulation._rays._call = lambda *arguments: calls.append(arguments)
+        beams._call = lambda *arguments: calls.append(arguments)
         for command, duration in commands:
             calls.clear()
-            simulation._rays._normals[:] = 0.0  # of the calls before: no ray starts inside a shape
+            beams._normals[:] = 0.0  # of the calls before: no ray starts inside a shape
             simulation.sense(ranges)
             begin = thread_time()
             for arguments in calls:
@@ -139,9 +143,9 @@ def pair(experiment: Experiment, recorder: Recorder, mission: Mission) -> tuple[
     forget_pybullet()  # so that building the model counts, as for every new design
     forget_mujoco()
     begin = thread_time()
-    outcome, _ = run_mission(scenario, mission)
+    (outcome,), _ = run_mission(scenario, mission)
     whole = thread_time() - begin
-    equipped = scenario.with_design(mission.design)
+    (equipped,) = scenario.equip(mission.design)
     robot, world = equipped.robot, scenario.world[mission.world]
     if isinstance(scenario.simulator, Mujoco):
         spent, state = bare_mujoco(scenario, robot, world, recorder.commands)

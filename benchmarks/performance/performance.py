@@ -25,9 +25,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import tick_cost
-from evoros.analysis.drawing.png import write_png
 from tick_cost import Point
 
+from evoros.analysis.drawing.png import write_png
 from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.executor.processes import available_cores

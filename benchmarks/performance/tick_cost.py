@@ -15,14 +15,14 @@ from time import perf_counter
 import numpy as np
 from numba import njit
 
-from evoros.base.compilation import SIMULATION_RULES, compile_rule
+from evoros.compilation.rules import SIMULATION_RULES, compile_rule
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
-from evoros.simulator.protocol import RuleSimulation
+from evoros.simulator.protocol import RuleSimulation, open_alone
 from evoros.world.model import World
 
 DENSITY = 0.19  # obstacles per square metre, as of nineteen boxes on ten by ten metres
@@ -78,7 +78,7 @@ def walk(obstacles: int) -> "np.ndarray[tuple[int, int], np.dtype[np.float64]]":
 def cost(experiment: Experiment, robot: Robot, obstacles: int) -> float:
     """The time [us] of a tick: the minimum of some repeats, as other programs only add to it."""
     world, poses = field(experiment, obstacles), walk(obstacles)
-    with experiment.simulator.open(robot, world) as simulation:
+    with open_alone(experiment.simulator.open, robot, world) as simulation:
         assert isinstance(simulation, RuleSimulation)
         _, sense, advance = map(compile_rule, simulation.rules, SIMULATION_RULES)
         readings, command = np.zeros(len(robot.mounts)), np.array([0.3, 0.2])

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
-from evoros.analysis.measures.statistics import a12, holm, mann_whitney, median_interval
 from matplotlib.figure import Figure
 from noise import COMMON, FINAL, FRESH_TRIALS, IMAGES, Recalled, end, run_long
 
 import evoros
+from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
+from evoros.analysis.measures.statistics import a12, holm, mann_whitney, median_interval
 from evoros.design.design import Design
 from evoros.executor.protocol import Pool
 from evoros.session import run as session
@@ -57,7 +57,7 @@ def find_champion(run: evoros.Run, pool: Pool) -> tuple[dict[str, object], Desig
     """End a run within the budget, by a final choice; return its champion and what it cost."""
     experiment = session.rebuild_experiment(run.path)
     with RunFolder(run.path) as record:
-        outcomes = {key: outcome for key, _, outcome in record.read_missions(read_mission)}
+        outcomes = {key: outcome for key, _, outcome in record.table.read(read_mission)}
     missions = run.missions.groupby("generation").size().cumsum()
     generations = int((missions <= BUDGET - FINAL.finalists * 5 * len(experiment.world)).sum())
     if generations == len(missions):

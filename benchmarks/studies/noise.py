@@ -17,21 +17,21 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
-from evoros.analysis.measures.statistics import a12, holm, mann_whitney, median_interval
 from matplotlib.figure import Figure
 
 import evoros
 from evoros.allocation.halving import SequentialHalving
+from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
+from evoros.analysis.measures.statistics import a12, holm, mann_whitney, median_interval
 from evoros.base.arrays import Array
-from evoros.evolution.dispatch import MissionResult
+from evoros.certificate.final_choice import FinalChoice
+from evoros.dispatch.record import MissionResult
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.final_choice import FinalChoice
 from evoros.evolution.journal import Champion
 from evoros.evolution.loop import evolve
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import Outcomes
 from evoros.session import run as session
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.tables import read_mission
@@ -75,7 +75,7 @@ IMAGES = Path(__file__).parents[2] / "docs" / "img"
 class Recalled:
     """A journal that has the missions of a run, and an observer; it writes nothing."""
 
-    outcomes: dict[MissionKey, Outcome]
+    outcomes: dict[MissionKey, Outcomes]
     champions: list[Champion] = field(default_factory=list)
     needed: set[MissionKey] = field(default_factory=set)
 
@@ -84,8 +84,8 @@ class Recalled:
         self.needed.add(mission.key)
         return mission.key in self.outcomes
 
-    def find(self, mission: Mission) -> Outcome | None:
-        """Return the outcome of a mission."""
+    def find(self, mission: Mission) -> Outcomes | None:
+        """Return the outcomes of a mission."""
         return self.outcomes.get(mission.key)
 
     def record(self, results: Sequence[MissionResult]) -> None:
@@ -144,7 +144,7 @@ def end_twice(run: evoros.Run, budget: int, pool: Pool) -> list[tuple[dict[str, 
     """End a run of the budget without and with a final choice."""
     experiment = session.rebuild_experiment(run.path)
     with RunFolder(run.path) as record:
-        outcomes = {key: outcome for key, _, outcome in record.read_missions(read_mission)}
+        outcomes = {key: outcome for key, _, outcome in record.table.read(read_mission)}
     missions = run.missions.groupby("generation").size().cumsum()
     ends = []
     for final in (False, True):

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import evoros
+from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
 from evoros.session import run as session
 from evoros.session.replay import replay_designs
 

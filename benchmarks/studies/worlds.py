@@ -9,10 +9,9 @@ docs/img/dense.png with the tracks of its champion.
 import sys
 from pathlib import Path
 
+import evoros
 from evoros.analysis.drawing.style import save
 from evoros.analysis.drawing.worlds import draw_worlds
-
-import evoros
 from evoros.config.compose import compose
 from evoros.world.model import World
 

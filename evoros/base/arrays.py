@@ -1,26 +1,26 @@
-"""The arrays that parts exchange: the state, the leg, the command, and the arrays of a rule.
+"""The arrays that parts exchange: the state, the leg, the command, and those of a rule.
 
 Parts (robots, worlds, filters, controllers ...) are frozen descriptions. Their ``start()`` or
 ``open()`` makes the mutable state of one mission. During a mission a *rule* runs: a plain function
-of arrays, whose parameters and memory are float64 arrays. A rule never allocates, never raises and
-keeps nothing outside its arrays, so that the same source can be interpreted or compiled. Write
-``x * x`` in rules; compiled, ``x ** 2`` and numpy reductions give other bits.
+of arrays, whose parameters and memory are named tuples of numbers and float64 arrays. A rule never
+allocates, never raises and keeps nothing outside its arrays, so that the same source can be
+interpreted or compiled. Write ``x * x`` in rules; compiled, ``x ** 2`` and numpy reductions give
+other bits.
 
 Units are SI: metres, seconds, radians, kilograms; a name that ends in ``_deg`` is in degrees.
 World frame: z up. Robot frame: x forward, y left, yaw positive to the left.
 """
 
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
+Matrix: TypeAlias = Annotated[Array, "two dimensions"]
+"""An array of two dimensions, where the number matters: in the parameters of a rule."""
 
-RuleArrays: TypeAlias = tuple[Array, Array]
-"""The parameters and the memory of a rule in one mission."""
-NO_PARAMETERS: Array = np.zeros(0)
-NO_MEMORY: Array = np.zeros(0)
+NO_VALUES: Array = np.zeros(0)
 
 # The state of the robot: a float64 array of STATE_SIZE values, world frame.
 X, Y, YAW, SPEED, YAW_RATE, CONTACT = range(6)

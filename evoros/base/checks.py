@@ -173,7 +173,7 @@ def invalid(part: object, field: str, value: object, rule: str, fix: str = "") -
     if not fix:
         example = f", for example {default}" if isinstance(default, int | float | str) else ""
         fix = f"set it to such a value{example}"
-    return InputError(f"{type(part).__name__}.{field}: {rule}, not {_quote(value)}; {fix}")
+    return InputError(f"{type(part).__name__}.{field}: {rule}, not {quote(value)}; {fix}")
 
 
 def _missing_target(value: object) -> str:
@@ -184,7 +184,7 @@ def _missing_target(value: object) -> str:
     return fix if value and (several or single) else ""
 
 
-def _quote(value: object) -> str:
+def quote(value: object) -> str:
     """Return the value on one line, shortened: a world's representation has many kilobytes."""
     text = " ".join(repr(value).split())
     return text if len(text) <= MAX_VALUE_LENGTH else f"{text[: MAX_VALUE_LENGTH - 3]}..."

@@ -23,8 +23,16 @@ def inlined(function: Function) -> Function:
     return function
 
 
-def take_waiting() -> list[tuple[Callable[..., Any], bool]]:
-    """Return the functions that were marked since the last call, and whether to inline them."""
-    taken = _waiting.copy()
-    del _waiting[: len(taken)]
+def is_bundled(function: Callable[..., Any]) -> bool:
+    """Whether a function is one of evoros, not of a user."""
+    return function.__module__.partition(".")[0] == "evoros"
+
+
+def take_waiting(bundled: bool) -> list[tuple[Callable[..., Any], bool]]:
+    """Return the functions marked since the last call, and whether to inline them.
+
+    Either those of evoros or those of users.
+    """
+    taken = [entry for entry in _waiting if is_bundled(entry[0]) is bundled]
+    _waiting[:] = [entry for entry in _waiting if entry not in taken]
     return taken

@@ -1,14 +1,15 @@
 """Normal and exponential deviates by the ziggurat method, with the same bits on every processor.
 
-They are those of numpy's generators, whose tables these are. But numpy asks the C library for the
-rare ones that need a logarithm or an exponential, and numba has functions of its own for them.
+They are those of numpy's generators. But numpy asks the C library for the rare ones that need a
+logarithm or an exponential, and numba has functions of its own for them. Of numpy's tables, which
+are compiled into it, Python sees numba's private copy alone; a test compares what both draw.
 """
 
 from numba.np.random import _constants as layers
 from numpy.random import BitGenerator
 
 from evoros.base.compilable import compilable
-from evoros.base.elementary.exponential import exp, log1p
+from evoros.base.elementary import exp, log1p
 
 _MANTISSA = 0x000FFFFFFFFFFFFF  # 52 bits
 _LEAST = 2.0**-53

@@ -4,55 +4,32 @@ Exit statuses: 0 done; 1 stopped, resumable; 2 input that cannot be used; 130 in
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evoros.base.console import DONE, print_result
-from evoros.base.errors import EvorosError, InputError
-from evoros.base.log import log_to_terminal
-from evoros.base.origin import read_origin
-from evoros.base.resources import expand_home
-from evoros.cli.reporting import (
-    JobResult,
-    explain_end,
-    report_error,
-    report_result,
-    status_of,
-)
+from evoros.analysis.run_figures import draw_figure
+from evoros.base.errors import InputError
+from evoros.cli.kind import Kind
+from evoros.cli.reporting import JobResult, explain_end, report_result
 from evoros.cli.signals import Signals
+from evoros.files.origin import read_origin
+from evoros.files.resources import expand_home
+from evoros.terminal.console import DONE, print_result, report_errors
 
 if TYPE_CHECKING:
-    from evoros.config.configuration import Configuration
     from evoros.config.options import Options
     from evoros.session.work import Work
 
 
-@dataclass(frozen=True)
-class Command:
-    """One console command. Calling it runs the command and returns its exit status.
-
-    Its functions import what they need when they are called, so that the first message is quick.
-    """
-
-    name: str
-    primary: str  # its own file of conf/, into which everything else is composed
-    create: "Callable[[Configuration, Path], Work]"
-    open: "Callable[[Path, Sequence[str], str | None], Work]"
-    reopen: "Callable[[Configuration, Path, Sequence[str], str | None], Work | None]"
-    """Opens the folder of a job of a sweep that is typed again; None if it is complete."""
-    summarize: Callable[[Path], str]  # the result that is printed when a folder is finished
+class Command(Kind):
+    """A console command. Calling it runs the command and returns its exit status."""
 
     def __call__(self, arguments: Sequence[str]) -> int:
         """Run the command and return its exit status."""
-        with log_to_terminal(), Signals() as signals:
-            try:
-                return _execute(self, list(arguments), signals)
-            except KeyboardInterrupt:
-                return report_error(self.name, *signals.explain())
-            except EvorosError as error:
-                return report_error(self.name, str(error), status_of(error))
+        with Signals() as signals:
+            run = partial(_execute, self, list(arguments), signals)
+            return report_errors(self.name, run, signals.explain)
 
 
 def _execute(command: Command, arguments: list[str], signals: Signals) -> int:
@@ -82,7 +59,7 @@ def _resume(command: Command, options: "Options", signals: Signals) -> int:
     target = next(text for text in options.overrides if text.startswith("resume="))
     folder = expand_home(target.partition("=")[2])
     overrides = [text for text in options.overrides if text is not target]
-    build = partial(command.open, folder, overrides, options.config_dir)
+    build = partial(command.load().open, folder, overrides, options.config_dir)
     return _run_alone(command, build, folder, options.config_dir, signals)
 
 
@@ -114,7 +91,7 @@ def _run_alone(
     result = JobResult(DONE)
     try:
         with Progress() as display:
-            build().run(display)
+            build().run(display, draw_figure)
     except (KeyboardInterrupt, Exception) as error:
         result = explain_end(config_dir, signals, folder, error)
     return report_result(command, False, folder, result)

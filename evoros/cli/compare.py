@@ -1,19 +1,17 @@
 """The command ``evoros-compare``: tells whether two runs are equal, or their first difference."""
 
+from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 
-from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result, run_main
-from evoros.base.errors import EvorosError, InputError, single_line
-from evoros.base.log import LOGGER, log_to_terminal
-from evoros.base.origin import read_origin
-from evoros.base.resources import expand_home
+from evoros.files.origin import read_origin
+from evoros.files.resources import expand_home
+from evoros.terminal.arguments import CommandParser
+from evoros.terminal.console import DONE, print_result, report_errors, run_main
 
 NAME = "evoros-compare"
 DIFFERENT = 1
 """Exit status."""
-USAGE = f"""{NAME} tells whether two runs or evaluations are equal, or their first difference.
-
-{NAME} A B
+ABOUT = f"""{NAME} tells whether two runs or evaluations are equal, or their first difference.
 
 A and B are folders of runs or evaluations, or of sweeps, whose jobs are compared by their paths.
 What is compared is all that follows from the configuration: missions, generations, champion,
@@ -29,28 +27,17 @@ def main() -> None:
 
 def evoros_compare(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
-    if not arguments or {"-h", "--help"} & set(arguments):
-        print_result(USAGE)
-        return DONE if arguments else INPUT
-    if "--version" in arguments:
-        print_result(f"{NAME} {read_origin().version}")
-        return DONE
-    with log_to_terminal():
-        try:
-            return _compare(arguments)
-        except KeyboardInterrupt:
-            LOGGER.error("%s: interrupted", NAME)
-            return INTERRUPTED
-        except EvorosError as error:
-            LOGGER.error("%s: %s", NAME, single_line(error))
-            return INPUT
+    return report_errors(NAME, lambda: _compare(arguments))
 
 
 def _compare(arguments: Sequence[str]) -> int:
     from evoros.session.comparison import compare, describe
 
-    if len(arguments) != 2:
-        raise InputError(f"two folders must be given, not {len(arguments)}; type: {NAME} A B")
-    comparison = compare(*(expand_home(name) for name in arguments))
+    parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
+    for name in ("A", "B"):
+        parser.add_argument(name, type=expand_home)
+    parser.add_argument("--version", action="version", version=f"{NAME} {read_origin().version}")
+    options = parser.parse_args(list(arguments))
+    comparison = compare(options.A, options.B)
     print_result(describe(comparison))
     return DIFFERENT if comparison.difference else DONE

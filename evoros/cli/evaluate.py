@@ -1,15 +1,8 @@
 """The command ``evoros-evaluate``: scores given designs, or resumes an evaluation."""
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-from evoros.base.console import run_main
 from evoros.cli.command import Command
-
-if TYPE_CHECKING:
-    from evoros.config.configuration import Configuration
-    from evoros.session.work import Work
+from evoros.cli.kind import Works
+from evoros.terminal.console import run_main
 
 
 def main() -> None:
@@ -17,30 +10,12 @@ def main() -> None:
     run_main(evaluate)
 
 
-def _create(config: "Configuration", folder: Path) -> "Work":
-    from evoros.session.evaluation import create_evaluation
-
-    return create_evaluation(config, folder)
-
-
-def _open(folder: Path, overrides: Sequence[str], config_dir: str | None) -> "Work":
-    from evoros.session.evaluation import open_evaluation
-
-    return open_evaluation(folder, overrides, config_dir)
-
-
-def _reopen(
-    config: "Configuration", folder: Path, overrides: Sequence[str], config_dir: str | None
-) -> "Work | None":
+def _load() -> Works:
+    from evoros.cli.summary import summarize_evaluation
+    from evoros.session.evaluation import create_evaluation, open_evaluation
     from evoros.session.repeated import reopen_evaluation
 
-    return reopen_evaluation(config, folder, overrides, config_dir)
+    return Works(create_evaluation, open_evaluation, reopen_evaluation, summarize_evaluation)
 
 
-def _summarize(folder: Path) -> str:
-    from evoros.cli.summary import summarize_evaluation
-
-    return summarize_evaluation(folder)
-
-
-evaluate = Command("evoros-evaluate", "evaluate", _create, _open, _reopen, _summarize)
+evaluate = Command("evoros-evaluate", "evaluate", _load)

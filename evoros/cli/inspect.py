@@ -1,15 +1,17 @@
 """The command ``evoros-inspect``: shows a robot or a world, and writes the YAML to start from."""
 
 import shlex
-from collections.abc import Mapping, Sequence
+from argparse import SUPPRESS, RawDescriptionHelpFormatter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evoros.base.console import DONE, INPUT, print_result, run_main
-from evoros.base.errors import EvorosError, InputError, single_line
-from evoros.base.log import LOGGER, log_to_terminal
-from evoros.base.resources import expand_home
+from evoros.base.errors import InputError
+from evoros.files.resources import expand_home
+from evoros.terminal.arguments import CommandParser
+from evoros.terminal.console import DONE, print_result, report_errors, run_main
 
 if TYPE_CHECKING:
     from evoros.config.own_files import OwnFile
@@ -18,26 +20,21 @@ if TYPE_CHECKING:
 NAME = "evoros-inspect"
 DEFAULT_FOLDER = "mine"
 SIMULATOR = "simulator="
-USAGE = """evoros-inspect shows what evoros reads of a robot or a world that somebody else wrote,
-and writes the YAML files with which evoros uses them.
+USAGE = f"""{NAME} robot FILE world FILE [key=value ...] [options]
 
-evoros-inspect robot FILE [key=value ...]          a URDF or xacro file
-evoros-inspect world FILE [key=value ...]          an SDF, .world or xacro file
-evoros-inspect robot FILE world FILE [robot.key=value ...] [world.key=value ...]
+It shows what evoros reads of a robot or a world that somebody else wrote, and writes the YAML files
+with which evoros uses them.
+
+{NAME} robot FILE [key=value ...]          a URDF or xacro file
+{NAME} world FILE [key=value ...]          an SDF, .world or xacro file
+{NAME} robot FILE world FILE [robot.key=value ...] [world.key=value ...]
 
 The keys are those of the group's YAML files, as docs/your_robot.md explains them:
-  evoros-inspect robot scout.urdf.xacro arguments.laser=true packages=[../sensors]
-  evoros-inspect world depot.world model_paths=[models] vehicles=hold_still
-  evoros-inspect world depot.world course.home_x_m=2 course.home_y_m=-1
-simulator=NAME is the simulator to build them for; default: planar, or physics on uneven ground.
-
-Options
-  --config-dir FOLDER   folder for robot/NAME.yaml, world/NAME.yaml and pictures; default: mine
-  --name NAME           name of the part; default: that of its file (of one part only)
-
-Existing files are kept: delete them, or choose another folder or name."""
-
-
+  {NAME} robot scout.urdf.xacro arguments.laser=true packages=[../sensors]
+  {NAME} world depot.world model_paths=[models] vehicles=hold_still
+  {NAME} world depot.world course.home_x_m=2 course.home_y_m=-1
+simulator=NAME is the simulator to build them for; default: planar, or physics on uneven ground."""
+EPILOG = "Existing files are kept: delete them, or choose another folder or name."
 ROBOT_KEYS: Mapping[str, Any] = {
     "drive": {"max_speed_mps": None},
     "mount": {"link": None, "z_m": None, "pitch_deg": None},
@@ -61,30 +58,21 @@ def main() -> None:
 
 def evoros_inspect(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
-    if not arguments or {"-h", "--help"} & set(arguments):
-        print_result(USAGE)
-        return DONE if arguments else INPUT
-    with log_to_terminal():
-        try:
-            _inspect(arguments)
-        except EvorosError as error:
-            LOGGER.error("%s: %s", NAME, single_line(error))
-            return INPUT
-    return DONE
+    return report_errors(NAME, lambda: _inspect(arguments))
 
 
-def _inspect(arguments: Sequence[str]) -> None:
-    words, options = _split_options(arguments)
-    simulators = [word for word in words if word.startswith(SIMULATOR)]
-    requests = _parse([word for word in words if word not in simulators])
-    folder = expand_home(options.get("--config-dir", DEFAULT_FOLDER))
-    if "--name" in options and len(requests) > 1:
+def _inspect(arguments: Sequence[str]) -> int:
+    options = _parser().parse_intermixed_args(list(arguments))
+    simulators = [word for word in options.words if word.startswith(SIMULATOR)]
+    requests = _parse([word for word in options.words if word not in simulators])
+    folder = expand_home(options.config_dir)
+    if options.name and len(requests) > 1:
         raise InputError("--name: names one part, and there are two; inspect them one by one")
     chosen: list[str] = []  # the parts, and what a run with them needs besides
     further: list[str] = []
     shown: list[str] = []
     for request in requests:
-        own, simulator = _describe(request, options.get("--name"), chosen, folder)
+        own, simulator = _describe(request, options.name, chosen, folder)
         simulator = simulators[-1] if simulators else simulator
         inspection = _write_yaml(own, folder, chosen, simulator)
         picture = (folder / own.path).with_suffix(".png")
@@ -102,21 +90,24 @@ def _inspect(arguments: Sequence[str]) -> None:
     print_result(
         f"to use  {shlex.join(['evoros', '--config-dir', str(folder), *chosen, *further])}"
     )
+    return DONE
 
 
-def _split_options(arguments: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    words, options, rest = [], {}, iter(arguments)
-    for word in rest:
-        if not word.startswith("-"):
-            words.append(word)
-            continue
-        name, equals, value = word.partition("=")
-        if name not in ("--config-dir", "--name"):
-            raise InputError(f"{name}: must be --config-dir or --name; see {NAME} --help")
-        options[name] = value if equals else next(rest, "")
-        if not options[name]:
-            raise InputError(f"{name}: must be followed by a value; add it")
-    return words, options
+def _parser() -> CommandParser:
+    parser = CommandParser(
+        NAME, usage=USAGE, epilog=EPILOG, formatter_class=RawDescriptionHelpFormatter
+    )
+    parser.add_argument("words", nargs="*", help=SUPPRESS)
+    parser.add_argument(
+        "--config-dir",
+        metavar="FOLDER",
+        default=DEFAULT_FOLDER,
+        help="folder for robot/NAME.yaml, world/NAME.yaml and pictures; default: mine",
+    )
+    parser.add_argument(
+        "--name", metavar="NAME", help="name of the part; default: that of its file (of one only)"
+    )
+    return parser
 
 
 def _parse(words: Sequence[str]) -> list[Request]:
@@ -178,29 +169,33 @@ def _describe(
 def _write_yaml(
     own: "OwnFile", folder: Path, chosen: Sequence[str], simulator: str
 ) -> "Inspection":
-    """Write the YAML file and build the part from it; a failure leaves no file."""
+    """Write the YAML file and build the part from it."""
+    from evoros.analysis.drawing.inspection import draw_robot_picture
+    from evoros.analysis.drawing.worlds import draw_world_picture
     from evoros.config.own_files import ROBOT
     from evoros.session.inspection import inspect_robot, inspect_world
 
-    path = folder / own.path
-    _write(path, own.text.encode())
-    try:
+    with _kept_if_usable(folder, own):
         if own.group == ROBOT:
-            return inspect_robot(own.name, folder, simulator)
-        return inspect_world(own.name, folder, chosen, simulator)
-    except BaseException:
-        path.unlink()
-        raise
+            return inspect_robot(own.name, folder, simulator, draw_robot_picture)
+        return inspect_world(own.name, folder, chosen, simulator, draw_world_picture)
 
 
 def _write_design(design: "OwnFile", folder: Path, chosen: Sequence[str]) -> None:
-    """Write the YAML file of a robot's own sensors and build it; a failure leaves no file."""
+    """Write the YAML file of a robot's own sensors and build it."""
     from evoros.session.inspection import require_design
 
-    path = folder / design.path
-    _write(path, design.text.encode())
-    try:
+    with _kept_if_usable(folder, design):
         require_design(design.name, folder, chosen)
+
+
+@contextmanager
+def _kept_if_usable(folder: Path, own: "OwnFile") -> Iterator[None]:
+    """Write a YAML file, which is deleted again if the part cannot be built from it."""
+    path = folder / own.path
+    _write(path, own.text.encode())
+    try:
+        yield
     except BaseException:
         path.unlink()
         raise

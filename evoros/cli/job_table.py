@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
 
-from evoros.base.console import INPUT
 from evoros.cli.reporting import JobResult
 from evoros.session.overview import Overview, survey
 from evoros.storage.discovery import natural_key
+from evoros.terminal.console import INPUT
 
 KEPT, REFUSED = "kept", "refused"
 """States of jobs alone: complete before the sweep was repeated; not begun for an error."""

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from evoros.analysis.run_figures import draw_figure
 from evoros.base.errors import InputError, RunStopped
-from evoros.base.log import log_everything, log_for_job, log_to_terminal
 from evoros.cli.reporting import JobResult
 from evoros.session.overview import survey
 from evoros.session.status import NoDisplay
+from evoros.terminal.log import log_everything, log_for_job, log_to_terminal
 
 if TYPE_CHECKING:
     from evoros.config.jobs import Job
@@ -37,7 +38,7 @@ class JobRunner:
             try:
                 work = self.build(job)
                 if work is not None:
-                    work.run(NoDisplay())
+                    work.run(NoDisplay(), draw_figure)
             except Exception as error:
                 with suppress(OSError):  # it has files; Hydra makes an empty one first
                     job.folder.rmdir()

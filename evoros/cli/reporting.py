@@ -7,15 +7,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED, print_result
-from evoros.base.disk import exists, explain_rights
-from evoros.base.errors import EvorosError, InputError, RunStopped, single_line
-from evoros.base.log import LOGGER
-from evoros.base.resources import PACKAGE
+from evoros.base.errors import EvorosError, RunStopped, single_line
 from evoros.cli.signals import Signals
+from evoros.files.disk import exists, explain_rights
+from evoros.files.resources import PACKAGE
+from evoros.terminal.console import (
+    DONE,
+    INPUT,
+    INTERRUPTED,
+    STOPPED,
+    print_result,
+    report_error,
+    status_of,
+)
 
 if TYPE_CHECKING:
-    from evoros.cli.command import Command
+    from evoros.cli.kind import Kind
 
 WORST_FIRST = (INTERRUPTED, INPUT, STOPPED, DONE)
 """Exit statuses, the worst first: a sweep ends with the worst of its jobs."""
@@ -77,21 +84,10 @@ def _resume_hint(folder: Path, config_dir: str | None) -> str:
     return f"; to continue type: {resume_command(folder)}{option}"
 
 
-def report_result(command: "Command", in_sweep: bool, folder: Path, result: JobResult) -> int:
+def report_result(kind: "Kind", in_sweep: bool, folder: Path, result: JobResult) -> int:
     """Print the summary of a finished job, or report why it ended; returns its exit status."""
     if result.message:
         name = f"{folder.name}: " if in_sweep else ""
-        return report_error(command.name, f"{name}{result.message}", result.status)
-    print_result(command.summarize(folder))
+        return report_error(kind.name, f"{name}{result.message}", result.status)
+    print_result(kind.load().summarize(folder))
     return result.status
-
-
-def report_error(name: str, message: str, status: int) -> int:
-    """Report in one line why a command or a job ended; returns the exit status."""
-    LOGGER.error("%s: %s", name, single_line(message))
-    return status
-
-
-def status_of(error: EvorosError) -> int:
-    """Return the exit status of an error."""
-    return INPUT if isinstance(error, InputError) else STOPPED

@@ -7,20 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evoros.base.arguments import CommandParser
-from evoros.base.console import DONE, print_result, run_main
-from evoros.base.errors import EvorosError
-from evoros.base.log import log_everything, log_to_terminal
-from evoros.base.origin import read_origin
-from evoros.base.resources import expand_home
-from evoros.cli.reporting import (
-    WORST_FIRST,
-    JobResult,
-    explain_end,
-    report_error,
-    status_of,
-)
+from evoros.cli.reporting import WORST_FIRST, JobResult, explain_end
 from evoros.cli.signals import Signals
+from evoros.files.origin import read_origin
+from evoros.files.resources import expand_home
+from evoros.terminal.arguments import CommandParser
+from evoros.terminal.console import DONE, print_result, report_error, report_errors, run_main
+from evoros.terminal.log import log_everything
 
 if TYPE_CHECKING:
     from evoros.session.reproduction import Reproduction
@@ -43,21 +36,15 @@ def main() -> None:
 
 def evoros_reproduce(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
-    with log_to_terminal(), Signals() as signals:
-        try:
-            return _reproduce(_parser().parse_intermixed_args(list(arguments)), signals)
-        except SystemExit as ended:  # --help and --version
-            return int(ended.code or DONE)
-        except KeyboardInterrupt:
-            return report_error(NAME, *signals.explain())
-        except EvorosError as error:
-            return report_error(NAME, str(error), status_of(error))
+    with Signals() as signals:
+        return report_errors(NAME, lambda: _reproduce(arguments, signals), signals.explain)
 
 
-def _reproduce(options: Namespace, signals: Signals) -> int:
+def _reproduce(arguments: Sequence[str], signals: Signals) -> int:
     from evoros.session.comparison import compare, describe
     from evoros.session.reproduction import describe_circumstances, list_reproductions
 
+    options = _parser().parse_intermixed_args(list(arguments))
     source, output = expand_home(options.folder), expand_home(options.output)
     reproductions = list_reproductions(source, output)
     status = _run_all(reproductions, options, signals)

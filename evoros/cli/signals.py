@@ -3,7 +3,7 @@
 import signal
 from types import FrameType
 
-from evoros.base.console import INTERRUPTED, STOPPED
+from evoros.terminal.console import STOPPED, explain_interrupt
 
 
 class Signals:
@@ -33,4 +33,4 @@ class Signals:
         """A message about the last signal, and the exit status that it means."""
         if self.last == signal.SIGTERM:
             return "terminated by a signal", STOPPED
-        return "interrupted", INTERRUPTED
+        return explain_interrupt()

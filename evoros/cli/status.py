@@ -6,11 +6,10 @@ from argparse import ArgumentParser
 from collections.abc import Sequence
 from pathlib import Path
 
-from evoros.base.arguments import CommandParser
-from evoros.base.console import DONE, INPUT, INTERRUPTED, print_result, run_main
-from evoros.base.errors import EvorosError, InputError, single_line
-from evoros.base.log import LOGGER, log_to_terminal
-from evoros.base.resources import expand_home
+from evoros.base.errors import InputError
+from evoros.files.resources import expand_home
+from evoros.terminal.arguments import CommandParser
+from evoros.terminal.console import DONE, print_result, report_errors, run_main
 
 NAME = "evoros-status"
 UPDATE_S = 2.0
@@ -24,31 +23,25 @@ def main() -> None:
 
 def evoros_status(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
-    with log_to_terminal():
-        try:
-            options = _parser().parse_args(list(arguments))
-            _show(expand_home(options.folder), options.once)
-        except EvorosError as error:
-            LOGGER.error("%s: %s", NAME, single_line(error))
-            return INPUT
-        except KeyboardInterrupt:
-            return INTERRUPTED
-    return DONE
+    return report_errors(NAME, lambda: _show(arguments))
 
 
-def _show(folder: Path, once: bool) -> None:
+def _show(arguments: Sequence[str]) -> int:
     """Print the table once, or keep it on the terminal while anything runs."""
     from rich.live import Live
     from rich.text import Text
 
+    options = _parser().parse_args(list(arguments))
+    folder = expand_home(options.folder)
     table, running = _look(folder)
-    if running and not once and sys.stdout.isatty():
+    if running and not options.once and sys.stdout.isatty():
         with Live(Text(table), auto_refresh=False, transient=True) as live:
             while running:
                 time.sleep(UPDATE_S)
                 table, running = _look(folder)
                 live.update(Text(table), refresh=True)
     print_result(table)
+    return DONE
 
 
 def _look(folder: Path) -> tuple[str, bool]:

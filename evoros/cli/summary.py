@@ -42,11 +42,17 @@ def summarize_evaluation(folder: Path) -> str:
         f"folder            {folder}",
     ]
     if (folder / WORST_CASES).is_file():
-        # The table is read by pandas, which takes long to import.
-        from evoros.storage.worst_cases import describe_worst_cases
-
-        lines += [f"worst case        {line}" for line in describe_worst_cases(folder)]
+        lines += [f"worst case        {line}" for line in _describe_worst_cases(folder)]
     return "\n".join(lines)
+
+
+def _describe_worst_cases(folder: Path) -> list[str]:
+    # The table is read by pandas, which takes long to import.
+    from evoros.storage.reading import read_overrides, read_worst_cases
+    from evoros.worst_cases.summary import describe_worst_cases
+
+    table = read_worst_cases(folder)
+    return [] if table is None else list(describe_worst_cases(table, read_overrides(folder)))
 
 
 def _describe_missions(status: Mapping[str, Any]) -> str:

@@ -12,11 +12,12 @@ from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING
 
-from evoros.base.activity import announce
-from evoros.base.console import DONE
+from evoros.analysis.run_figures import draw_figure
 from evoros.base.errors import EvorosError
-from evoros.base.log import LOGGER, log_for_job
 from evoros.cli.reporting import JobResult
+from evoros.terminal.activity import announce
+from evoros.terminal.console import DONE
+from evoros.terminal.log import LOGGER, log_for_job
 
 if TYPE_CHECKING:
     from evoros.config.jobs import Job
@@ -165,7 +166,7 @@ class Sweep:
     def _run(self, folder: Path, work: "Work") -> JobResult:
         with log_for_job(str(folder)), self._display.job() as display:
             try:
-                work.run(display, self._pool.open)
+                work.run(display, draw_figure, self._pool.open)
             except (KeyboardInterrupt, Exception) as error:
                 return self._explain(folder, error)
         return JobResult(DONE)

@@ -6,47 +6,45 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evoros.base.console import DONE, INTERRUPTED, STOPPED, print_result
 from evoros.base.errors import EvorosError, RunStopped
-from evoros.base.log import LOGGER, log_everything
-from evoros.cli.reporting import (
-    WORST_FIRST,
-    JobResult,
-    explain_end,
-    report_error,
-    report_result,
-    status_of,
-)
+from evoros.cli.reporting import WORST_FIRST, JobResult, explain_end, report_result
 from evoros.cli.signals import Signals
 from evoros.cli.sweep import Sweep
+from evoros.terminal.console import (
+    DONE,
+    INTERRUPTED,
+    STOPPED,
+    print_result,
+    report_error,
+    status_of,
+)
+from evoros.terminal.log import LOGGER, log_everything
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from evoros.cli.command import Command
+    from evoros.cli.kind import Kind
     from evoros.config.jobs import Job, Jobs, RefusedJob
     from evoros.session.work import Work
 
 
-def run_sweep(command: "Command", jobs: "Jobs", config_dir: str | None, signals: Signals) -> int:
+def run_sweep(kind: "Kind", jobs: "Jobs", config_dir: str | None, signals: Signals) -> int:
     """Run all jobs of a sweep in one pool, and return the worst exit status."""
     from evoros.session.progress import SweepProgress
 
-    build = partial(build_job, command, config_dir)
+    build = partial(build_job, kind, config_dir)
     explain = partial(explain_end, config_dir, signals)
-    report = partial(report_result, command, True)
+    report = partial(report_result, kind, True)
     with log_everything(), SweepProgress(len(jobs)) as display:
         sweep = Sweep(build, explain, report, display)
-        begun = begin_all(command.name, jobs, sweep, signals)
+        begun = begin_all(kind.name, jobs, sweep, signals)
     statuses = [] if signals.last is None else [signals.explain()[1]]
     if begun < len(jobs):
         statuses.append(STOPPED)
-    return _conclude(command, jobs, sweep.results, statuses)
+    return _conclude(kind, jobs, sweep.results, statuses)
 
 
-def run_by_plugins(
-    command: "Command", jobs: "Jobs", config_dir: str | None, signals: Signals
-) -> int:
+def run_by_plugins(kind: "Kind", jobs: "Jobs", config_dir: str | None, signals: Signals) -> int:
     """Let the chosen launcher and sweeper of Hydra run jobs; returns the worst exit status."""
     from evoros.cli.launched import JobRunner
     from evoros.config.jobs import SWEEPER
@@ -57,7 +55,7 @@ def run_by_plugins(
     assert jobs.sweep is not None
     count = None if SWEEPER in jobs.plugins else len(jobs)
     run = JobRunner(
-        partial(build_job, command, config_dir), partial(explain_end, config_dir, Signals())
+        partial(build_job, kind, config_dir), partial(explain_end, config_dir, Signals())
     )
     errors: dict[Path, EvorosError | None]
     try:
@@ -70,19 +68,19 @@ def run_by_plugins(
             else:
                 errors = launch(jobs, run)
     except (KeyboardInterrupt, RunStopped):
-        _explain_repeating(command, jobs)
+        _explain_repeating(kind, jobs)
         raise
     results = []
     for folder, error in errors.items():
         result = JobResult(DONE) if error is None else JobResult(status_of(error), str(error))
         if result.message:
-            report_error(command.name, f"{folder.name}: {result.message}", result.status)
+            report_error(kind.name, f"{folder.name}: {result.message}", result.status)
         results.append((folder, result))
-    return _conclude(command, jobs, results, [])
+    return _conclude(kind, jobs, results, [])
 
 
 def _conclude(
-    command: "Command",
+    kind: "Kind",
     jobs: "Jobs",
     results: Sequence[tuple[Path, JobResult]],
     others: Sequence[int],
@@ -93,27 +91,27 @@ def _conclude(
     print_result(format_jobs(results))
     statuses = [DONE, *others, *(result.status for _, result in results)]
     if STOPPED in statuses or INTERRUPTED in statuses:
-        _explain_repeating(command, jobs)
+        _explain_repeating(kind, jobs)
     return next(status for status in WORST_FIRST if status in statuses)
 
 
-def _explain_repeating(command: "Command", jobs: "Jobs") -> None:
+def _explain_repeating(kind: "Kind", jobs: "Jobs") -> None:
     LOGGER.error(
         "%s: to go on with the jobs that are not finished, repeat the command with "
         "hydra.sweep.dir=%s; it keeps what is complete",
-        command.name,
+        kind.name,
         shlex.quote(str(jobs.sweep)),
     )
 
 
-def build_job(command: "Command", config_dir: str | None, job: "Job") -> "Work | None":
+def build_job(kind: "Kind", config_dir: str | None, job: "Job") -> "Work | None":
     """Build a job, or go on with it if its folder has been made; None if it is complete."""
     from evoros.storage.layout import MISSIONS
 
     if not (job.folder / MISSIONS).exists():
-        return command.create(job.config, job.folder)
+        return kind.create(job.config, job.folder)
     executor = [text for text in job.overrides if text.startswith(("executor=", "executor."))]
-    return command.reopen(job.config, job.folder, executor, config_dir)
+    return kind.load().reopen(job.config, job.folder, executor, config_dir)
 
 
 def begin_all(name: str, jobs: "Iterable[Job | RefusedJob]", sweep: Sweep, signals: Signals) -> int:

@@ -1,16 +1,16 @@
 """The command ``evoros-world``: writes the world of a configuration as an SDF file."""
 
+from argparse import RawDescriptionHelpFormatter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from evoros.base.console import DONE, INPUT, print_result, run_main
-from evoros.base.errors import EvorosError, InputError, single_line
-from evoros.base.log import LOGGER, log_to_terminal
-from evoros.base.resources import expand_home
+from evoros.base.errors import InputError
+from evoros.files.resources import expand_home
+from evoros.terminal.arguments import CommandParser
+from evoros.terminal.console import DONE, print_result, report_errors, run_main
 
-USAGE = """evoros-world writes a world as an SDF file, for Gazebo and for world=... of your own.
-
-evoros-world FILE [key=value ...] [--config-dir FOLDER]
+NAME = "evoros-world"
+ABOUT = """evoros-world writes a world as an SDF file, for Gazebo and for world=... of your own.
 
 FILE must not exist. Meshes and height fields are written beside it, in files of its name.
 The keys are those of evoros, with world=generated chosen:
@@ -24,36 +24,30 @@ def main() -> None:
 
 def evoros_world(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status: 0, or 2 for input that cannot be used."""
-    if not arguments or {"-h", "--help"} & set(arguments):
-        print_result(USAGE)
-        return DONE if arguments else INPUT
-    with log_to_terminal():
-        try:
-            print_result(_write(arguments[0], arguments[1:]))
-        except EvorosError as error:
-            LOGGER.error("evoros-world: %s", single_line(error))
-            return INPUT
-    return DONE
+    return report_errors(NAME, lambda: _run(arguments))
 
 
-def _write(name: str, rest: Sequence[str]) -> str:
-    """Write the file and describe it in one line."""
+def _run(arguments: Sequence[str]) -> int:
     from evoros.config.compose import compose
-    from evoros.config.options import parse_options
 
-    if "=" in name or name.startswith("-"):
-        raise InputError(f"{name}: must be the name of a new file; evoros-world FILE key=value ...")
-    options = parse_options(rest)
+    parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
+    parser.add_argument("file", metavar="FILE")
+    parser.add_argument("overrides", nargs="*", metavar="key=value")
+    parser.add_argument("--config-dir", "-cd", metavar="FOLDER", help="folder of your own parts")
+    options = parser.parse_intermixed_args(list(arguments))
+    if "=" in options.file:
+        raise InputError(f"{options.file}: must be the name of a new file; see {NAME} --help")
     worlds = compose(["world=generated", *options.overrides], options.config_dir).build().world
     if len(worlds) > 1:
         raise InputError(
             f"world: must be one world, not {len(worlds)} ({', '.join(worlds)}); choose one of them"
         )
     (world,) = worlds.values()
-    path = expand_home(name)
+    path = expand_home(options.file)
     first, *others = world.files(path.stem).items()
     _write_new({path: first[1], **{path.with_name(other): content for other, content in others}})
-    return f"{path}: {len(world.obstacles)} obstacles"
+    print_result(f"{path}: {len(world.obstacles)} obstacles")
+    return DONE
 
 
 def _write_new(files: Mapping[Path, bytes]) -> None:

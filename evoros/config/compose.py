@@ -18,10 +18,10 @@ from hydra.core.override_parser.types import Override
 from omegaconf import DictConfig, ListConfig, OmegaConf, open_dict
 
 from evoros.base.errors import InputError
-from evoros.base.resources import bundled_folder, expand_home
 from evoros.config.configuration import Configuration, freeze
 from evoros.config.folder_names import job_name
 from evoros.config.messages import describe_error
+from evoros.files.resources import PACKAGE, bundled_folder, expand_home
 
 NAMED_FOLDERS: list[Path] = []
 """The configuration folders that the user has named in this process, and so trusts."""
@@ -155,8 +155,11 @@ def add_config_dir(path: str | Path) -> Path:
             f"--config-dir {path}: must be a folder with configuration groups, and there is none; "
             f"create it or correct the path"
         )
-    if str(folder) not in sys.path:
-        sys.path.append(str(folder))  # spawned workers inherit the path
+    if str(folder) not in sys.path:  # spawned workers inherit the path
+        # Before evoros's neighbours, such as analysis/ of a checkout, which would hide its modules.
+        places = [Path(entry).resolve() for entry in sys.path]
+        index = places.index(PACKAGE.parent) if PACKAGE.parent in places else len(places)
+        sys.path.insert(index, str(folder))
     if folder not in NAMED_FOLDERS:
         NAMED_FOLDERS.append(folder)
     return folder

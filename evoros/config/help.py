@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import hydra
 
 from evoros.base.errors import InputError
-from evoros.base.resources import bundled_folder
 from evoros.config.compose import HYDRA_VERSION
 from evoros.config.messages import describe_error
+from evoros.files.resources import bundled_folder
 
 
 def show(command: str, primary: str, arguments: Sequence[str]) -> int:

@@ -5,24 +5,24 @@ evoros runs the jobs of a sweep itself (``jobs.py``) unless such a plugin is cho
 
 import copy
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from hydra._internal.callbacks import Callbacks
-from hydra._internal.hydra import Hydra
+from hydra._internal.callbacks import Callbacks  # HydraContext, which is public, needs one
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.plugins import Plugins
-from hydra.core.utils import JobReturn, JobStatus
+from hydra.core.utils import JobReturn
 from hydra.types import HydraContext, RunMode
 from omegaconf import DictConfig, open_dict
 
 from evoros.base.errors import EvorosError, RunStopped, single_line
-from evoros.base.log import LOGGER
 from evoros.config.compose import add_config_dir, initialize, quote, search_path
 from evoros.config.jobs import Job, Jobs, compose_job
+from evoros.terminal.log import LOGGER
 
 RunJob = Callable[[Job], float]
 """Runs a job in the process of a launcher and returns its fitness; it must pickle."""
@@ -97,7 +97,7 @@ def search(jobs: Jobs, run: RunJob) -> None:
 
 
 @contextmanager
-def _start(jobs: Jobs, plugin: str) -> Iterator[Hydra]:
+def _start(jobs: Jobs, plugin: str) -> Iterator[Any]:
     """Start Hydra for a plugin, whose errors become one line."""
     try:
         with initialize():
@@ -132,9 +132,11 @@ def _overrides_of(job: Job) -> list[str]:
 
 
 def _find_error(result: JobReturn) -> EvorosError | None:
-    if result.status == JobStatus.COMPLETED:
-        return None
-    error: Any = result._return_value  # the public property would also print it
-    if isinstance(error, EvorosError):
+    try:
+        with redirect_stderr(StringIO()):  # Hydra also prints which job it was
+            _ = result.return_value
+    except EvorosError as error:
         return error
-    return RunStopped(f"{type(error).__name__}: {single_line(error)}")
+    except Exception as error:
+        return RunStopped(f"{type(error).__name__}: {single_line(error)}")
+    return None

@@ -5,7 +5,7 @@ from difflib import get_close_matches
 
 import yaml
 from hydra.errors import InstantiationException, MissingConfigException, OverrideParseException
-from omegaconf import DictConfig, ListConfig
+from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from evoros.base.errors import EvorosError, single_line
@@ -113,7 +113,11 @@ def _no_such_key(key: str, cause: BaseException | None) -> str:
 
 
 def _has(config: DictConfig | None, group: str, key: str) -> bool:
-    inner = config._get_node(group) if config is not None else None
+    inner = None
+    if config is not None:
+        inner = OmegaConf.select(
+            config, group, throw_on_missing=False, throw_on_resolution_failure=False
+        )
     return isinstance(inner, DictConfig) and key in inner
 
 

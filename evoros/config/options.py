@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from evoros.base.arguments import CommandParser
 from evoros.base.errors import InputError
+from evoros.terminal.arguments import CommandParser
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from typing import Any
 
 import yaml
 
-from evoros.base.resources import bundled_folder
 from evoros.config.own_files import DESIGN, OwnFile, is_bundled
+from evoros.files.resources import bundled_folder
 from evoros.formats.urdf.sensors import BUMPER
 from evoros.robot.own_sensors import OwnSensor
 

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from evoros.base.errors import InputError
-from evoros.base.resources import bundled_folder
+from evoros.files.resources import bundled_folder
 
 ROBOT, WORLD, DESIGN = "robot", "world", "design"
 _WIDTH = 10_000  # of a line: a value stays on one

@@ -13,8 +13,8 @@ from typing import Any
 from hydra.utils import get_object
 
 from evoros.base.errors import InputError
-from evoros.base.resources import bundled_folder
 from evoros.config.messages import describe_error
+from evoros.files.resources import bundled_folder
 
 TARGET = "_target_"
 OWN = "evoros"
@@ -82,15 +82,12 @@ def _find_problem(target: Any, folders: Sequence[Path]) -> str:
         found = get_object(target)
     except Exception as error:  # a user's module raises anything while it is imported
         return f"{target} cannot be imported ({describe_error(error)}); correct the module"
-    module = str(getattr(found, "__module__", ""))
-    own = module.split(".")[0] == OWN and module.split(".")[1:2] in _ROOM_LISTS
-    theirs = first != OWN and _is_in(module.partition(".")[0], folders)
-    if (isinstance(found, type) and own) or theirs:
-        return ""
-    return f"must be a class of a part, not {target}; restore the file"
-
-
-_ROOM_LISTS = [[room] for room in ROOMS]
+    package, room = (*str(getattr(found, "__module__", "")).split("."), "")[:2]
+    if package == OWN:
+        is_part = isinstance(found, type) and room in ROOMS
+    else:
+        is_part = first != OWN and _is_in(package, folders)
+    return "" if is_part else f"must be a class of a part, not {target}; restore the file"
 
 
 def _is_in(module: str, folders: Sequence[Path]) -> bool:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,11 +12,10 @@ from evoros.base.rng import generator
 from evoros.bridge.mavlink import RELEASED, GroundStation
 from evoros.bridge.process import OutsideProcess
 from evoros.bridge.sitl import NO_PULSE, SitlFrames
+from evoros.compilation.named_rules import bind
 from evoros.controller.ardupilot_parameters import list_range_finders
-from evoros.controller.protocol import Briefing
-
-if TYPE_CHECKING:
-    from evoros.controller.ardupilot import ArduPilot
+from evoros.controller.ardupilot_settings import ArduPilotSettings
+from evoros.controller.protocol import LAYER_ARGUMENTS, Briefing
 
 HOME = (42.0, -83.0)
 """Latitude and longitude [deg] of the origin of the world, whose x axis points north."""
@@ -40,7 +38,7 @@ class ArduPilotPilot:
 
     def __init__(
         self,
-        settings: "ArduPilot",
+        settings: ArduPilotSettings,
         briefing: Briefing,
         process: OutsideProcess,
         station: GroundStation,
@@ -62,9 +60,9 @@ class ArduPilotPilot:
         self._second = max(1, round(1.0 / settings.period_s))
         self._avoid_every = round(settings.avoidance_period_s / settings.period_s)
         rng = generator(str(briefing.seed), "avoidance")
-        self._rule = settings.avoidance.rule
-        started = settings.avoidance.start(robot, settings.avoidance_period_s, rng)
-        self._rule_parameters, self._rule_memory = started
+        avoidance = settings.avoidance
+        started = avoidance.start(robot, settings.avoidance_period_s, rng)
+        self._rule = bind(avoidance.rule, LAYER_ARGUMENTS, started)
         self._wish = np.zeros(COMMAND_SIZE)
         self._radio = (RELEASED, RELEASED)
         self._avoiding = False
@@ -120,9 +118,7 @@ class ArduPilotPilot:
     def _avoid(self, time: float, state: Array, leg: Array, readings: Array) -> None:
         """Let the avoidance decide whether it drives, and how."""
         station, wish = self._station, self._wish
-        avoiding = bool(
-            self._rule(self._rule_parameters, self._rule_memory, state, leg, readings, time, wish)
-        )
+        avoiding = bool(self._rule(state, leg, readings, time, wish))
         if avoiding != self._avoiding or not station.has_set_mode():
             station.set_mode(MANUAL if avoiding else AUTO)
         self._avoiding = avoiding

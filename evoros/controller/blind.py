@@ -5,7 +5,6 @@ from typing import ClassVar
 
 from numpy.random import Generator
 
-from evoros.base.arrays import NO_MEMORY, NO_PARAMETERS, Array, RuleArrays
 from evoros.robot.model import Robot
 
 
@@ -15,19 +14,10 @@ class Blind:
 
     mode: ClassVar[str] = "avoiding"
 
-    def start(self, robot: Robot, period: float, rng: Generator) -> RuleArrays:
+    def start(self, robot: Robot, period: float, rng: Generator) -> None:
         """Return no parameters and no memory."""
-        return NO_PARAMETERS, NO_MEMORY
 
     @staticmethod
-    def rule(
-        parameters: Array,
-        memory: Array,
-        state: Array,
-        leg: Array,
-        readings: Array,
-        time: float,
-        command: Array,
-    ) -> bool:
+    def rule() -> bool:
         """Leave every decision to the layers behind."""
         return False

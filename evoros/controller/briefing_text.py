@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from evoros.base import elementary
+from evoros.compilation.elementary_arrays import atan2_all
 from evoros.controller.protocol import Briefing
 from evoros.drive.protocol import Drive
 from evoros.sensor.protocol import RangeSensor, Sensor, sees, sensor_bearings
@@ -60,7 +60,7 @@ def _describe_beams(sensor: RangeSensor) -> dict[str, Any]:
     return {
         "range_min_m": float(sensor.range_min_m),
         "range_max_m": float(sensor.range_max_m),
-        "field_of_view_rad": float(np.ptp(elementary.atan2_all(rays[:, 1], rays[:, 0]))),
+        "field_of_view_rad": float(np.ptp(atan2_all(rays[:, 1], rays[:, 0]))),
         **({"radiation": sensor.radiation} if hasattr(sensor, "radiation") else {}),
     }
 

@@ -2,13 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.random import Generator
 
 from evoros.base import elementary
-from evoros.base.arrays import SPEED, YAW, Array, X, Y
+from evoros.base.arrays import SPEED, STATE_SIZE, YAW, YAW_RATE, Array, Matrix, X, Y
 from evoros.base.checks import TEXT, checked
 from evoros.base.compilable import compilable
 from evoros.base.errors import InputError
@@ -18,13 +17,21 @@ from evoros.sensor.odometry import Odometry
 
 FULL_TURN = 2.0 * math.pi
 
-# The parameters, then for each odometry the place of its speed among the readings, and for each IMU
-# that of its first rate and the vertical in its axes (3,).
-_READINGS, _AXLE_X, _ODOMETRIES, _IMUS, _PLACES = range(5)
-_IMU_SIZE = 4
 
-# What the rule remembers, after the readings: the pose of the rear axle, and the last rates.
-_STARTED, _TIME, _X, _Y, _YAW, _SPEED, _RATE = range(7)
+class Parameters(NamedTuple):
+    """Where the readings are, among those of all sensors."""
+
+    axle: float  # x of the rear axle [m]
+    speeds: Array  # place of the speed of each odometry; that of its yaw rate is the next
+    rates: Array  # place of the first rate of each IMU
+    verticals: Matrix  # (IMUs, 3) the vertical in the axes of each IMU
+
+
+class Memory(NamedTuple):
+    """The last estimate."""
+
+    time: Array  # (1,) [s]; -infinity before the first call
+    pose: Array  # of the rear axle, with the speed and the yaw rate: as the state of a robot
 
 
 @dataclass(frozen=True)
@@ -42,22 +49,22 @@ class DeadReckoning:
 
     odometry: Annotated[str, TEXT] = "odometry"  # name of the type of sensor in the design
     imu: Annotated[str | None, TEXT] = "imu"  # name of the type; None: the odometry tells the turn
-    memory_size: ClassVar[int] = 7
 
-    def start_estimate(self, robot: Robot, period: float) -> Array:
-        """Return where the readings are.
+    def start_estimate(self, robot: Robot, period: float) -> tuple[Parameters, Memory]:
+        """Find the readings.
 
         Raises:
             InputError: there is no odometry, or no IMU, on the robot, or one that reads in between.
         """
         speeds = self._find(robot, "odometry", self.odometry, Odometry, period)
         imus = self._find(robot, "imu", self.imu, Imu, period) if self.imu else []
-        numbers = [robot.channel_count, robot.drive.rear_axle_x_m, len(speeds), len(imus)]
-        numbers += [robot.layout[mount].start for mount in speeds]
-        frames = robot.sensor_frames
-        for mount in imus:
-            numbers += [robot.layout[mount].start, *frames[mount, 2, :3].tolist()]
-        return np.array(numbers, dtype=np.float64)
+        parameters = Parameters(
+            axle=robot.drive.rear_axle_x_m,
+            speeds=np.array([robot.layout[mount].start for mount in speeds], dtype=float),
+            rates=np.array([robot.layout[mount].start for mount in imus], dtype=float),
+            verticals=robot.sensor_frames[imus, 2, :3],
+        )
+        return parameters, Memory(np.array([-math.inf]), np.zeros(STATE_SIZE))
 
     def _find(
         self, robot: Robot, field: str, name: str, kind: type[Odometry | Imu], period: float
@@ -81,67 +88,63 @@ class DeadReckoning:
         return found
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(
+        parameters: Parameters, memory: Memory, readings: Array, pose: Array, time: float
+    ) -> None:
         """Move the rear axle along an arc, and place the robot's origin."""
-        own = memory[int(parameters[_READINGS]) :]
-        axle = parameters[_AXLE_X]
-        if own[_STARTED] == 0.0:
-            own[_STARTED] = 1.0
-            sin, cos = elementary.sin_cos(values[YAW])
-            own[_X] = values[X] + axle * cos
-            own[_Y] = values[Y] + axle * sin
-            own[_YAW] = values[YAW]
-            own[_TIME] = time
-        own[_SPEED], own[_RATE] = find_rates(parameters, memory, own[_SPEED], own[_RATE])
-        half = 0.5 * own[_RATE] * (time - own[_TIME])
-        chord = own[_SPEED] * (time - own[_TIME])
+        kept, axle = memory.pose, parameters.axle
+        if memory.time[0] == -math.inf:
+            sin, cos = elementary.sin_cos(pose[YAW])
+            kept[X] = pose[X] + axle * cos
+            kept[Y] = pose[Y] + axle * sin
+            kept[YAW] = pose[YAW]
+            memory.time[0] = time
+        elapsed = time - memory.time[0]
+        memory.time[0] = time
+        update_rates(parameters, readings, kept)
+        half = 0.5 * kept[YAW_RATE] * elapsed
+        chord = kept[SPEED] * elapsed
         if abs(half) > 1e-6:
             chord = chord * elementary.sin(half) / half
-        sin, cos = elementary.sin_cos(own[_YAW] + half)
-        own[_X] += chord * cos
-        own[_Y] += chord * sin
-        own[_YAW] += 2.0 * half
-        if own[_YAW] > math.pi:
-            own[_YAW] -= FULL_TURN
-        elif own[_YAW] < -math.pi:
-            own[_YAW] += FULL_TURN
-        own[_TIME] = time
-        sin, cos = elementary.sin_cos(own[_YAW])
-        values[X] = own[_X] - axle * cos
-        values[Y] = own[_Y] - axle * sin
-        values[YAW] = own[_YAW]
-        values[SPEED] = own[_SPEED]
+        sin, cos = elementary.sin_cos(kept[YAW] + half)
+        kept[X] += chord * cos
+        kept[Y] += chord * sin
+        kept[YAW] += 2.0 * half
+        if kept[YAW] > math.pi:
+            kept[YAW] -= FULL_TURN
+        elif kept[YAW] < -math.pi:
+            kept[YAW] += FULL_TURN
+        sin, cos = elementary.sin_cos(kept[YAW])
+        pose[X] = kept[X] - axle * cos
+        pose[Y] = kept[Y] - axle * sin
+        pose[YAW] = kept[YAW]
+        pose[SPEED] = kept[SPEED]
 
 
 @compilable
-def find_rates(
-    parameters: Array, readings: Array, speed: float, rate: float
-) -> tuple[float, float]:
-    """Return the mean speed [m/s] and yaw rate [rad/s] of all sensors, else those of before."""
-    odometries = int(parameters[_ODOMETRIES])
+def update_rates(parameters: Parameters, readings: Array, kept: Array) -> None:
+    """Write the mean speed [m/s] and yaw rate [rad/s] of all sensors; keep those of silent ones."""
     speeds = 0.0
     turns = 0.0
     count = 0
-    for i in range(odometries):
-        place = int(parameters[_PLACES + i])
+    for i in range(len(parameters.speeds)):
+        place = int(parameters.speeds[i])
         if not math.isnan(readings[place]) and not math.isnan(readings[place + 1]):
             speeds += readings[place]
             turns += readings[place + 1]
             count += 1
     if count > 0:
-        speed = speeds / count
-        rate = turns / count
+        kept[SPEED] = speeds / count
+        kept[YAW_RATE] = turns / count
     turns = 0.0
     count = 0
-    for i in range(int(parameters[_IMUS])):
-        first = _PLACES + odometries + _IMU_SIZE * i
-        place = int(parameters[first])
+    for i in range(len(parameters.rates)):
+        place = int(parameters.rates[i])
         turn = 0.0
         for axis in range(3):
-            turn += parameters[first + 1 + axis] * readings[place + axis]
+            turn += parameters.verticals[i, axis] * readings[place + axis]
         if not math.isnan(turn):
             turns += turn
             count += 1
     if count > 0:
-        rate = turns / count
-    return speed, rate
+        kept[YAW_RATE] = turns / count

@@ -7,7 +7,7 @@ new nonlinear guidance logic for trajectory tracking", AIAA 2004-4900; the steer
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -24,35 +24,12 @@ from evoros.base.arrays import (
     YAW,
     YAW_RATE,
     Array,
-    RuleArrays,
     X,
     Y,
 )
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.base.compilable import compilable
 from evoros.robot.model import Robot
-
-# The rule's parameters: a yaw rate [rad/s] becomes an output [deg], and LOCK makes it steering.
-(
-    CRUISE,  # [m/s]
-    LOOK_AHEAD,  # L1 for each m/s of speed [s]
-    K_L1,
-    CROSSTRACK_STEP,  # gain times control period
-    CROSSTRACK_LIMIT,  # [rad]
-    KP,  # [deg s/rad]
-    KD,  # [s]
-    KI_STEP,  # gain times control period
-    INTEGRAL_LIMIT,  # [deg]
-    OUTPUT_LIMIT,  # [deg]
-    LOCK,  # [rad/deg]
-    MIN_SPEED,  # [m/s]
-    INTERRUPTION,  # [s]
-    AXLE,  # [m]
-) = range(14)
-
-# The rule's memory.
-CROSSTRACK, INTEGRAL, LAST_OUTPUT, LAST_TIME = range(4)
-"""The integrals [rad, deg], the output before its limit [deg], the time [s] of the last call."""
 
 STILL = 0.1  # [m/s], [m]: below, the speed and the look-ahead distance mean nothing
 CAPTURE = math.sqrt(0.5)  # sine of 45 deg, the steepest approach to the leg
@@ -61,6 +38,34 @@ POINT = 1e-6  # [m]: a shorter leg has no direction
 BEYOND = 3.0  # [s]: this far past the leg's end, the end itself leads
 DEGREES = 180.0 / math.pi
 TURN = 2.0 * math.pi
+
+
+class Parameters(NamedTuple):
+    """A yaw rate [rad/s] becomes an output [deg], and ``lock`` makes it steering."""
+
+    cruise: float  # [m/s]
+    look_ahead: float  # L1 for each m/s of speed [s]
+    k_l1: float
+    crosstrack_step: float  # gain times control period
+    crosstrack_limit: float  # [rad]
+    kp: float  # [deg s/rad]
+    kd: float  # [s]
+    ki_step: float  # gain times control period
+    integral_limit: float  # [deg]
+    output_limit: float  # [deg]
+    lock: float  # [rad/deg]
+    min_speed: float  # [m/s]
+    interruption: float  # [s]
+    axle: float  # [m]
+
+
+class Memory(NamedTuple):
+    """Two integrals and the last call, each (1,)."""
+
+    crosstrack: Array  # [rad]
+    integral: Array  # [deg]
+    output: Array  # before its limit [deg]
+    time: Array  # [s]
 
 
 @dataclass(frozen=True)
@@ -93,62 +98,59 @@ class L1:
     least_speed_mps: Annotated[float, POSITIVE] = 1.0
     interruption_s: Annotated[float, NOT_NEGATIVE] = 1.0  # after which the integrals start afresh
 
-    def start(self, robot: Robot, period: float, rng: Generator) -> RuleArrays:
-        """Return the gains for this control period, and empty integrals as memory."""
-        parameters = np.zeros(AXLE + 1)
-        parameters[CRUISE] = self.speed_mps
-        parameters[LOOK_AHEAD] = self.damping * self.period_s / math.pi
-        parameters[K_L1] = 4.0 * self.damping * self.damping
-        parameters[CROSSTRACK_STEP] = self.crosstrack_gain * period
-        parameters[CROSSTRACK_LIMIT] = self.crosstrack_limit
-        parameters[KP] = max((self.p - self.i * self.tau_s) * self.tau_s - self.d, 0.0) * 45.0
-        parameters[KD] = 4.0 * self.d
-        parameters[KI_STEP] = self.i * self.tau_s * 45.0 * period
-        parameters[INTEGRAL_LIMIT] = self.integral_limit_deg
-        parameters[OUTPUT_LIMIT] = self.output_limit_deg
-        parameters[LOCK] = robot.drive.steering_limit / self.output_limit_deg
-        parameters[MIN_SPEED] = self.least_speed_mps
-        # The integrals are out of date once avoidance has driven for a while.
-        parameters[INTERRUPTION] = max(self.interruption_s, 1.5 * period)
-        parameters[AXLE] = robot.drive.rear_axle_x_m
-        memory = np.zeros(LAST_TIME + 1)
-        memory[LAST_TIME] = -math.inf
-        return parameters, memory
+    def start(self, robot: Robot, period: float, rng: Generator) -> tuple[Parameters, Memory]:
+        """Compute the gains for this control period, and begin with empty integrals."""
+        parameters = Parameters(
+            cruise=self.speed_mps,
+            look_ahead=self.damping * self.period_s / math.pi,
+            k_l1=4.0 * self.damping * self.damping,
+            crosstrack_step=self.crosstrack_gain * period,
+            crosstrack_limit=self.crosstrack_limit,
+            kp=max((self.p - self.i * self.tau_s) * self.tau_s - self.d, 0.0) * 45.0,
+            kd=4.0 * self.d,
+            ki_step=self.i * self.tau_s * 45.0 * period,
+            integral_limit=self.integral_limit_deg,
+            output_limit=self.output_limit_deg,
+            lock=robot.drive.steering_limit / self.output_limit_deg,
+            min_speed=self.least_speed_mps,
+            # The integrals are out of date once avoidance has driven for a while.
+            interruption=max(self.interruption_s, 1.5 * period),
+            axle=robot.drive.rear_axle_x_m,
+        )
+        return parameters, Memory(np.zeros(1), np.zeros(1), np.zeros(1), np.array([-math.inf]))
 
     @staticmethod
     def rule(
-        parameters: Array,
-        memory: Array,
+        parameters: Parameters,
+        memory: Memory,
         state: Array,
         leg: Array,
-        readings: Array,
         time: float,
         command: Array,
     ) -> bool:
         """Decide always, except if the pose is silent (NaN): the last command stands then."""
         speed = max(float(state[SPEED]), STILL)
         yaw = float(state[YAW])
-        axle = float(parameters[AXLE])
         sin, cos = elementary.sin_cos(yaw)
-        x = float(state[X]) + axle * cos - float(leg[FROM_X])
-        y = float(state[Y]) + axle * sin - float(leg[FROM_Y])
+        x = float(state[X]) + parameters.axle * cos - float(leg[FROM_X])
+        y = float(state[Y]) + parameters.axle * sin - float(leg[FROM_Y])
         if math.isnan(math.sqrt(x * x + y * y) + yaw + speed):
             return False
-        if time - float(memory[LAST_TIME]) > float(parameters[INTERRUPTION]):
-            memory[CROSSTRACK] = 0.0
-            memory[INTEGRAL] = 0.0
-            memory[LAST_OUTPUT] = 0.0
-        memory[LAST_TIME] = time
+        if time - memory.time[0] > parameters.interruption:
+            memory.crosstrack[0] = 0.0
+            memory.integral[0] = 0.0
+            memory.output[0] = 0.0
+        memory.time[0] = time
         acceleration = guide(parameters, memory, leg, x, y, yaw, speed)
         output = steer(parameters, memory, acceleration, float(state[YAW_RATE]), speed)
-        command[DRIVE_SPEED] = parameters[CRUISE]
-        command[STEERING] = output * float(parameters[LOCK])
+        command[DRIVE_SPEED] = parameters.cruise
+        command[STEERING] = output * parameters.lock
         return True
 
 
 @compilable
 def guide(
-    parameters: Array, memory: Array, leg: Array, x: float, y: float, yaw: float, speed: float
+    parameters: Parameters, memory: Memory, leg: Array, x: float, y: float, yaw: float, speed: float
 ) -> float:
     """Return the lateral acceleration [m/s2] that leads the point (x, y) [m] to the leg.
 
@@ -156,7 +158,7 @@ def guide(
     which the leg attracts the point.
     """
     distance = math.sqrt(x * x + y * y)
-    look_ahead = float(parameters[LOOK_AHEAD]) * speed
+    look_ahead = parameters.look_ahead * speed
     aim_x = float(leg[TO_X]) - float(leg[FROM_X])
     aim_y = float(leg[TO_Y]) - float(leg[FROM_Y])
     length = math.sqrt(aim_x * aim_x + aim_y * aim_y)
@@ -173,36 +175,36 @@ def guide(
         sine = -left_of_leg / max(look_ahead, STILL)
         nu1 = elementary.asin(min(max(sine, -CAPTURE), CAPTURE))
         if abs(nu1) < CONVERGED:
-            limit = float(parameters[CROSSTRACK_LIMIT])
-            integral = float(memory[CROSSTRACK]) + float(parameters[CROSSTRACK_STEP]) * nu1
-            memory[CROSSTRACK] = min(max(integral, -limit), limit)
-        nu1 += float(memory[CROSSTRACK])
+            limit = parameters.crosstrack_limit
+            integral = float(memory.crosstrack[0]) + parameters.crosstrack_step * nu1
+            memory.crosstrack[0] = min(max(integral, -limit), limit)
+        nu1 += float(memory.crosstrack[0])
     nu2 = (elementary.atan2(aim_y, aim_x) - yaw + math.pi) % TURN - math.pi
     nu = min(max(nu1 + nu2, -0.5 * math.pi), 0.5 * math.pi)
-    return float(parameters[K_L1]) * speed * speed / look_ahead * elementary.sin(nu)
+    return parameters.k_l1 * speed * speed / look_ahead * elementary.sin(nu)
 
 
 @compilable
 def steer(
-    parameters: Array, memory: Array, acceleration: float, yaw_rate: float, speed: float
+    parameters: Parameters, memory: Memory, acceleration: float, yaw_rate: float, speed: float
 ) -> float:
     """Return the output [deg] of the yaw rate's controller for a lateral acceleration [m/s2].
 
     ArduPilot mixes units: the error is in degrees per second, the demand in radians per second.
     """
-    scale = 1.0 / max(speed, float(parameters[MIN_SPEED]))
+    scale = 1.0 / max(speed, parameters.min_speed)
     rate = acceleration * scale
     error = (rate - yaw_rate) * DEGREES * scale
-    step = error * float(parameters[KI_STEP]) * scale
-    limit = float(parameters[OUTPUT_LIMIT])
-    last = float(memory[LAST_OUTPUT])
+    step = error * parameters.ki_step * scale
+    limit = parameters.output_limit
+    last = float(memory.output[0])
     if last < -limit:  # at its limit, the integral may only bring the output back
         step = max(step, 0.0)
     elif last > limit:
         step = min(step, 0.0)
-    integral_limit = float(parameters[INTEGRAL_LIMIT])
-    integral = min(max(float(memory[INTEGRAL]) + step, -integral_limit), integral_limit)
-    output = error * float(parameters[KD]) + rate * float(parameters[KP]) * scale + integral
-    memory[INTEGRAL] = integral
-    memory[LAST_OUTPUT] = output
+    bound = parameters.integral_limit
+    integral = min(max(float(memory.integral[0]) + step, -bound), bound)
+    output = error * parameters.kd + rate * parameters.kp * scale + integral
+    memory.integral[0] = integral
+    memory.output[0] = output
     return min(max(output, -limit), limit)

@@ -4,6 +4,7 @@ The rule and its helpers allocate nothing and use elementary functions of evoros
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,28 +18,41 @@ from evoros.base.arrays import (
     TO_Y,
     YAW,
     Array,
+    Matrix,
     X,
     Y,
 )
 from evoros.base.compilable import compilable
 
-# The parameters of the rules. Then follow, for each reading, the range [m] from which on it sees
-# nothing, two sectors and its shares in them, and last the weights.
-(
-    SECTORS,
-    HIDDEN,
-    SYMMETRIC,  # 1 or 0
-    RECURRENT,  # 1 or 0
-    RANGE,  # [m]
-    GAIN,
-    CRUISE,  # [m/s]
-    SLOW,  # [m/s]
-    FAST,  # [m/s]
-    FULL_LOCK,  # [rad]
-    CHANNELS,  # where the entries of the readings begin
-) = range(11)
-ENTRY = 5
-"""The number of parameters of a reading: range, sector, share in it, next sector, share in it."""
+
+class Parameters(NamedTuple):
+    """The parameters of the rules."""
+
+    symmetric: float  # 1 or 0
+    recurrent: float  # 1 or 0
+    range: float  # [m]
+    gain: float
+    cruise: float  # [m/s]
+    slow: float  # [m/s]
+    fast: float  # [m/s]
+    full_lock: float  # [rad]
+    limits: Array  # the range [m] from which on each reading sees nothing
+    shares: Matrix  # of each reading: a sector, its share in it, another sector, its share in it
+    hidden: Matrix  # weights of each hidden neuron
+    steering: Array  # weights of the hidden neurons, after the bias of an asymmetric network
+    speed: Array  # bias and weights of the hidden neurons
+
+
+class Memory(NamedTuple):
+    """The inputs, and the hidden neurons with their twins, now and before."""
+
+    sectors: Array  # 0 (free) to 1 (touched), from right to left
+    neurons: Array
+    twins: Array  # of a neuron that sees the mirror image of the inputs
+    neurons_before: Array
+    twins_before: Array
+
+
 OTHERS = 2
 """The number of inputs besides the sectors: bearing and speed."""
 AUTHORITY = 2.0
@@ -71,9 +85,14 @@ def list_weights(sectors: int, hidden: int, symmetric: bool, recurrent: bool) ->
     return weights + [Weight(f"speed_from_{name}", "speed") for name in ["bias", *neurons]]
 
 
-def memory_size(sectors: int, hidden: int) -> int:
-    """Return the size of the memory: the inputs, the neurons and their twins, now and before."""
-    return sectors + OTHERS + 4 * hidden
+def split_weights(
+    weights: Sequence[float], hidden: int, symmetric: bool
+) -> tuple[Matrix, Array, Array]:
+    """Return the weights of the hidden neurons, of the steering and of the speed."""
+    speed = len(weights) - hidden - 1
+    steering = speed - hidden - (not symmetric)
+    values = np.array(weights, dtype=float)
+    return values[:steering].reshape(hidden, -1), values[steering:speed], values[speed:]
 
 
 def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
@@ -83,7 +102,7 @@ def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
     in the middle of a sector to 0 in that of the next one, and beyond the outermost as well. A
     reading without a yaw (NaN) has no share. Mirror images have exactly the same shares.
     """
-    entries = np.zeros((len(yaws), ENTRY - 1))
+    entries = np.zeros((len(yaws), 4))
     middle = (sectors - 1) // 2
     width = span / max(sectors - 1, 1)
     for entry, yaw in zip(entries, yaws, strict=True):
@@ -100,35 +119,30 @@ def share_sectors(yaws: list[float], sectors: int, span: float) -> Array:
 
 
 @compilable
-def look(parameters: Array, memory: Array, readings: Array) -> bool:
-    """Write the sectors, 0 (free) to 1 (touched), to the memory; return if any is not free.
-
-    A silent sensor (NaN) sees nothing.
-    """
-    sectors = int(parameters[SECTORS])
-    limit = float(parameters[RANGE])
-    for i in range(sectors):
-        memory[i] = 0.0
+def look(parameters: Parameters, sectors: Array, readings: Array) -> bool:
+    """Write the sectors; return if any is not free. A silent sensor (NaN) sees nothing."""
+    for i in range(len(sectors)):
+        sectors[i] = 0.0
     near = False
     for i in range(len(readings)):
         reading = float(readings[i])
-        if reading < float(parameters[CHANNELS + ENTRY * i]):
-            closeness = 1.0 - max(reading, 0.0) / limit
-            for place in range(2):
-                at = CHANNELS + ENTRY * i + 1 + 2 * place
-                sector, share = int(parameters[at]), float(parameters[at + 1])
-                memory[sector] = max(float(memory[sector]), share * closeness)
+        if reading < float(parameters.limits[i]):
+            closeness = 1.0 - max(reading, 0.0) / parameters.range
+            for place in range(0, 4, 2):
+                sector = int(parameters.shares[i, place])
+                share = float(parameters.shares[i, place + 1])
+                sectors[sector] = max(float(sectors[sector]), share * closeness)
                 near = near or share > 0.0
     return near
 
 
 @compilable
 def command_from(
-    parameters: Array, memory: Array, state: Array, leg: Array, count: int, command: Array
+    parameters: Parameters, memory: Memory, state: Array, leg: Array, command: Array
 ) -> bool:
     """Fill the command from the sectors in the memory; False if the pose is silent (NaN).
 
-    ``count`` is the number of readings. Without weights the robot heads for the waypoint.
+    Without weights the robot heads for the waypoint.
     """
     bearing = elementary.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
     error = bearing - float(state[YAW])
@@ -136,89 +150,69 @@ def command_from(
     if math.isnan(error + speed):
         return False
     error = (error + math.pi) % (2.0 * math.pi) - math.pi
-    sectors, hidden = int(parameters[SECTORS]), int(parameters[HIDDEN])
-    memory[sectors] = error / math.pi
-    memory[sectors + 1] = speed / float(parameters[FAST])
-    weights = CHANNELS + ENTRY * count
-    at = update_hidden(parameters, memory, weights)
-    turn, pace = sum_outputs(parameters, memory, at, sectors + OTHERS, hidden)
-    lock = float(parameters[FULL_LOCK])
-    heading = min(max(float(parameters[GAIN]) * error, -lock), lock)
+    update_hidden(parameters, memory, error / math.pi, speed / parameters.fast)
+    turn, pace = sum_outputs(parameters, memory)
+    lock = parameters.full_lock
+    heading = min(max(parameters.gain * error, -lock), lock)
     steering = heading + AUTHORITY * lock * elementary.tanh(turn)
     change = elementary.tanh(pace)
-    cruise = float(parameters[CRUISE])
-    end = float(parameters[FAST]) if change > 0.0 else float(parameters[SLOW])
-    command[DRIVE_SPEED] = cruise + abs(change) * (end - cruise)
+    end = parameters.fast if change > 0.0 else parameters.slow
+    command[DRIVE_SPEED] = parameters.cruise + abs(change) * (end - parameters.cruise)
     command[STEERING] = min(max(steering, -lock), lock)
     return True
 
 
 @compilable
-def update_hidden(parameters: Array, memory: Array, at: int) -> int:
-    """Compute the hidden neurons, and their twins, which see the mirror image of the inputs.
-
-    ``at`` is where their weights begin; where those of the outputs do is returned. The neurons of
-    the step before are in the memory behind those of this one.
-    """
-    sectors, hidden = int(parameters[SECTORS]), int(parameters[HIDDEN])
-    symmetric, recurrent = parameters[SYMMETRIC] > 0.0, parameters[RECURRENT] > 0.0
-    first = sectors + OTHERS  # of the hidden neurons; their twins follow
-    before = first + 2 * hidden
-    for i in range(2 * hidden):
-        memory[before + i] = memory[first + i]
-    bearing, speed = float(memory[sectors]), float(memory[sectors + 1])
+def update_hidden(parameters: Parameters, memory: Memory, bearing: float, speed: float) -> None:
+    """Compute the hidden neurons, and their twins, which see the mirror image of the inputs."""
+    symmetric, recurrent = parameters.symmetric > 0.0, parameters.recurrent > 0.0
+    hidden, sectors = len(memory.neurons), len(memory.sectors)
     for i in range(hidden):
-        own = float(parameters[at])
+        memory.neurons_before[i] = memory.neurons[i]
+        memory.twins_before[i] = memory.twins[i]
+    for i in range(hidden):
+        weights = parameters.hidden[i]
+        own = float(weights[0])
         twin = own
-        at += 1
         for k in range(sectors):
-            own += float(parameters[at + k]) * float(memory[k])
-            twin += float(parameters[at + k]) * float(memory[sectors - 1 - k])
-        at += sectors
-        own += float(parameters[at]) * bearing
-        twin -= float(parameters[at]) * bearing
-        own += float(parameters[at + 1]) * speed
-        twin += float(parameters[at + 1]) * speed
+            own += float(weights[1 + k]) * float(memory.sectors[k])
+            twin += float(weights[1 + k]) * float(memory.sectors[sectors - 1 - k])
+        at = 1 + sectors
+        own += float(weights[at]) * bearing
+        twin -= float(weights[at]) * bearing
+        own += float(weights[at + 1]) * speed
+        twin += float(weights[at + 1]) * speed
         at += OTHERS
         if recurrent:
             for k in range(hidden):
-                own += float(parameters[at + k]) * float(memory[before + k])
-                twin += float(parameters[at + k]) * float(memory[before + hidden + k])
+                own += float(weights[at + k]) * float(memory.neurons_before[k])
+                twin += float(weights[at + k]) * float(memory.twins_before[k])
             at += hidden
         if recurrent and symmetric:
             for k in range(hidden):
-                own += float(parameters[at + k]) * float(memory[before + hidden + k])
-                twin += float(parameters[at + k]) * float(memory[before + k])
-            at += hidden
-        memory[first + i] = elementary.tanh(own)
-        memory[first + hidden + i] = elementary.tanh(twin)
-    return at
+                own += float(weights[at + k]) * float(memory.twins_before[k])
+                twin += float(weights[at + k]) * float(memory.neurons_before[k])
+        memory.neurons[i] = elementary.tanh(own)
+        memory.twins[i] = elementary.tanh(twin)
 
 
 @compilable
-def sum_outputs(
-    parameters: Array, memory: Array, at: int, first: int, hidden: int
-) -> tuple[float, float]:
-    """Return the sums of steering and speed, whose weights begin at ``at``.
+def sum_outputs(parameters: Parameters, memory: Memory) -> tuple[float, float]:
+    """Return the sums of steering and speed.
 
     In a symmetric network the mirror image of the inputs turns the steering around, and leaves the
     speed as it is.
     """
-    symmetric = parameters[SYMMETRIC] > 0.0
-    turn = 0.0
-    if not symmetric:
-        turn = float(parameters[at])
-        at += 1
-    for i in range(hidden):
-        value = float(memory[first + i])
+    symmetric = parameters.symmetric > 0.0
+    first = 0 if symmetric else 1
+    turn = 0.0 if symmetric else float(parameters.steering[0])
+    pace = float(parameters.speed[0])
+    for i in range(len(memory.neurons)):
+        difference = float(memory.neurons[i])
+        total = difference
         if symmetric:
-            value -= float(memory[first + hidden + i])
-        turn += float(parameters[at + i]) * value
-    at += hidden
-    pace = float(parameters[at])
-    for i in range(hidden):
-        value = float(memory[first + i])
-        if symmetric:
-            value += float(memory[first + hidden + i])
-        pace += float(parameters[at + 1 + i]) * value
+            difference -= float(memory.twins[i])
+            total += float(memory.twins[i])
+        turn += float(parameters.steering[first + i]) * difference
+        pace += float(parameters.speed[1 + i]) * total
     return turn, pace

@@ -23,12 +23,14 @@ from evoros.base.checks import (
     is_whole,
 )
 from evoros.controller.network import (
+    Memory,
+    Parameters,
     Weight,
     command_from,
     list_weights,
     look,
-    memory_size,
     share_sectors,
+    split_weights,
 )
 from evoros.controller.protocol import LOCALIZATION, EvolvedValue, Localizer, StartedLayer
 from evoros.robot.model import Robot
@@ -110,14 +112,11 @@ class Neural:
         Raises:
             InputError: ``speed_mps`` exceeds what the robot can drive.
         """
-        parameters = self._parameters(robot)
-        memory = np.zeros(memory_size(self.sectors, self.hidden))
-        yield [
-            StartedLayer(avoid, parameters, memory),
-            StartedLayer(navigate, parameters, memory),
-        ]
+        parameters, hidden = self._parameters(robot), [np.zeros(self.hidden) for _ in range(4)]
+        memory = Memory(np.zeros(self.sectors), *hidden)
+        yield [StartedLayer(rule, (parameters, memory)) for rule in (avoid, navigate)]
 
-    def _parameters(self, robot: Robot) -> Array:
+    def _parameters(self, robot: Robot) -> Parameters:
         fastest = float(robot.drive.max_speed_mps)
         if self.speed_mps > fastest:
             rule = f"must be at most the maximum speed of the robot, which is {fastest:g}"
@@ -128,45 +127,40 @@ class Neural:
             for sensor in robot.mounted_sensors()
             for channel in sensor.channels
         ]
-        entries = np.column_stack((limits, shares)) if limits else shares
-        head = [
-            self.sectors,
-            self.hidden,
-            self.symmetric,
-            self.recurrent,
-            self.range_m,
-            self.gain,
-            self.speed_mps,
-            self.min_speed_mps,
-            fastest,
-            robot.drive.steering_limit,
-        ]
-        return np.array([*head, *entries.ravel(), *(self.weights or ())], dtype=float)
+        hidden, steering, speed = split_weights(self.weights or (), self.hidden, self.symmetric)
+        return Parameters(
+            symmetric=self.symmetric,
+            recurrent=self.recurrent,
+            range=self.range_m,
+            gain=self.gain,
+            cruise=self.speed_mps,
+            slow=self.min_speed_mps,
+            fast=fastest,
+            full_lock=robot.drive.steering_limit,
+            limits=np.array(limits, dtype=float),
+            shares=shares,
+            hidden=hidden,
+            steering=steering,
+            speed=speed,
+        )
 
 
 def avoid(
-    parameters: Array,
-    memory: Array,
+    parameters: Parameters,
+    memory: Memory,
     state: Array,
     leg: Array,
     readings: Array,
-    time: float,
     command: Array,
 ) -> bool:
     """Decide by the network if something is within range; look in any case."""
-    if not look(parameters, memory, readings):
+    if not look(parameters, memory.sectors, readings):
         return False
-    return command_from(parameters, memory, state, leg, len(readings), command)
+    return command_from(parameters, memory, state, leg, command)
 
 
 def navigate(
-    parameters: Array,
-    memory: Array,
-    state: Array,
-    leg: Array,
-    readings: Array,
-    time: float,
-    command: Array,
+    parameters: Parameters, memory: Memory, state: Array, leg: Array, command: Array
 ) -> bool:
     """Decide by the network, for which ``avoid`` has looked."""
-    return command_from(parameters, memory, state, leg, len(readings), command)
+    return command_from(parameters, memory, state, leg, command)

@@ -7,15 +7,23 @@ from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from numpy.random import Generator
 
-from evoros.base.arrays import Array, RuleArrays
+from evoros.base.arrays import Array
 from evoros.base.checks import instance_of, mapping_of
-from evoros.filter.protocol import Filter, FilterRule
+from evoros.compilation.named_rules import Started
+from evoros.filter.protocol import Filter
 from evoros.robot.model import Robot
 
-LayerRule: TypeAlias = Callable[[Array, Array, Array, Array, Array, float, Array], bool]
-"""(parameters, memory, state, leg, readings [m], time [s], command) -> took the decision?
+LAYER_ARGUMENTS = "parameters", "memory", "state", "leg", "readings", "time", "command"
+"""The rule of a layer fills ``command`` and returns True, or returns False: others decide.
 
-``state`` is as localized; the rule fills ``command`` only if it returns True.
+``state`` is as localized, and ``time`` is in seconds.
+"""
+
+ESTIMATOR_ARGUMENTS = "parameters", "memory", "rng", "readings", "pose", "time"
+"""The rule of an estimator fills ``pose`` (POSE_SIZE,) from the readings of all sensors.
+
+Filters and failures have changed the readings. At the first call, the pose is the true one, where
+the mission starts; later ones must not be read.
 """
 
 
@@ -32,11 +40,14 @@ class Layer(Protocol):
         ...
 
     @property
-    def rule(self) -> LayerRule:
-        """Decide; a static method, so that numba can compile it."""
+    def rule(self) -> Callable[..., bool]:
+        """Decide; a static method, so that numba can compile it.
+
+        It takes the arguments that it uses, of those in ``LAYER_ARGUMENTS``.
+        """
         ...
 
-    def start(self, robot: Robot, period: float, rng: Generator) -> RuleArrays:
+    def start(self, robot: Robot, period: float, rng: Generator) -> Started:
         """Return the parameters and the memory of ``rule`` for one mission.
 
         ``period`` is the controller's [s].
@@ -45,11 +56,10 @@ class Layer(Protocol):
 
 
 class StartedLayer(NamedTuple):
-    """A layer in a mission: its rule with its own parameters and memory."""
+    """A layer in a mission: its rule, and what starts it. Layers may share one memory."""
 
-    rule: LayerRule
-    parameters: Array
-    memory: Array
+    rule: Callable[..., bool]
+    started: Started
 
 
 @runtime_checkable
@@ -57,22 +67,17 @@ class Estimator(Protocol):
     """A localization that computes the pose from the readings of the robot's sensors."""
 
     @property
-    def rule(self) -> FilterRule:
-        """Compute the pose (POSE_SIZE,); a static method, so that numba can compile it.
+    def rule(self) -> Callable[..., None]:
+        """Compute the pose; a static method, so that numba can compile it.
 
-        The memory begins with the readings of all sensors, which filters and failures have changed.
-        Then come ``memory_size`` values of the rule's own, at first 0. At its first call, the pose
-        is the true one, where the mission starts; later ones must not be read.
+        It takes the arguments that it uses, of those in ``ESTIMATOR_ARGUMENTS``.
         """
         ...
 
-    @property
-    def memory_size(self) -> int:
-        """How many values the rule remembers."""
-        ...
+    def start_estimate(self, robot: Robot, period: float) -> Started:
+        """Return the parameters and the memory of ``rule`` for one mission.
 
-    def start_estimate(self, robot: Robot, period: float) -> Array:
-        """Return the parameters of the rule for one mission; ``period`` is the controller's [s].
+        ``period`` is the controller's [s].
 
         Raises:
             InputError: the robot lacks a sensor that the localization needs.
@@ -82,7 +87,7 @@ class Estimator(Protocol):
 
 Localizer: TypeAlias = Filter | Estimator
 LOCALIZATION = mapping_of(
-    Filter | Estimator, "filters (name, rule and start) or a localization from sensors"
+    Filter | Estimator, "filters (name, effect, rule and start) or a localization from sensors"
 )
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from evoros.base.checks import TEXT, Rule, checked, one_of
-from evoros.base.resources import PACKAGE
 from evoros.controller.line_controller import COMMAND, LineController, list_files, split_command
 from evoros.controller.protocol import Briefing, Pilot
+from evoros.files.resources import PACKAGE
 
 BRIDGES = PACKAGE / "bridge" / "ros"
 SENSOR = "{sensor}"

@@ -43,6 +43,6 @@ class Rover:
         """Start the layers, in order of precedence, for one mission."""
         layers = {"avoidance": self.avoidance, "navigation": self.navigation}
         yield [
-            StartedLayer(layer.rule, *layer.start(robot, self.period_s, rng(name)))
+            StartedLayer(layer.rule, layer.start(robot, self.period_s, rng(name)))
             for name, layer in layers.items()
         ]

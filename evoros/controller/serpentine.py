@@ -2,29 +2,23 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
-import numpy as np
 from numpy.random import Generator
 
 from evoros.base import elementary
 from evoros.base.arrays import (
     DRIVE_SPEED,
-    NO_MEMORY,
     STEERING,
     TO_X,
     TO_Y,
     YAW,
     Array,
-    RuleArrays,
     X,
     Y,
 )
 from evoros.base.checks import POSITIVE, Rule, checked, is_number
 from evoros.robot.model import Robot
-
-# The rule's parameters.
-SPEED, AMPLITUDE, FREQUENCY, PHASE, GAIN, FULL_LOCK = range(6)
 
 AMPLITUDES = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v) and 0 <= v < 180)
 
@@ -48,39 +42,35 @@ class Serpentine:
     period_s: Annotated[float, POSITIVE] = 9.7
     gain: Annotated[float, POSITIVE] = 1.5
 
-    def start(self, robot: Robot, period: float, rng: Generator) -> RuleArrays:
-        """Return the parameters with the phase of this mission; no memory."""
-        turn = 2.0 * math.pi
-        parameters = np.array(
-            [
-                self.speed_mps,
-                math.radians(self.amplitude_deg),
-                turn / self.period_s,
-                rng.uniform(0.0, turn),
-                self.gain,
-                robot.drive.steering_limit,
-            ]
+    class Parameters(NamedTuple):
+        speed: float  # [m/s]
+        amplitude: float  # [rad]
+        frequency: float  # [rad/s]
+        phase: float  # [rad]
+        gain: float
+        full_lock: float  # [rad]
+
+    def start(self, robot: Robot, period: float, rng: Generator) -> Parameters:
+        """Draw the phase of this mission."""
+        return self.Parameters(
+            speed=self.speed_mps,
+            amplitude=math.radians(self.amplitude_deg),
+            frequency=2.0 * math.pi / self.period_s,
+            phase=rng.uniform(0.0, 2.0 * math.pi),
+            gain=self.gain,
+            full_lock=robot.drive.steering_limit,
         )
-        return parameters, NO_MEMORY
 
     @staticmethod
-    def rule(
-        parameters: Array,
-        memory: Array,
-        state: Array,
-        leg: Array,
-        readings: Array,
-        time: float,
-        command: Array,
-    ) -> bool:
+    def rule(parameters: Parameters, state: Array, leg: Array, time: float, command: Array) -> bool:
         """Decide always, except if the pose is silent (NaN): the last command stands then."""
         bearing = elementary.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
-        phase = float(parameters[FREQUENCY]) * time + float(parameters[PHASE])
-        error = bearing + float(parameters[AMPLITUDE]) * elementary.sin(phase) - float(state[YAW])
+        phase = parameters.frequency * time + parameters.phase
+        error = bearing + parameters.amplitude * elementary.sin(phase) - float(state[YAW])
         if math.isnan(error):
             return False
         error = (error + math.pi) % (2.0 * math.pi) - math.pi
-        full_lock = float(parameters[FULL_LOCK])
-        command[DRIVE_SPEED] = parameters[SPEED]
-        command[STEERING] = min(max(float(parameters[GAIN]) * error, -full_lock), full_lock)
+        full_lock = parameters.full_lock
+        command[DRIVE_SPEED] = parameters.speed
+        command[STEERING] = min(max(parameters.gain * error, -full_lock), full_lock)
         return True

@@ -2,20 +2,16 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
 from evoros.base import elementary
-from evoros.base.arrays import DRIVE_SPEED, NO_MEMORY, STEERING, Array, RuleArrays
+from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, Rule, checked, invalid, is_number
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import sees
-
-# The rule's parameters. For each reading follow the direction of its vote (1: left, -1: right, 0:
-# it has none), and then whether it is the last of its sensor (1 or 0).
-RANGE, MAX_RANGE, SPEED, FULL_LOCK, DEADLOCK_DIFFERENCE, DEADLOCK_SUM, DIRECTIONS = range(7)
 
 HALF_TURN = Rule("an angle from 0 to less than 180 deg", lambda v: is_number(v) and 0 <= v < 180)
 ROUNDING = 1e-9
@@ -47,8 +43,18 @@ class WeightedVoting:
     deadlock_difference_m: Annotated[float, NOT_NEGATIVE] = 1.0
     deadlock_sum_m: Annotated[float, NOT_NEGATIVE] = 1.5
 
-    def start(self, robot: Robot, period: float, rng: Generator) -> RuleArrays:
-        """Return the parameters, with the direction of each reading; no memory.
+    class Parameters(NamedTuple):
+        range: float
+        max_range: float
+        speed: float
+        full_lock: float
+        deadlock_difference: float
+        deadlock_sum: float
+        direction: Array  # of the vote of each reading; 1: left, -1: right, 0: it has none
+        last: Array  # 1 for the last reading of each sensor
+
+    def start(self, robot: Robot, period: float, rng: Generator) -> Parameters:
+        """Find the direction of each reading.
 
         Raises:
             InputError: ``range_m`` exceeds the range of a sensor, so that the sensor would vote
@@ -66,46 +72,33 @@ class WeightedVoting:
         ]
         last = np.zeros(robot.channel_count)
         last[[part.stop - 1 for part in robot.layout]] = 1.0
-        parameters = np.array(
-            [
-                self.range_m,
-                self.max_range_m,
-                self.speed_mps,
-                robot.drive.steering_limit,
-                self.deadlock_difference_m,
-                self.deadlock_sum_m,
-                *votes,
-                *last,
-            ]
+        return self.Parameters(
+            range=self.range_m,
+            max_range=self.max_range_m,
+            speed=self.speed_mps,
+            full_lock=robot.drive.steering_limit,
+            deadlock_difference=self.deadlock_difference_m,
+            deadlock_sum=self.deadlock_sum_m,
+            direction=np.array(votes, dtype=float),
+            last=last,
         )
-        return parameters, NO_MEMORY
 
     @staticmethod
-    def rule(
-        parameters: Array,
-        memory: Array,
-        state: Array,
-        leg: Array,
-        readings: Array,
-        time: float,
-        command: Array,
-    ) -> bool:
+    def rule(parameters: Parameters, readings: Array, command: Array) -> bool:
         """Decide if a sensor reads less than the threshold; silence (NaN) is no vote."""
-        threshold = float(parameters[RANGE])
+        threshold = parameters.range
         left = 0.0
         right = 0.0
         ahead = threshold  # the nearest reading of one sensor that votes for the left
         aside = threshold  # and for the right
-        count = len(readings)
-        for i in range(count):
+        for i in range(len(readings)):
             reading = float(readings[i])
             if reading < threshold:
-                vote = parameters[DIRECTIONS + i]
-                if vote > 0.0:
+                if parameters.direction[i] > 0.0:
                     ahead = min(ahead, reading)
-                elif vote < 0.0:
+                elif parameters.direction[i] < 0.0:
                     aside = min(aside, reading)
-            if parameters[DIRECTIONS + count + i] > 0.0:
+            if parameters.last[i] > 0.0:
                 left += threshold - ahead
                 right += threshold - aside
                 ahead = threshold
@@ -113,13 +106,12 @@ class WeightedVoting:
         if left == 0.0 and right == 0.0:
             return False
         surplus = left - right
-        turn = min(max(surplus / float(parameters[MAX_RANGE]), -1.0), 1.0)
-        balanced = abs(surplus) <= float(parameters[DEADLOCK_DIFFERENCE])
-        deadlock_sum = float(parameters[DEADLOCK_SUM])
-        if balanced and left > deadlock_sum and right > deadlock_sum:
+        turn = min(max(surplus / parameters.max_range, -1.0), 1.0)
+        balanced = abs(surplus) <= parameters.deadlock_difference
+        if balanced and min(left, right) > parameters.deadlock_sum:
             turn = 1.0
-        command[DRIVE_SPEED] = parameters[SPEED]
-        command[STEERING] = turn * float(parameters[FULL_LOCK])
+        command[DRIVE_SPEED] = parameters.speed
+        command[STEERING] = turn * parameters.full_lock
         return True
 
 

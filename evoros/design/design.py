@@ -1,7 +1,7 @@
 """The design of an individual."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from evoros.sensor.protocol import Mount
 
@@ -18,3 +18,17 @@ class Design:
     mounts: tuple[Mount, ...]
     values: Mapping[str, float] = field(default_factory=dict)
     agents: Mapping[str, "Design"] = field(default_factory=dict)
+
+    @classmethod
+    def join(cls, parts: Mapping[str, "Design"]) -> "Design":
+        """Return the design that has these ``parts``."""
+        agents = dict(parts)
+        return replace(agents.pop(""), agents=agents)
+
+    @property
+    def parts(self) -> Mapping[str, "Design"]:
+        """The designs of all robots that have one of their own, by the name of the robot.
+
+        As in the configuration, the robot of the top level has no name.
+        """
+        return {"": self, **self.agents}

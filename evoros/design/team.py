@@ -1,12 +1,14 @@
 """The search space of robots that evolve together, each with a design of its own."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.base.errors import InputError
 from evoros.design.design import Design
 from evoros.design.space import DesignSpace
 from evoros.optimizer.protocol import Aspect, Block
@@ -14,38 +16,41 @@ from evoros.optimizer.protocol import Aspect, Block
 
 @dataclass(frozen=True)
 class TeamSpace:
-    """The spaces of the first robot and of the others, side by side in one genome.
+    """The spaces of all designs of a team, by the robot's name, side by side in one genome.
 
-    The genes of another robot, and its columns in tables, have its name before them.
+    The genes of a robot that has a name, and its columns in tables, have the name before them.
     """
 
-    first: DesignSpace
-    others: Mapping[str, DesignSpace]
+    spaces: Mapping[str, DesignSpace]
+
+    @cached_property
+    def _starts(self) -> Mapping[str, int]:
+        """Where the genes of each robot begin."""
+        sizes = [space.size for space in self.spaces.values()]
+        return dict(zip(self.spaces, accumulate(sizes, initial=0), strict=False))
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """Those of the first robot, and then those of each other one."""
-        blocks = list(self.first.blocks)
-        start = self.first.size
-        for name, space in self.others.items():
-            blocks += (_move_block(block, name, start) for block in space.blocks)
-            start += space.size
-        return tuple(blocks)
+        """The blocks of all robots."""
+        return tuple(
+            _move_block(block, _prefix(name), self._starts[name])
+            for name, space in self.spaces.items()
+            for block in space.blocks
+        )
 
     @property
     def size(self) -> int:
         """The number of genes."""
-        return self.first.size + sum(space.size for space in self.others.values())
+        return sum(space.size for space in self.spaces.values())
 
     @cached_property
     def levels(self) -> Mapping[int, int]:
         """The number of values of each gene that has but a few, by its index."""
-        levels = dict(self.first.levels)
-        start = self.first.size
-        for space in self.others.values():
-            levels |= {start + gene: count for gene, count in space.levels.items()}
-            start += space.size
-        return levels
+        return {
+            self._starts[name] + gene: count
+            for name, space in self.spaces.items()
+            for gene, count in space.levels.items()
+        }
 
     def decode(self, genome: Array) -> Design:
         """Return the designs at ``genome`` (size,), values from 0 to 1.
@@ -53,9 +58,7 @@ class TeamSpace:
         Raises:
             InputError: the genome is not a vector of the closed unit cube.
         """
-        (_, first), *others = self._split(genome)
-        designs = {name: self.others[name].decode(part) for name, part in others}
-        return replace(self.first.decode(first), agents=designs)
+        return Design.join({n: self.spaces[n].decode(part) for n, part in self._split(genome)})
 
     def same(self, first: Array, second: Array) -> bool:
         """Return whether two genomes decode to equal designs.
@@ -71,24 +74,48 @@ class TeamSpace:
         Raises:
             InputError: the genome is not a vector of the closed unit cube.
         """
-        (_, first), *others = self._split(genome)
-        row = self.first.to_row(first)
-        for name, part in others:
-            values = self.others[name].to_row(part)
-            row |= {f"{name}.{column}": value for column, value in values.items()}
-        return row
+        return {
+            _prefix(name) + column: value
+            for name, part in self._split(genome)
+            for column, value in self.spaces[name].to_row(part).items()
+        }
+
+    def find_configured(self, name: str) -> Design | None:
+        """Return the design of a robot that its configuration alone determines, if any."""
+        space = self.spaces[name]
+        return None if space.size else space.decode(np.empty(0))
+
+    def complete(self, design: Design) -> Design:
+        """Add the configured design of each robot that has one of its own and lacks it.
+
+        Raises:
+            InputError: such a design leaves something to evolve, so that the configuration does
+                not determine it.
+        """
+        parts = dict(design.parts)
+        for name in self.spaces:
+            configured = parts.get(name) or self.find_configured(name)
+            if configured is None:
+                raise InputError(
+                    f"agents.{name}.design: must leave nothing to evolve (number 0, no genes) for "
+                    f"a design that has none for this robot; set agents.{name}.design.number=0, or "
+                    f"give a file with rows of the agent {name}"
+                )
+            parts[name] = configured
+        return Design.join(parts)
 
     def _split(self, genome: Array) -> Iterator[tuple[str, Array]]:
         """Yield each robot's part of a genome; the last one has what is too much, if anything."""
-        rest = np.asarray(genome, dtype=np.float64)
-        spaces = {"": self.first, **self.others}
-        for name, space in spaces.items():
-            end = len(rest) if name == list(spaces)[-1] else space.size
-            yield name, rest[:end]
-            rest = rest[end:]
+        parts = np.split(np.asarray(genome, dtype=np.float64), list(self._starts.values())[1:])
+        return zip(self.spaces, parts, strict=True)
 
 
-def _move_block(block: Block, name: str, start: int) -> Block:
+def _prefix(name: str) -> str:
+    """Return what comes before the genes and columns of a robot."""
+    return f"{name}." if name else ""
+
+
+def _move_block(block: Block, prefix: str, start: int) -> Block:
     """Return a block whose genes come ``start`` places later."""
 
     def move(genes: tuple[int, ...]) -> tuple[int, ...]:
@@ -97,4 +124,4 @@ def _move_block(block: Block, name: str, start: int) -> Block:
     aspects = tuple(
         Aspect(each.name, move(each.continuous), move(each.categorical)) for each in block.aspects
     )
-    return Block(f"{name}.{block.name}", aspects)
+    return Block(f"{prefix}{block.name}", aspects)

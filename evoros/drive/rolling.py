@@ -9,6 +9,7 @@ import numpy as np
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.linear import length, product
+from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.formats.urdf.tree import Urdf
 from evoros.geometry.shapes import Pose, Shape
 
@@ -62,9 +63,7 @@ def measure_wheel(shapes: Sequence[tuple[Shape, Pose]], axis: Array) -> Wheel:
     half = (along.min() + along.max()) / 2
     # A circle is as wide as its diameter in every direction.
     angles = np.arange(12) * (math.pi / 12)
-    widths = np.ptp(
-        product(flat, np.stack([elementary.cos_all(angles), elementary.sin_all(angles)])), axis=0
-    )
+    widths = np.ptp(product(flat, np.stack([cos_all(angles), sin_all(angles)])), axis=0)
     roundness = 1.0 - float(widths.min()) / (2.0 * radius) if radius > 0 else 1.0
     return Wheel(product(middle, across) + half * axis, radius, float(np.ptp(along)), roundness)
 
@@ -92,9 +91,7 @@ def shape_points(shape: Shape, pose: Pose) -> Array:
 
 def _circle() -> Array:
     angles = np.arange(_RIM) * (2.0 * math.pi / _RIM)
-    return np.stack(
-        [elementary.cos_all(angles), elementary.sin_all(angles), np.zeros(_RIM)], axis=1
-    )
+    return np.stack([cos_all(angles), sin_all(angles), np.zeros(_RIM)], axis=1)
 
 
 def _normals(axis: Array) -> Array:

@@ -1,18 +1,15 @@
 """A robot beside the first one, in the same worlds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
 from evoros.base.checks import FLAG, Rule, checked, instance_of, is_number
-from evoros.base.errors import InputError
 from evoros.controller.protocol import A_CONTROLLER, Controller, LiveController
 from evoros.design.space import SensorDesign
-from evoros.field.generated import FIXED
-from evoros.mission.scenario import require_world
+from evoros.mission.member import Member
 from evoros.robot.model import Robot
-from evoros.world.course import PAIRS, Course
-from evoros.world.model import TeamSampler, World
+from evoros.world.course import PAIRS
 
 PLACE = Rule(
     "three numbers, x [m], y [m] and yaw [rad]",
@@ -36,37 +33,20 @@ class Agent:
     controller: Annotated[Controller | LiveController | None, A_CONTROLLER] = None
     scored: Annotated[bool, FLAG] = False  # whether its missions count for the fitness, too
 
-    def place(self, course: Course) -> Course:
-        """Return the course of a world with this robot's home and route."""
+    def join(self, name: str, first: Member) -> Member:
+        """Return the member of this name of a scenario whose first member is ``first``."""
         x, y, yaw = map(float, self.home)
-        route = course.waypoints if self.route is None else self.route
-        return replace(course, home_x_m=x, home_y_m=y, home_yaw_rad=yaw, waypoints=route)
-
-
-def make_room(agents: Mapping[str, Agent], worlds: Mapping[str, World]) -> dict[str, World]:
-    """Return the worlds, of which those that are drawn for each mission leave room to all robots.
-
-    Raises:
-        InputError: a sampler cannot do that, or finds no room.
-    """
-    return {name: _make_room(agents, name, world) for name, world in worlds.items()}
-
-
-def _make_room(agents: Mapping[str, Agent], name: str, world: World) -> World:
-    if not agents:
-        return world
-    require_world(name, world)
-    sampler = world.sampler
-    if sampler is None:
-        return world
-    if not isinstance(sampler, TeamSampler):
-        raise InputError(
-            f"world.{name}: must have a sampler with the method keep_free if there are agents, "
-            f"whose courses must be free in all drawn worlds, not {type(sampler).__name__}; add "
-            f"that method, or choose a world that stays the same"
+        return replace(
+            first,
+            robot=self.robot or first.robot,
+            design=self.design or first.design,
+            controller=self.controller or first.controller,
+            name=name,
+            column=f"{name}.",
+            key=f"agents.{name}.",
+            designed=name if self.design else first.designed,
+            home=(x, y, yaw),
+            route=self.route,
+            scored=self.scored,
+            meets_cases=False,
         )
-    try:
-        larger = sampler.keep_free([agent.place(world.course) for agent in agents.values()])
-        return replace(larger.draw_world(FIXED), sampler=larger)
-    except InputError as error:
-        raise InputError(f"world.{name}, with agents {', '.join(agents)}: {error}") from None

@@ -1,13 +1,16 @@
 """The end of a run: which design is the champion, and what fresh draws say of it."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from evoros.evolution.certificate import Certificate, Finalist, Rate, Rival
+from evoros.certificate.certificate import Certificate, Finalist, Rate, Rival
+from evoros.certificate.validation import Validation, combine_chances, compute_chance
 from evoros.evolution.contest import Contest
 from evoros.evolution.journal import Generation
 from evoros.evolution.scores import Scores
-from evoros.evolution.validation import combine_chances, compute_chance
+from evoros.evolution.validated import Validated
+from evoros.mission.outcome import Outcome
 from evoros.mission.plan import FINAL
 from evoros.optimizer.protocol import Individual
 
@@ -27,9 +30,10 @@ def choose_champion(scores: Scores, last: Generation) -> Choice:
     """Return the last generation's best, or the one that the final choice finds.
 
     Raises:
-        InputError, RunStopped: see ``Scores.evaluate``.
+        InputError, RunStopped: see ``Trials.score``.
     """
-    final = scores.experiment.final_choice
+    experiment = scores.trials.experiment
+    final, combine = experiment.final_choice, experiment.combine
     if final is None:
         best = last.best.individual
         by_fitness = sorted(last.candidates, key=lambda each: -each.fitness)
@@ -39,18 +43,18 @@ def choose_champion(scores: Scores, last: Generation) -> Choice:
     individuals = scores.ledger.finalists
     fitness = scores.ledger.find_fitness(individuals)
     finalists = final.find_finalists(fitness)
-    designs = scores.decode([individuals[number] for number in finalists])
-    contest = Contest(final.method, 1, {number: [] for number in finalists}, scores.combine)
+    designs = scores.trials.decode([individuals[number] for number in finalists])
+    contest = Contest(final.method, 1, {number: [] for number in finalists}, combine)
     while wanted := contest.next_round():
         missions = {
-            number: scores.experiment.plan.final(last.number, number, designs[number], trials)
+            number: experiment.plan.final(last.number, number, designs[number], trials)
             for number, trials in wanted.items()
         }
-        contest.add(scores.score(last.number, missions, FINAL))
+        contest.add(scores.trials.score(last.number, missions, FINAL))
     final_fitness, stayed = contest.fitness(), contest.stays()
     order = sorted(finalists, key=lambda number: (-stayed[number], -final_fitness[number]))
     table = [
-        Finalist(number, fitness[number], len(own), scores.combine(own))
+        Finalist(number, fitness[number], len(own), combine(own))
         for number in order
         for own in [contest.scores[number]]
     ]
@@ -58,53 +62,47 @@ def choose_champion(scores: Scores, last: Generation) -> Choice:
     return Choice(ranked[0], table[0].final_fitness, table[0].trials, ranked[1:], table)
 
 
-def certify(scores: Scores, last: Generation, choice: Choice) -> Certificate:
+def certify(validated: Validated, last: Generation, choice: Choice) -> Certificate:
     """Validate the champion as precisely as the experiment asks, and compare it with its rivals.
 
     Rivals are all designs that have been validated, on the same draws.
 
     Raises:
-        InputError, RunStopped: see ``Scores.evaluate``.
+        InputError, RunStopped: see ``Trials.score``.
     """
-    validation = scores.experiment.validation
-    own = choice.individual
-    leaders = set(scores.validated)
-    for individual in [own, *choice.others[: validation.rivals]]:
-        scores.validate(last.number, individual)
-    stage = validation.count_first(len(scores.validated[own.id]))
-    first, _ = scores.validate_longer(own, stage)
+    experiment = validated.trials.experiment
+    validation, combine = experiment.validation, experiment.combine
+    champion, leaders = choice.individual, set(validated.scores)
+    for individual in [champion, *choice.others[: validation.rivals]]:
+        validated.validate(last.number, individual)
+    stage = validation.count_first(len(validated.scores[champion.id]))
+    first, _ = validated.extend(champion, stage)
     trials = validation.count_all(first) if first else 0
-    found, outcomes = scores.validate_longer(own, trials)
-    low, high = validation.bound_fitness(found, len(first), scores.combine)
-    worlds = {}
-    for world in scores.experiment.world:
-        in_world = outcomes.get(world, [])
-        completed = sum(outcome.completed for outcome in in_world)
-        bounds = validation.bound_rate(completed, len(in_world))
-        worlds[world] = Rate(completed, len(in_world), *bounds)
+    scores, outcomes = validated.extend(champion, trials)
+    low, high = validation.bound_fitness(scores, len(first), combine)
     rivals = [
-        Rival(
-            number,
-            len(met),
-            scores.combine(met),
-            compute_chance(found, met, scores.combine),
-            number in leaders,
-        )
-        for number, met in scores.validated.items()
-        if number != own.id and met
+        Rival(number, len(met), combine(met), chance, number in leaders)
+        for number, met in validated.scores.items()
+        if number != champion.id and met
+        for chance in [compute_chance(scores, met, combine)]
     ]
     return Certificate(
-        own.id,
-        choice.fitness,
-        choice.trials,
-        scores.combine(found) if found else math.nan,
-        len(found),
-        validation.confidence,
-        low,
-        high,
-        validation.precision,
-        worlds,
-        rivals,
-        combine_chances([rival.chance for rival in rivals]),
-        choice.finalists,
+        design=champion.id,
+        recorded_fitness=choice.fitness,
+        recorded_trials=choice.trials,
+        validated_fitness=combine(scores) if scores else math.nan,
+        validated_trials=len(scores),
+        confidence=validation.confidence,
+        fitness_low=low,
+        fitness_high=high,
+        precision=validation.precision,
+        worlds={world: _rate(validation, outcomes.get(world, [])) for world in experiment.world},
+        rivals=rivals,
+        chance_of_better=combine_chances([rival.chance for rival in rivals]),
+        finalists=choice.finalists,
     )
+
+
+def _rate(validation: Validation, outcomes: Sequence[Outcome]) -> Rate:
+    completed = sum(outcome.completed for outcome in outcomes)
+    return Rate(completed, len(outcomes), *validation.bound_rate(completed, len(outcomes)))

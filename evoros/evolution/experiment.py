@@ -7,35 +7,25 @@ from typing import Annotated, Any
 
 from evoros.allocation.once import Once
 from evoros.allocation.protocol import Allocation
-from evoros.base.checks import (
-    COUNT,
-    NAME,
-    SEED,
-    checked,
-    instance_of,
-    mapping_of,
-    one_of,
-)
+from evoros.base.checks import COUNT, NAME, SEED, checked, instance_of, mapping_of, one_of
 from evoros.base.combining import Combine, mean
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
-from evoros.base.treatment import TREATMENT
+from evoros.certificate.confirmation import A_CONFIRMATION, Confirmation
+from evoros.certificate.final_choice import A_FINAL_CHOICE, AN_ALLOCATION, FinalChoice
+from evoros.certificate.validation import A_VALIDATION, Validation
 from evoros.controller.protocol import Controller, LiveController
-from evoros.design.space import DesignSpace, SensorDesign
+from evoros.design.space import SensorDesign
 from evoros.design.team import TeamSpace
-from evoros.evolution.agent import Agent, make_room
-from evoros.evolution.agents_check import check_agents
-from evoros.evolution.confirmation import A_CONFIRMATION, Confirmation
-from evoros.evolution.declared_genes import find_declared_genes
-from evoros.evolution.final_choice import A_FINAL_CHOICE, AN_ALLOCATION, FinalChoice
-from evoros.evolution.validation import A_VALIDATION, Validation
-from evoros.evolution.worst_cases import A_SEARCH, WorstCases
+from evoros.evolution.agent import Agent
+from evoros.evolution.team_check import check_team, make_room
+from evoros.evolution.treatment import TREATMENT
 from evoros.executor.protocol import Executor
 from evoros.failure.protocol import AdaptiveFailure, Failure
 from evoros.fitness.protocol import Fitness
-from evoros.fitness.scoring import choose_combine
-from evoros.fitness.team import TeamFitness
+from evoros.fitness.scoring import Scoring
 from evoros.measure.protocol import Measure
+from evoros.mission.member import Member
 from evoros.mission.plan import (
     CONFIRMATION,
     EVALUATION,
@@ -52,6 +42,7 @@ from evoros.robot.model import Robot
 from evoros.simulator.protocol import Simulator
 from evoros.world.course import A_COURSE, Course
 from evoros.world.model import World
+from evoros.worst_cases.worst_cases import A_SEARCH, WorstCases
 
 AGENTS = mapping_of(Agent, "agents (evoros.evolution.agent.Agent)")
 MEASURES = mapping_of(Measure, "measures (title, unit, bounds, direction, of_design and compute)")
@@ -121,57 +112,24 @@ class Experiment:
                 f"optimizer.validation_trials"
             )
         # Worlds that are drawn for each mission leave room to all robots.
-        object.__setattr__(self, "world", make_room(self.agents, self.world))
-        check_agents(self.agents, self.robot, self.controller, self.world)
+        object.__setattr__(self, "world", make_room(self.members, self.world))
+        check_team(self.members, self.world)
         _ = self.confirming  # checks that the parts fit together
 
     @cached_property
-    def members(self) -> Mapping[str, "Experiment"]:
-        """The experiment of each robot by itself, by name; the first one's name is empty."""
-        if not self.agents:
-            return {"": self}
-        return {"": replace(self, agents={})} | {
-            name: self._create_member(name, agent) for name, agent in self.agents.items()
-        }
+    def members(self) -> tuple[Member, ...]:
+        """The robots, with the controllers of the run; the top level's is first."""
+        return self._list_members(self.controller)
 
-    def _create_member(self, name: str, agent: Agent) -> "Experiment":
-        confirmation = self.confirmation
-        if confirmation is not None and agent.controller is not None:
-            confirmation = replace(confirmation, controller=None)  # is that of the first robot
-        try:
-            return replace(
-                self,
-                robot=agent.robot or self.robot,
-                design=agent.design or self.design,
-                controller=agent.controller or self.controller,
-                confirmation=confirmation,
-                world={
-                    key: replace(world, course=agent.place(world.course))
-                    for key, world in self.world.items()
-                },
-                agents={},
-            )
-        except InputError as error:
-            raise InputError(f"agents.{name}: {error}") from None
+    def _list_members(self, controller: Controller | LiveController) -> tuple[Member, ...]:
+        """List the robots; those without a controller of their own have this one."""
+        first = Member(self.robot, self.design, controller)
+        return (first, *(agent.join(name, first) for name, agent in self.agents.items()))
 
     @cached_property
     def scenario(self) -> Scenario:
         """The parts that missions need, with the run's own simulator."""
-        others = {name: self.members[name] for name in self.agents}
-        return Scenario(
-            self.robot,
-            self.world,
-            self.design,
-            self.failure,
-            self.controller,
-            self.simulator,
-            {name: self._join_team(name, other.scenario) for name, other in others.items()},
-        )
-
-    def _join_team(self, name: str, scenario: Scenario) -> Scenario:
-        """Return the scenario of another robot as one of the team's."""
-        agent = self.agents[name]
-        return replace(scenario, awaited=agent.scored, shares_design=agent.design is None)
+        return Scenario(self.members, self.world, self.failure, self.simulator)
 
     @cached_property
     def confirming(self) -> Scenario:
@@ -183,17 +141,9 @@ class Experiment:
         confirmation = self.confirmation
         if confirmation is None:
             return self.scenario
-        controller = confirmation.controller or self.controller
-        agents = {
-            name: self._join_team(name, self.members[name].confirming) for name in self.agents
-        }
+        members = self._list_members(confirmation.controller or self.controller)
         try:
-            return replace(
-                self.scenario,
-                simulator=confirmation.simulator,
-                controller=controller,
-                agents=agents,
-            )
+            return replace(self.scenario, members=members, simulator=confirmation.simulator)
         except InputError as error:
             key = "confirmation" if confirmation.controller else "confirmation.simulator"
             raise InputError(f"{key}: {error}") from None
@@ -207,23 +157,16 @@ class Experiment:
         return self.confirming if confirming else self.scenario
 
     @cached_property
-    def own_space(self) -> DesignSpace:
-        """The search space of the first robot, with the genes that its controller declares."""
-        return self.design.bind(self.robot, find_declared_genes(self.controller))
+    def space(self) -> TeamSpace:
+        """The search space of all robots that have a design of their own."""
+        owners = [member for member in self.members if member.has_own_design]
+        return TeamSpace({member.name: member.space for member in owners})
 
     @cached_property
-    def space(self) -> DesignSpace | TeamSpace:
-        """The search space, of all robots that have a design of their own."""
-        others = {name: self.members[name] for name, agent in self.agents.items() if agent.design}
-        if not others:
-            return self.own_space
-        return TeamSpace(self.own_space, {name: each.own_space for name, each in others.items()})
-
-    @cached_property
-    def scoring(self) -> Fitness:
-        """The fitness, of all robots that are scored."""
-        scored = (place for place, agent in enumerate(self.agents.values()) if agent.scored)
-        return TeamFitness(self.fitness, tuple(scored)) if self.agents else self.fitness
+    def scoring(self) -> Scoring:
+        """The fitness of all robots that are scored."""
+        scored = (place for place, member in enumerate(self.members) if member.scored)
+        return Scoring(self.fitness, tuple(scored))
 
     @property
     def states_cases(self) -> bool:
@@ -233,7 +176,7 @@ class Experiment:
     @cached_property
     def combine(self) -> Combine:
         """Makes one fitness of the scores of a design's trials."""
-        return choose_combine(self.fitness)
+        return self.scoring.combine
 
     def start_search(self) -> Search:
         """Start the search of this experiment, which its seed determines."""

@@ -7,11 +7,11 @@ from statistics import fmean
 from typing import Protocol
 
 from evoros.base.arrays import Array
+from evoros.certificate.certificate import Certificate
 from evoros.design.design import Design
-from evoros.evolution.certificate import Certificate
-from evoros.evolution.dispatch import MissionRecord
+from evoros.dispatch.record import MissionRecord
 from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import Outcomes
 from evoros.mission.scenario import Scenario
 from evoros.optimizer.protocol import Candidate
 from evoros.robot.model import Robot
@@ -68,10 +68,10 @@ class Champion:
     design: Design
     gene_names: Mapping[str, Mapping[str, str]]  # by the robot and the key in ``design.values``
     robots: Mapping[str, Robot]
-    """By name, the first one's is empty; with sensors and values. None if a part refuses these."""
+    """By name, with sensors and values. None if a part refuses these."""
     worlds: Mapping[str, World]  # by name
     tracks: Sequence[str]  # names of the worlds whose trajectories are kept
-    columns: Sequence[str]  # of a trajectory, after those of ``TRAJECTORY``
+    columns: Sequence[str]  # of a trajectory
     certificate: Certificate
 
 
@@ -99,7 +99,7 @@ class Observer(Protocol):
         """Note that ``missions`` are needed next, of which ``known`` are recorded already."""
         ...
 
-    def mission(self, mission: Mission, outcome: Outcome) -> None:
+    def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Note a mission that was run and recorded."""
         ...
 
@@ -111,8 +111,8 @@ class Observer(Protocol):
 class Journal(MissionRecord, Protocol):
     """Keeps a run. An evolution that finds its missions here does not run them again."""
 
-    def find(self, mission: Mission) -> Outcome | None:
-        """Return the recorded outcome of a mission; None if there is none.
+    def find(self, mission: Mission) -> Outcomes | None:
+        """Return the recorded outcomes of a mission; None if there are none.
 
         Raises:
             InputError: the mission was recorded under other draws.

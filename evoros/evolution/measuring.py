@@ -3,20 +3,20 @@
 import math
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
-from evoros.fitness.scoring import score_trial
+from evoros.fitness.scoring import list_trials
 from evoros.measure.protocol import MINIMIZE, Evaluated, Measure
+from evoros.mission.member import Member
 from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import Outcomes
 from evoros.mission.plan import CONFIRMATION, SELECTION
 from evoros.mission.scenario import Scenario
 from evoros.optimizer.protocol import Score
 from evoros.robot.model import Robot
+from evoros.terminal.log import LOGGER
 
 OBJECTIVES, DESCRIPTORS = "objectives", "descriptors"
 
@@ -26,7 +26,7 @@ class Measuring:
     """Computes scores; what is wrong with a measure is reported once."""
 
     experiment: Experiment
-    trials: dict[tuple[str, int], list[list[Outcome]]] = field(default_factory=dict)
+    trials: dict[tuple[str, int], list[list[Outcomes]]] = field(default_factory=dict)
     """The outcomes of trials by their purpose and the individual, if a measure needs them."""
     reported: set[str] = field(default_factory=set)
 
@@ -39,7 +39,7 @@ class Measuring:
         self,
         purpose: str,
         missions: Mapping[int, Sequence[Mission]],
-        outcomes: Mapping[MissionKey, Outcome],
+        outcomes: Mapping[MissionKey, Outcomes],
     ) -> None:
         """Note the trials of individuals that give them their fitness."""
         if purpose not in (SELECTION, CONFIRMATION) or all(
@@ -47,7 +47,7 @@ class Measuring:
         ):
             return
         for number, of_design in missions.items():
-            trials = _list_trials(of_design, outcomes)
+            trials = list_trials(of_design, outcomes)
             self.trials.setdefault((purpose, number), []).extend(trials)
 
     def keep(self, individuals: Container[int]) -> None:
@@ -65,7 +65,7 @@ class Measuring:
             equip_robots(experiment.scenario, design),
             self.trials.get((purpose, number), []),
             fitness,
-            partial(score_trial, experiment.scoring),
+            experiment.scoring.score_trial,
         )
         return Score(
             fitness,
@@ -150,23 +150,12 @@ def equip_robots(scenario: Scenario, design: Design) -> dict[str, Robot]:
 
     If a part refuses the evolved values, they have the sensors as they are configured.
     """
-    own = {"": scenario} | {
-        name: agent for name, agent in scenario.agents.items() if name in design.agents
-    }
-    return {name: _equip(each, scenario.find_design(name, design)) for name, each in own.items()}
+    owners = (member for member in scenario.members if member.has_own_design)
+    return {member.name: _equip(member, member.find_design(design)) for member in owners}
 
 
-def _equip(scenario: Scenario, design: Design) -> Robot:
+def _equip(member: Member, design: Design) -> Robot:
     try:
-        return scenario.with_design(design).robot
+        return member.with_design(design).robot
     except InputError:
-        return scenario.robot.with_sensors(design.mounts, scenario.design.sensors)
-
-
-def _list_trials(
-    missions: Sequence[Mission], outcomes: Mapping[MissionKey, Outcome]
-) -> list[list[Outcome]]:
-    trials: dict[int, list[Outcome]] = {}
-    for mission in missions:
-        trials.setdefault(mission.trial, []).append(outcomes[mission.key])
-    return list(trials.values())
+        return member.robot.with_sensors(design.mounts, member.design.sensors)

@@ -1,22 +1,20 @@
 """Carries calls by dask.distributed."""
 
 import asyncio
-import uuid
 from collections.abc import Callable, Coroutine
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass
-from itertools import count
 from threading import Event, Lock, Thread
 from typing import Any
 
-from distributed import KilledWorker, get_worker
+from distributed import KilledWorker
 from distributed.client import FutureCancelledError
 
 from evoros.base.errors import RunStopped, WorkerLost, single_line
-from evoros.base.log import LOGGER
 from evoros.executor import node
+from evoros.executor.dask_sending import Sending
 from evoros.executor.remote import RawAnswer
+from evoros.terminal.log import LOGGER
 
 CONNECT_S = 10.0
 """A scheduler that has not answered by then is reported [s]."""
@@ -24,8 +22,6 @@ ANSWER_S = 60.0
 """One that has answered before gets longer [s]: it may be busy."""
 LOOK_S = 0.5
 """The main process asks that often which workers there are [s]."""
-GROUPS = 64
-"""Names of groups of tasks that are used in turn."""
 ALONE_S = 10.0
 """Calls that no worker takes are reported after this time [s]."""
 
@@ -33,11 +29,6 @@ ALONE_S = 10.0
 def _ignore(loop: object, context: dict[str, Any]) -> None:
     """Drop errors of dask's own coroutines, which nobody waits for when calls are cancelled."""
     LOGGER.debug("dask: %s", context.get("exception") or context.get("message"))
-
-
-def answer(wanted: dict[str, str], request: bytes) -> RawAnswer:
-    """Run a call in a worker; see ``node.answer``."""
-    return (*node.answer(wanted, request), get_worker().address)
 
 
 class DaskTransport:
@@ -50,8 +41,7 @@ class DaskTransport:
         self._loop.set_exception_handler(_ignore)
         self._threads: dict[str, int] = {}  # of each worker, by its address
         self._excluded: set[str] = set()
-        self._out: set[_Sending] = set()  # only the loop's thread uses it
-        self._numbers = count()
+        self._out: set[Sending] = set()  # only the loop's thread uses it
         self._suspect = asyncio.Lock()  # held by the one that is tried
         self._lock = Lock()
         self._closing = Event()
@@ -84,7 +74,10 @@ class DaskTransport:
         """
         if self._lost is not None:
             raise self._lost
-        sending = _Sending(name, wanted, request, self._choose(node))
+        nodes = None if node is None else [node]
+        if node is None and self._excluded:
+            nodes = [other for other in self._threads if other not in self._excluded] or None
+        sending = Sending(name, wanted, request, nodes)
         return asyncio.run_coroutine_threadsafe(self._deliver(sending), self._loop)
 
     def exclude(self, node: str, reason: str) -> None:
@@ -117,15 +110,7 @@ class DaskTransport:
             self._watcher.join()
         self._cancel_all()
 
-    def _choose(self, node: str | None) -> list[str] | None:
-        """Return the workers that a call should go to; None: any."""
-        if node is not None:
-            return [node]
-        if not self._excluded:
-            return None
-        return [address for address in self._threads if address not in self._excluded] or None
-
-    async def _deliver(self, sending: "_Sending") -> RawAnswer:
+    async def _deliver(self, sending: Sending) -> RawAnswer:
         """Submit a call and wait for its answer; this does not depend on other calls."""
         self._out.add(sending)
         try:
@@ -147,7 +132,7 @@ class DaskTransport:
         finally:
             self._out.discard(sending)
 
-    async def _try_twice(self, sending: "_Sending") -> RawAnswer:
+    async def _try_twice(self, sending: Sending) -> RawAnswer:
         """Try a call until workers have ended with it too often; then again as the only suspect.
 
         dask counts the ends of a worker against all calls that it has, also those that run beside
@@ -170,41 +155,17 @@ class DaskTransport:
                     f"ran out"
                 ) from error
 
-    async def _persist(self, sending: "_Sending") -> RawAnswer:
+    async def _persist(self, sending: Sending) -> RawAnswer:
         """Try a call, and once more whenever the workers have left that it was sent to."""
         while True:
             if self._lost is not None:
                 raise self._lost
             try:
-                return await self._attempt(sending)
+                return await sending.attempt(self._client)
             except asyncio.CancelledError:
                 if not sending.stranded:
                     raise
                 sending.stranded, sending.nodes = False, None
-
-    async def _attempt(self, sending: "_Sending") -> RawAnswer:
-        task = self._client.submit(
-            answer,
-            sending.wanted,
-            sending.request,
-            key=self._new_key(),
-            pure=False,
-            workers=sending.nodes,
-            allow_other_workers=sending.nodes is not None,
-        )
-        sending.waiting = asyncio.ensure_future(self._client.gather(task, asynchronous=True))
-        found: RawAnswer = await sending.waiting
-        return found
-
-    def _new_key(self) -> str:
-        """Return a key whose group, the part before the dash, few tasks share.
-
-        A scheduler keeps tasks of groups with more than two for each thread to itself until a
-        thread is idle, which then waits for the next. Groups end with their last task, so that
-        names can be used again; there are few, because the scheduler remembers them.
-        """
-        group = next(self._numbers) // max(1, self.workers) % GROUPS
-        return f"evoros_{group}-{uuid.uuid4().hex}"
 
     def _watch(self) -> None:
         """Follow which workers there are, and notice when the scheduler is lost."""
@@ -234,7 +195,8 @@ class DaskTransport:
     def _free_stranded(self) -> None:
         """Submit calls anew whose workers have all left.
 
-        A scheduler without any worker keeps such a call for them, also when others have joined.
+        A scheduler that had no worker at all keeps such a call for them when others have joined,
+        although the call allows other workers.
         """
         for sending in self._out:
             if sending.nodes and self._threads.keys().isdisjoint(sending.nodes):
@@ -268,20 +230,3 @@ class DaskTransport:
     def _in_loop(self, function: Callable[[], None]) -> None:
         with suppress(RuntimeError):  # the loop is closed, and nothing waits any more
             self._loop.call_soon_threadsafe(function)
-
-
-@dataclass(eq=False)
-class _Sending:
-    """A call that is on its way, to certain workers or to any."""
-
-    name: str
-    wanted: dict[str, str]
-    request: bytes
-    nodes: list[str] | None
-    waiting: asyncio.Future[Any] | None = None
-    stranded: bool = False
-
-    def cancel(self) -> None:
-        """Stop waiting."""
-        if self.waiting is not None:
-            self.waiting.cancel()

@@ -11,7 +11,8 @@ import numpy as np
 
 from evoros.base import elementary
 from evoros.base.arrays import Array
-from evoros.base.resources import PACKAGE
+from evoros.base.rng import generator
+from evoros.files.resources import PACKAGE
 
 ENGINES = ("mujoco-core", "pybullet")
 """Needed by some runs only: they must be of the same version where they are installed."""
@@ -19,6 +20,15 @@ ARITHMETIC = "arithmetic"
 LIBRARY = "C library"
 SAMPLES = 256
 """Points at which evoros's functions are compared."""
+UNARY = (
+    *(elementary.sin, elementary.cos, elementary.tan, elementary.atan, elementary.tanh),
+    *(elementary.exp, elementary.expm1, elementary.sinh, elementary.cosh),
+    *(elementary.log, elementary.log1p, elementary.log2, elementary.log10),
+)
+INVERSE = (elementary.asin, elementary.acos)  # from 0 to 1
+BINARY = (elementary.atan2, elementary.hypot, elementary.power)
+DEVIATES = 10_000
+"""One normal deviate in 4000 is from the tail, and one exponential in 2200."""
 LIBRARY_SAMPLES = 20_000
 """Of the C library's more: few of its values differ between processors."""
 
@@ -85,10 +95,18 @@ def _digest_of_sources() -> str:
 
 def _digest_of_elementary() -> str:
     """Return a digest of what evoros computes itself, with the same bits on every processor."""
-    points = _points(SAMPLES)
-    functions = (elementary.sin, elementary.cos, elementary.atan, elementary.exp, elementary.log)
-    values = [np.array([function(x) for x in points.tolist()]) for function in functions]
-    return _digest([*values, np.random.default_rng(0).standard_normal(SAMPLES)])
+    points, others = _points(SAMPLES), _points(SAMPLES)[::-1]
+    values = [np.array([function(x) for x in points.tolist()]) for function in UNARY]
+    values += [np.array([function(x) for x in (points / 21.0).tolist()]) for function in INVERSE]
+    pairs = list(zip(points.tolist(), others.tolist(), strict=True))
+    values += [np.array([function(x, y) for x, y in pairs]) for function in BINARY]
+    return _digest([*values, *draw_deviates()])
+
+
+def draw_deviates() -> tuple[Array, Array]:
+    """Draw normal and exponential deviates, some of them from the tails of the generator."""
+    rng = generator("environment", "deviates")
+    return rng.standard_normal(DEVIATES), rng.standard_exponential(DEVIATES)
 
 
 def _digest_of_library() -> str:

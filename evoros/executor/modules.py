@@ -14,7 +14,7 @@ from evoros.executor.payload import Shared
 
 MAX_BYTES = 64 * 2**20
 """Of all modules together; more are a folder that holds something else besides."""
-_OURS = ("evoros", "analysis", "__main__")
+_OURS = ("evoros", "__main__")
 _NEVER = ("__pycache__",)
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 

@@ -13,7 +13,7 @@ from threading import Event, Thread
 
 from mpi4py import MPI
 
-from evoros.base.log import LOGGER
+from evoros.terminal.log import LOGGER
 
 TAG = 17
 """Of messages to the first rank; mpi4py.futures has communicators of its own for its messages."""

@@ -1,6 +1,7 @@
 """Carries calls by mpi4py.futures."""
 
 import socket
+import sys
 from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
@@ -9,13 +10,13 @@ from time import monotonic
 from typing import Any
 
 from mpi4py import MPI
-from mpi4py.futures import MPIPoolExecutor, _core
+from mpi4py.futures import MPIPoolExecutor
 
-from evoros.base.console import STOPPED
 from evoros.base.errors import RunStopped
 from evoros.executor import mpi_heartbeat, node
 from evoros.executor.mpi_heartbeat import Silences
 from evoros.executor.remote import RawAnswer
+from evoros.terminal.console import STOPPED
 
 COMMAND = "mpiexec -n RANKS python -m mpi4py.futures -m evoros ..."
 LOOK_S = 0.5
@@ -41,7 +42,7 @@ def connect() -> Iterator["MpiTransport"]:
         RunStopped: there are none, or this is not the first one.
     """
     ranks = MPI.COMM_WORLD.Get_size()
-    if getattr(_core, "SharedPool", None) is None or ranks < 2:
+    if "mpi4py.futures" not in sys.orig_argv or ranks < 2:
         raise RunStopped(
             f"executor=mpi: must be started as an MPI job of at least 2 ranks, the first of which "
             f"runs evoros; type: {COMMAND}"

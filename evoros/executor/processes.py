@@ -14,10 +14,10 @@ from threading import Lock, Thread
 from typing import Annotated, Any
 
 from evoros.base.checks import POSITIVE, WHOLE, checked
-from evoros.base.threads import ONE_THREAD
 from evoros.executor.attempts import Limits, null_or_whole, settle
 from evoros.executor.payload import Call, pack_call
 from evoros.executor.protocol import Pool
+from evoros.executor.threads import ONE_THREAD
 from evoros.executor.worker_handle import Worker
 
 

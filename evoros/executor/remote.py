@@ -12,12 +12,13 @@ from threading import Lock
 from typing import Any, Protocol
 
 from evoros.base.errors import EvorosError
-from evoros.base.log import LOGGER
 from evoros.executor.attempts import Limits, settle
+from evoros.executor.companion import Request
 from evoros.executor.environment import describe_environment
 from evoros.executor.modules import UserModules
-from evoros.executor.node import REFUSED, Request
+from evoros.executor.node import REFUSED
 from evoros.executor.payload import MISSING, Answer, Call, Shared, pack_call
+from evoros.terminal.log import LOGGER
 
 RawAnswer = tuple[int, bytes, bool, str]
 """What ``node.answer`` returns, and the worker's name."""

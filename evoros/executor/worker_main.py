@@ -95,7 +95,14 @@ def end_with_main_process() -> None:
     os.setpgid(0, 0)
     main = parent_process()
     assert main is not None, "not a worker process"
-    sentinel = main.sentinel  # a pipe whose other end only the main process holds
+    end_with(main.sentinel)
+
+
+def end_with(sentinel: int) -> None:
+    """Make the group that this process leads die when a pipe closes, whose other end another has.
+
+    Nothing may ever be written to the pipe.
+    """
     if sys.platform == "linux":
         # The kernel kills the group when the other end closes, even in endless C code.
         fcntl.fcntl(sentinel, fcntl.F_SETOWN, -os.getpid())

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.failure.protocol import Fault
-from evoros.filter.protocol import Filter
 
 INTACT = "intact"
 """The text of the case in which no sensor fails."""
@@ -53,7 +51,3 @@ class Case:
             if number < count:
                 onset[number] = time
         return onset
-
-    def make_faults(self, effect: Filter, count: int) -> tuple[Fault, ...]:
-        """Return the fault of a robot with so many sensors; none without a failure."""
-        return (Fault(effect, self.onsets(count)),) if self.sensors else ()

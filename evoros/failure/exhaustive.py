@@ -9,7 +9,7 @@ from numpy.random import Generator
 
 from evoros.base.checks import NOT_NEGATIVE, WHOLE, Rule, check_order, checked
 from evoros.failure.case import Case
-from evoros.failure.protocol import Fault
+from evoros.failure.protocol import Fault, make_faults
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
@@ -68,7 +68,7 @@ class ExhaustiveFailure:
         rank, place = divmod(number, len(self.times_s))
         time = self.times_s[place]
         case = Case.of((number, time) for number in choose_set(sensors, size, rank))
-        return case.make_faults(self.effect, sensors)
+        return make_faults(case, self.effect, sensors)
 
 
 def choose_set(count: int, size: int, rank: int) -> tuple[int, ...]:

@@ -9,7 +9,7 @@ from numpy.random import Generator
 from evoros.base.checks import NOT_NEGATIVE, Rule, checked, invalid
 from evoros.base.errors import InputError
 from evoros.failure.case import Case
-from evoros.failure.protocol import Fault
+from evoros.failure.protocol import Fault, make_faults
 from evoros.filter.protocol import A_FILTER, Channels, Filter
 from evoros.filter.silence import Silence
 
@@ -61,4 +61,4 @@ class GivenFailure:
                 f"failure.sensors: must be numbers of the robot's sensors, 0 to "
                 f"{channels.size - 1}, not {beyond[0]}; correct them"
             )
-        return self.case.make_faults(self.effect, channels.size)
+        return make_faults(self.case, self.effect, channels.size)

@@ -2,15 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from numpy.random import Generator
 
 from evoros.base.arrays import Array
+from evoros.failure.case import Case
 from evoros.filter.protocol import Channels, Filter
-
-if TYPE_CHECKING:  # a case makes faults
-    from evoros.failure.case import Case
 
 
 @dataclass(frozen=True)
@@ -33,6 +31,11 @@ class Fault:
     def effect(self) -> str:
         """What it does to a sensor, as the column ``failed_by`` names it."""
         return self.filter.name.lower()
+
+
+def make_faults(case: Case, effect: Filter, sensors: int) -> tuple[Fault, ...]:
+    """Return the fault of a case in a robot with so many sensors; none without a failure."""
+    return (Fault(effect, case.onsets(sensors)),) if case.sensors else ()
 
 
 @runtime_checkable
@@ -70,7 +73,7 @@ class SystematicFailure(Failure, Protocol):
 class Adversary(Protocol):
     """The cases of one run, which change from generation to generation."""
 
-    def list_cases(self) -> "Sequence[Case]":
+    def list_cases(self) -> Sequence[Case]:
         """Return the case of each trial of the next generation, once for each."""
         ...
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from evoros.base import elementary
 from evoros.base.arrays import Array
+from evoros.compilation.elementary_arrays import atan2_all
 from evoros.field.free_space import FreeSpace
 from evoros.geometry.footprint import Footprint, find_bounds
 from evoros.world.course import Course
@@ -178,9 +179,7 @@ def _order_around(points: Array, loops: NDArray[np.int64]) -> NDArray[np.int64]:
     """Order each loop (n, k) by the bearing from its middle, from point 0 on: no legs cross."""
     places = points[loops]
     offsets = places - places.mean(axis=1, keepdims=True)
-    order = np.argsort(
-        elementary.atan2_all(offsets[:, :, 1], offsets[:, :, 0]), axis=1, kind="stable"
-    )
+    order = np.argsort(atan2_all(offsets[:, :, 1], offsets[:, :, 0]), axis=1, kind="stable")
     first = np.argmin(order, axis=1)
     turns = (first[:, None] + np.arange(loops.shape[1])) % loops.shape[1]
     return np.take_along_axis(loops, np.take_along_axis(order, turns, axis=1), axis=1)

@@ -1,14 +1,13 @@
 """A systematic error of a sensor: all its readings are too long, or too short, by one amount."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
-import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import NO_MEMORY, Array, RuleArrays
+from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, NUMBER, TEXT, checked
-from evoros.filter.protocol import Channels, select_channels
+from evoros.filter.protocol import ALTERS, Channels, add_within, select_channels
 
 
 @dataclass(frozen=True)
@@ -22,28 +21,27 @@ class Bias:
     """
 
     name: ClassVar[str] = "Bias"
+    effect: ClassVar[str] = ALTERS
     offset_m: Annotated[float, NUMBER] = 0.0  # in the unit of the values
     sd_m: Annotated[float, NOT_NEGATIVE] = 0.02  # between channels, in the unit of the values
     of: Annotated[str | None, TEXT] = None  # acts on channels whose names begin so; None: on all
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
-        """Return the offsets, ``onset``, ``low`` and ``high``, each (n,); no memory."""
+    class Parameters(NamedTuple):
+        offset: Array
+        onset: Array
+        low: Array
+        high: Array
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
+        """Draw the offsets."""
         onset = select_channels(channels, onset, self.of, "Bias")
-        offsets = self.offset_m + self.sd_m * rng.standard_normal(channels.size)
-        return np.concatenate((offsets, onset, channels.low, channels.high)), NO_MEMORY
+        offset = self.offset_m + self.sd_m * rng.standard_normal(channels.size)
+        return self.Parameters(offset, onset, channels.low, channels.high)
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(parameters: Parameters, values: Array, time: float) -> None:
         """Add to each channel its own offset."""
-        n = len(values)
-        for i in range(n):
-            value = values[i]
-            high = parameters[3 * n + i]
-            if value < high and time >= parameters[n + i]:
-                value = value + parameters[i]
-                low = parameters[2 * n + i]
-                if value < low:
-                    value = low
-                elif value > high:
-                    value = high
-                values[i] = value
+        offset, onset, low, high = parameters
+        for i in range(len(values)):
+            if time >= onset[i]:
+                values[i] = add_within(values[i], offset[i], low[i], high[i])

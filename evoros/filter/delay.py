@@ -2,14 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import Array, RuleArrays
+from evoros.base.arrays import Array, Matrix
 from evoros.base.checks import NOT_NEGATIVE, checked
-from evoros.filter.protocol import Channels
+from evoros.filter.protocol import ALTERS, Channels
 
 
 @dataclass(frozen=True)
@@ -22,30 +22,34 @@ class Delay:
     """
 
     name: ClassVar[str] = "Delay"
+    effect: ClassVar[str] = ALTERS
     delay_s: Annotated[float, NOT_NEGATIVE] = 0.2
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
-        """Return (delay in samples, ``onset`` (n,)) and (calls so far, ring of samples)."""
+    class Parameters(NamedTuple):
+        onset: Array
+
+    class Memory(NamedTuple):
+        calls: Array  # (1,)
+        ring: Matrix  # of samples, each a value for each channel
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Memory]:
+        """Begin with a ring of zeros, which the first call fills."""
         # In floating point 0.3 / 0.1 is slightly above 3; the tolerance ignores such an excess.
         samples = math.ceil(self.delay_s / channels.period - 1e-6)
-        return np.concatenate(([samples], onset)), np.zeros(1 + samples * channels.size)
+        ring = np.zeros((samples, channels.size))
+        return self.Parameters(onset), self.Memory(np.zeros(1), ring)
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(parameters: Parameters, memory: Memory, values: Array, time: float) -> None:
         """Read the oldest sample of the ring, then store the new one in its place."""
-        samples = int(parameters[0])
+        samples, calls = len(memory.ring), int(memory.calls[0])
         if samples == 0:
             return
-        n = len(values)
-        calls = int(memory[0])
-        memory[0] = calls + 1
         if calls == 0:
-            for j in range(samples):
-                for i in range(n):
-                    memory[1 + j * n + i] = values[i]
-        oldest = 1 + (calls % samples) * n
-        for i in range(n):
-            arriving = memory[oldest + i]
-            memory[oldest + i] = values[i]
-            if time >= parameters[1 + i]:
+            memory.ring[:] = values
+        memory.calls[0] = calls + 1
+        for i in range(len(values)):
+            arriving = memory.ring[calls % samples, i]
+            memory.ring[calls % samples, i] = values[i]
+            if time >= parameters.onset[i]:
                 values[i] = arriving

@@ -1,14 +1,13 @@
 """A sensor that goes wrong slowly: its readings drift away from what it sees."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
-import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import NO_MEMORY, Array, RuleArrays
+from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, NUMBER, POSITIVE, TEXT, checked
-from evoros.filter.protocol import Channels, select_channels
+from evoros.filter.protocol import GROWS, Channels, add_within, select_channels
 
 
 @dataclass(frozen=True)
@@ -22,35 +21,30 @@ class Drift:
     """
 
     name: ClassVar[str] = "Drift"
+    effect: ClassVar[str] = GROWS
     rate_mps: Annotated[float, NUMBER] = 0.0  # in the unit of the values per second
     sd_mps: Annotated[float, NOT_NEGATIVE] = 0.01  # between channels, in the same unit
     limit_m: Annotated[float, POSITIVE] = 1.0  # of the offset's size, in the unit of the values
     of: Annotated[str | None, TEXT] = None  # acts on channels whose names begin so; None: on all
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
-        """Return the rates, ``onset``, ``low``, ``high``, each (n,), and the limit; no memory."""
+    class Parameters(NamedTuple):
+        rate: Array
+        limit: float
+        onset: Array
+        low: Array
+        high: Array
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
+        """Draw the rates."""
         onset = select_channels(channels, onset, self.of, "Drift")
-        rates = self.rate_mps + self.sd_mps * rng.standard_normal(channels.size)
-        parameters = np.concatenate((rates, onset, channels.low, channels.high, [self.limit_m]))
-        return parameters, NO_MEMORY
+        rate = self.rate_mps + self.sd_mps * rng.standard_normal(channels.size)
+        return self.Parameters(rate, self.limit_m, onset, channels.low, channels.high)
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(parameters: Parameters, values: Array, time: float) -> None:
         """Add to each channel what its rate has made since its onset."""
-        n = len(values)
-        limit = parameters[4 * n]
-        for i in range(n):
-            value, high, onset = values[i], parameters[3 * n + i], parameters[n + i]
-            if value < high and time >= onset:
-                offset = parameters[i] * (time - onset)
-                if offset > limit:
-                    offset = limit
-                elif offset < -limit:
-                    offset = -limit
-                value = value + offset
-                low = parameters[2 * n + i]
-                if value < low:
-                    value = low
-                elif value > high:
-                    value = high
-                values[i] = value
+        rate, limit, onset, low, high = parameters
+        for i in range(len(values)):
+            if time >= onset[i]:
+                offset = min(max(rate[i] * (time - onset[i]), -limit), limit)
+                values[i] = add_within(values[i], offset, low[i], high[i])

@@ -2,14 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import Array, RuleArrays
+from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, PROBABILITY, checked, one_of
-from evoros.filter.protocol import Channels
+from evoros.filter.protocol import ALTERS, ENDS, Channels
 
 SILENT, LAST = "silent", "last"
 
@@ -28,31 +28,38 @@ class Dropout:
     duration_s: Annotated[float, NOT_NEGATIVE] = 0.0  # of an outage, in whole samples, at least 1
     lost: Annotated[str, one_of(SILENT, LAST)] = SILENT  # a lost sample is NaN, or the last value
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
-        """Return parameters and memory.
+    class Parameters(NamedTuple):
+        probability: float
+        samples: float  # of an outage
+        repeats: float  # 1 to repeat the last value
+        onset: Array
 
-        Parameters: probability, samples of an outage, 1 to repeat the last value, ``onset`` (n,).
-        Memory: remaining samples of the outage (n,), last value that arrived (n,).
-        """
+    class Memory(NamedTuple):
+        remaining: Array  # samples of the outage
+        last: Array  # value that arrived
+
+    @property
+    def effect(self) -> str:
+        """``ENDS`` if every sample is lost."""
+        return ENDS if self.probability == 1 else ALTERS
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Memory]:
+        """Begin outside an outage."""
         samples = max(1, math.ceil(self.duration_s / channels.period - 1e-6))
-        repeat = float(self.lost == LAST)
-        parameters = np.concatenate(([self.probability, samples, repeat], onset))
-        silence = np.full(channels.size, math.nan)
-        return parameters, np.concatenate((np.zeros(channels.size), silence))
+        memory = self.Memory(np.zeros(channels.size), np.full(channels.size, math.nan))
+        return self.Parameters(self.probability, samples, self.lost == LAST, onset), memory
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(
+        parameters: Parameters, memory: Memory, rng: Generator, values: Array, time: float
+    ) -> None:
         """Lose samples; one draw for every channel, so that no channel shifts another's outages."""
-        n = len(values)
-        probability = parameters[0]
-        repeat = parameters[2] == 1.0
-        for i in range(n):
-            starts = rng.random() < probability
-            remaining = memory[i]
-            if remaining == 0.0 and starts and time >= parameters[3 + i]:
-                remaining = parameters[1]
-            if remaining > 0.0:
-                memory[i] = remaining - 1.0
-                values[i] = memory[n + i] if repeat else math.nan
+        for i in range(len(values)):
+            starts = rng.random() < parameters.probability
+            if memory.remaining[i] == 0.0 and starts and time >= parameters.onset[i]:
+                memory.remaining[i] = parameters.samples
+            if memory.remaining[i] > 0.0:
+                memory.remaining[i] -= 1.0
+                values[i] = memory.last[i] if parameters.repeats == 1.0 else math.nan
             else:
-                memory[n + i] = values[i]
+                memory.last[i] = values[i]

@@ -1,14 +1,13 @@
 """White Gaussian noise of a sensor."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
-import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import NO_MEMORY, Array, RuleArrays
+from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, TEXT, checked
-from evoros.filter.protocol import Channels, select_channels
+from evoros.filter.protocol import ALTERS, Channels, add_within, select_channels
 
 
 @dataclass(frozen=True)
@@ -21,29 +20,26 @@ class GaussianNoise:
     """
 
     name: ClassVar[str] = "GaussianNoise"
+    effect: ClassVar[str] = ALTERS
     sigma_m: Annotated[float, NOT_NEGATIVE] = 0.005  # standard deviation, in the unit of the values
     of: Annotated[str | None, TEXT] = None  # acts on channels whose names begin so; None: on all
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
-        """Return sigma, then ``onset``, ``low`` and ``high``, each (n,); no memory."""
+    class Parameters(NamedTuple):
+        sigma: float
+        onset: Array
+        low: Array
+        high: Array
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
+        """Select the channels."""
         onset = select_channels(channels, onset, self.of, "GaussianNoise")
-        parameters = np.concatenate(([self.sigma_m], onset, channels.low, channels.high))
-        return parameters, NO_MEMORY
+        return self.Parameters(self.sigma_m, onset, channels.low, channels.high)
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
         """Add the noise; one draw for every channel, so that no channel shifts another's noise."""
-        n = len(values)
-        sigma = parameters[0]
-        for i in range(n):
-            deviate = rng.standard_normal()
-            value = values[i]
-            high = parameters[2 * n + 1 + i]
-            if value < high and time >= parameters[1 + i]:
-                value = value + sigma * deviate
-                low = parameters[n + 1 + i]
-                if value < low:
-                    value = low
-                elif value > high:
-                    value = high
-                values[i] = value
+        sigma, onset, low, high = parameters
+        for i in range(len(values)):
+            noise = sigma * rng.standard_normal()
+            if time >= onset[i]:
+                values[i] = add_within(values[i], noise, low[i], high[i])

@@ -1,14 +1,13 @@
 """Noise of a range sensor that grows with the distance."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
-import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import NO_MEMORY, Array, RuleArrays
+from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, checked
-from evoros.filter.protocol import Channels
+from evoros.filter.protocol import ALTERS, Channels, add_within
 
 
 @dataclass(frozen=True)
@@ -22,23 +21,27 @@ class GrowingNoise:
     """
 
     name: ClassVar[str] = "GrowingNoise"
+    effect: ClassVar[str] = ALTERS
     sigma_m: Annotated[float, NOT_NEGATIVE] = 0.001
     growth_per_m: Annotated[float, NOT_NEGATIVE] = 0.05
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
-        """Return both numbers, then ``onset``, ``low`` and ``high``, each (n,); no memory."""
-        numbers = self.sigma_m, self.growth_per_m
-        return np.concatenate((numbers, onset, channels.low, channels.high)), NO_MEMORY
+    class Parameters(NamedTuple):
+        sigma: float
+        growth: float
+        onset: Array
+        low: Array
+        high: Array
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
+        """Keep the limits of the channels."""
+        return self.Parameters(self.sigma_m, self.growth_per_m, onset, channels.low, channels.high)
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
         """Add the noise; one draw for every channel, so that no channel shifts another's noise."""
-        n = len(values)
-        for i in range(n):
+        sigma, growth, onset, low, high = parameters
+        for i in range(len(values)):
             deviate = rng.standard_normal()
-            value = values[i]
-            high = parameters[2 * n + 2 + i]
-            if value < high and time >= parameters[2 + i]:
-                sigma = parameters[0] + parameters[1] * value * value
-                low = parameters[n + 2 + i]
-                values[i] = min(max(value + sigma * deviate, low), high)
+            if time >= onset[i]:
+                noise = (sigma + growth * values[i] * values[i]) * deviate
+                values[i] = add_within(values[i], noise, low[i], high[i])

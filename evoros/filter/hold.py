@@ -2,14 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import Array, RuleArrays
+from evoros.base.arrays import Array
 from evoros.base.checks import POSITIVE, checked
-from evoros.filter.protocol import Channels
+from evoros.filter.protocol import ALTERS, Channels
 
 
 @dataclass(frozen=True)
@@ -22,23 +22,31 @@ class Hold:
     """
 
     name: ClassVar[str] = "Hold"
+    effect: ClassVar[str] = ALTERS
     period_s: Annotated[float, POSITIVE] = 0.5
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
-        """Return (period, ``onset`` (n,)) and (number of the period, held values (n,))."""
-        held = np.full(1 + channels.size, math.nan)
-        held[0] = -1.0
-        return np.concatenate(([self.period_s], onset)), held
+    class Parameters(NamedTuple):
+        period: float
+        onset: Array
+
+    class Memory(NamedTuple):
+        period: Array  # (1,) the number of the last one
+        value: Array
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> tuple[Parameters, Memory]:
+        """Begin before the first period."""
+        memory = self.Memory(np.array([-1.0]), np.full(channels.size, math.nan))
+        return self.Parameters(self.period_s, onset), memory
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(parameters: Parameters, memory: Memory, values: Array, time: float) -> None:
         """Take all values if a new period has begun; repeat the held ones otherwise."""
         # A time that is a rounding error short of a multiple of the period has reached it.
-        number = math.floor(time / parameters[0] + 1e-6)
-        begins = number != memory[0]
-        memory[0] = number
+        period = math.floor(time / parameters.period + 1e-6)
+        begins = period != memory.period[0]
+        memory.period[0] = period
         for i in range(len(values)):
             if begins:
-                memory[1 + i] = values[i]
-            elif time >= parameters[1 + i]:
-                values[i] = memory[1 + i]
+                memory.value[i] = values[i]
+            elif time >= parameters.onset[i]:
+                values[i] = memory.value[i]

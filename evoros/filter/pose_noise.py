@@ -2,15 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import NO_MEMORY, POSE_SIZE, Array, RuleArrays
+from evoros.base.arrays import POSE_SIZE, Array
 from evoros.base.checks import NOT_NEGATIVE, checked
 from evoros.base.errors import InputError
-from evoros.filter.protocol import Channels
+from evoros.filter.protocol import ALTERS, Channels
 
 
 @dataclass(frozen=True)
@@ -22,12 +22,17 @@ class PoseNoise:
     """
 
     name: ClassVar[str] = "PoseNoise"
+    effect: ClassVar[str] = ALTERS
     sigma_position_m: Annotated[float, NOT_NEGATIVE] = 0.02  # of x and of y
     sigma_yaw_deg: Annotated[float, NOT_NEGATIVE] = 1.0
     sigma_speed_mps: Annotated[float, NOT_NEGATIVE] = 0.0
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
-        """Return the sigmas of x, y, yaw [rad] and speed, then ``onset`` (4,); no memory.
+    class Parameters(NamedTuple):
+        sigma: Array
+        onset: Array
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
+        """Return the sigmas of x, y, yaw [rad] and speed.
 
         Raises:
             InputError: the channels are not a pose.
@@ -38,15 +43,13 @@ class PoseNoise:
                 f"PoseNoise: must filter a pose (x, y, yaw, speed), not {channels.size} readings; "
                 f"put it into the controller's localization, or use GaussianNoise here"
             )
-        yaw = math.radians(self.sigma_yaw_deg)
-        sigma = [self.sigma_position_m, self.sigma_position_m, yaw, self.sigma_speed_mps]
-        return np.concatenate((sigma, onset)), NO_MEMORY
+        position, yaw = self.sigma_position_m, math.radians(self.sigma_yaw_deg)
+        return self.Parameters(np.array([position, position, yaw, self.sigma_speed_mps]), onset)
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
         """Add the noise; one draw for every value, so that no value shifts another's noise."""
-        n = len(values)
-        for i in range(n):
-            deviate = rng.standard_normal()
-            if time >= parameters[n + i]:
-                values[i] = values[i] + parameters[i] * deviate
+        for i in range(len(values)):
+            noise = parameters.sigma[i] * rng.standard_normal()
+            if time >= parameters.onset[i]:
+                values[i] += noise

@@ -3,14 +3,16 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import Array, RuleArrays
+from evoros.base.arrays import Array
 from evoros.base.checks import instance_of, mapping_of
+from evoros.base.compilable import compilable
 from evoros.base.errors import InputError
+from evoros.compilation.named_rules import UNUSED, Started
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,21 @@ def select_channels(channels: Channels, onset: Array, of: str | None, part: str)
     return np.where(chosen, onset, math.inf)
 
 
-FilterRule: TypeAlias = Callable[[Array, Array, Generator, Array, float], None]
-"""(parameters, memory, generator, values, time [s]): changes values in place; NaN is silence."""
+FILTER_ARGUMENTS = "parameters", "memory", "rng", UNUSED, "values", "time"
+"""The rule of a filter changes ``values`` (n,) in place at ``time`` [s]; NaN is silence."""
+
+ENDS, ALTERS, GROWS = EFFECTS = "ends", "alters", "grows"
+"""Readings no longer depend on what is seen; they do, but not as before; they do less and less."""
+
+
+@compilable
+def add_within(value: float, amount: float, low: float, high: float) -> float:
+    """Return the sum of a reading and an error, clipped to the limits of its channel.
+
+    A range sensor that sees nothing reports its limit exactly, so a value that is not below
+    ``high`` stays as it is.
+    """
+    return min(max(value + amount, low), high) if value < high else value
 
 
 @runtime_checkable
@@ -64,11 +79,19 @@ class Filter(Protocol):
         ...
 
     @property
-    def rule(self) -> FilterRule:
-        """Change each sample; a static method, so that numba can compile it."""
+    def effect(self) -> str:
+        """Tells figures what it does to readings: ``ENDS``, ``ALTERS`` or ``GROWS``."""
         ...
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
+    @property
+    def rule(self) -> Callable[..., None]:
+        """Change each sample; a static method, so that numba can compile it.
+
+        It takes the arguments that it uses, of those in ``FILTER_ARGUMENTS``.
+        """
+        ...
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:
         """Return the parameters and the memory of ``rule`` for one mission.
 
         ``onset`` (n,) is the time [s] from which the filter acts on each channel: zeros for an
@@ -77,5 +100,5 @@ class Filter(Protocol):
         ...
 
 
-A_FILTER = instance_of(Filter, "a filter (name, rule and start)")
-FILTERS = mapping_of(Filter, "filters (name, rule and start)")
+A_FILTER = instance_of(Filter, "a filter (name, effect, rule and start)")
+FILTERS = mapping_of(Filter, "filters (name, effect, rule and start)")

@@ -1,14 +1,13 @@
 """An error in proportion to the value, as wheels that are too large or that slip make it."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
-import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import NO_MEMORY, Array, RuleArrays
+from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, NUMBER, TEXT, checked
-from evoros.filter.protocol import Channels, select_channels
+from evoros.filter.protocol import ALTERS, Channels, select_channels
 
 
 @dataclass(frozen=True)
@@ -21,29 +20,30 @@ class Scale:
     """
 
     name: ClassVar[str] = "Scale"
+    effect: ClassVar[str] = ALTERS
     mean: Annotated[float, NUMBER] = 0.0
     sd: Annotated[float, NOT_NEGATIVE] = 0.01
     slip_sd: Annotated[float, NOT_NEGATIVE] = 0.0
     of: Annotated[str | None, TEXT] = None  # acts on channels whose names begin so; None: on all
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
-        """Return the factors, ``onset``, ``low``, ``high``, each (n,), and the slip; no memory."""
+    class Parameters(NamedTuple):
+        factor: Array
+        slip: float
+        onset: Array
+        low: Array
+        high: Array
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
+        """Draw the factors."""
         onset = select_channels(channels, onset, self.of, "Scale")
-        factors = 1.0 + self.mean + self.sd * rng.standard_normal(channels.size)
-        limits = channels.low, channels.high
-        return np.concatenate((factors, onset, *limits, [self.slip_sd])), NO_MEMORY
+        factor = 1.0 + self.mean + self.sd * rng.standard_normal(channels.size)
+        return self.Parameters(factor, self.slip_sd, onset, channels.low, channels.high)
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(parameters: Parameters, rng: Generator, values: Array, time: float) -> None:
         """Scale the values; one draw for every channel, so that no channel shifts another's."""
-        n = len(values)
-        slip = parameters[4 * n]
-        for i in range(n):
-            factor = parameters[i] + slip * rng.standard_normal()
-            if time >= parameters[n + i]:
-                scaled = values[i] * factor
-                if scaled < parameters[2 * n + i]:
-                    scaled = parameters[2 * n + i]
-                elif scaled > parameters[3 * n + i]:
-                    scaled = parameters[3 * n + i]
-                values[i] = scaled
+        factor, slip, onset, low, high = parameters
+        for i in range(len(values)):
+            scale = factor[i] + slip * rng.standard_normal()
+            if time >= onset[i]:
+                values[i] = min(max(values[i] * scale, low[i]), high[i])

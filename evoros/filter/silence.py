@@ -2,13 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
-import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import NO_MEMORY, Array, RuleArrays
-from evoros.filter.protocol import Channels
+from evoros.base.arrays import Array
+from evoros.filter.protocol import ENDS, Channels
 
 
 @dataclass(frozen=True)
@@ -16,14 +15,18 @@ class Silence:
     """Replaces every value since the onset by NaN, which means that there is no reading."""
 
     name: ClassVar[str] = "Silence"
+    effect: ClassVar[str] = ENDS
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
-        """Return ``onset`` (n,); no memory."""
-        return onset.astype(np.float64), NO_MEMORY
+    class Parameters(NamedTuple):
+        onset: Array
+
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Parameters:
+        """Keep the onset."""
+        return self.Parameters(onset)
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(parameters: Parameters, values: Array, time: float) -> None:
         """Write NaN from the onset on."""
         for i in range(len(values)):
-            if time >= parameters[i]:
+            if time >= parameters.onset[i]:
                 values[i] = math.nan

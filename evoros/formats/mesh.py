@@ -13,6 +13,7 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import product
+from evoros.files.resources import read_file
 from evoros.formats.mesh_cache import Found, load, store
 from evoros.formats.mesh_dae import Submesh, read_dae
 from evoros.geometry.shapes import Shape, Vector
@@ -120,12 +121,7 @@ def _read_content(path: Path) -> bytes:
     if path.suffix.lower() not in FORMATS:
         known = ", ".join(FORMATS)
         raise InputError(f"{path}: must be a mesh of a known format ({known}); convert it to one")
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; correct the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: must be readable ({error}); correct it") from error
+    return read_file(path)
 
 
 @lru_cache(maxsize=1024)

@@ -10,7 +10,7 @@ from numba import types
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
-from evoros.base.compilation import A1, A2, I8, compile_rule
+from evoros.compilation.rules import A1, A2, I8, compile_rule
 from evoros.geometry.footprint import Footprint
 from evoros.geometry.outlines import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START, Outlines
 from evoros.geometry.polygon import polygon_distance, transform_polygon

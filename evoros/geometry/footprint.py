@@ -9,6 +9,7 @@ import numpy as np
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.linear import product
+from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.geometry.polyhedron import clip_polyhedron, convex_polyhedron, placed_corners
 from evoros.geometry.shapes import Body, Pose, Shape
 
@@ -94,9 +95,7 @@ def _circumscribe(along: float, across: float) -> Array:
         return np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (along, across)
     angles = np.arange(_ELLIPSE_CORNERS) * (2 * math.pi / _ELLIPSE_CORNERS)
     grow = 1 / elementary.cos(math.pi / _ELLIPSE_CORNERS)
-    return grow * np.stack(
-        [along * elementary.cos_all(angles), across * elementary.sin_all(angles)], axis=1
-    )
+    return grow * np.stack([along * cos_all(angles), across * sin_all(angles)], axis=1)
 
 
 def bottom_height(shape: Shape, pose: Pose) -> float:

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.linear import principal_axes, product
+from evoros.compilation.elementary_arrays import cos_all, sin_all
 
 THICKNESS_M = 0.002  # of a flat hull
 SMALLEST_M = 0.001  # extent of a hull that counts
@@ -133,9 +133,7 @@ def _spread(count: int) -> Array:
     z = 1 - (2 * np.arange(count) + 1) / count
     angle = np.pi * (1 + np.sqrt(5)) * np.arange(count)
     radius = np.sqrt(1 - z * z)
-    return np.stack(
-        [radius * elementary.cos_all(angle), radius * elementary.sin_all(angle), z], axis=1
-    )
+    return np.stack([radius * cos_all(angle), radius * sin_all(angle), z], axis=1)
 
 
 _DIRECTIONS = np.array(

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.linear import length, product
+from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.geometry.polyhedron import convex_polyhedron, hull_planes, placed_corners
 from evoros.geometry.shapes import Pose, Shape
 
@@ -97,7 +97,7 @@ def _surface_points(shape: Shape) -> Array:
 @cache
 def _unit_circle() -> Array:
     angles = np.arange(_SIDES) * (2 * math.pi / _SIDES)
-    return np.column_stack([elementary.cos_all(angles), elementary.sin_all(angles)])
+    return np.column_stack([cos_all(angles), sin_all(angles)])
 
 
 def overlap_depth(first: Solid, second: Solid) -> float:

@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 from evoros.base.checks import Rule, is_number, one_of
 from evoros.base.errors import InputError
 from evoros.design.design import Design
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import Outcomes
 from evoros.robot.model import Robot
 
 MAXIMIZE, MINIMIZE = "maximize", "minimize"
@@ -26,11 +26,11 @@ class Evaluated:
 
     design: Design
     robots: Mapping[str, Robot]
-    """With their sensors and evolved values, by name; the first one's is empty. Others are there
-    only if they have a design of their own."""
-    trials: Sequence[Sequence[Outcome]]  # of each trial, an outcome in each world
+    """Those with a design of their own, by name (that of the configuration's top level has none),
+    with their sensors and evolved values."""
+    trials: Sequence[Sequence[Outcomes]]  # of each trial, those of the robots in each world
     fitness: float
-    score: Callable[[Sequence[Outcome]], float]  # by the experiment's fitness
+    score: Callable[[Sequence[Outcomes]], float]  # by the experiment's fitness
 
     def robot(self, name: str) -> Robot:
         """Return one of the robots.

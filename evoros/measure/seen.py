@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from evoros.base import elementary
 from evoros.base.arrays import Array
+from evoros.compilation.elementary_arrays import atan2_all, cos_all, sin_all
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import RAY_DEG, RangeSensor, sees
 
@@ -59,7 +60,7 @@ def _find_inside(sensor: RangeSensor, points: Array, borders: Array, yaw: float)
     """
     low, high = _find_edges(sensor)
     ahead, left = _turn(points, yaw)
-    angles = elementary.atan2_all(left, ahead)
+    angles = atan2_all(left, ahead)
     inside: Mask = (angles >= low - _EDGE) & (angles <= high + _EDGE)
     if high - low < math.radians(RAY_DEG):
         middle = yaw + (low + high) / 2
@@ -79,7 +80,7 @@ def _turn(offsets: Array, yaw: float) -> tuple[Array, Array]:
 def _find_edges(sensor: RangeSensor) -> tuple[float, float]:
     """Return the outermost azimuths [rad] of the rays; those of a sensor all around have none."""
     rays = sensor.rays()
-    azimuths = np.unique(elementary.atan2_all(rays[:, 1], rays[:, 0]))
+    azimuths = np.unique(atan2_all(rays[:, 1], rays[:, 0]))
     low, high = float(azimuths[0]), float(azimuths[-1])
     gaps = np.diff(azimuths)
     behind = low + 2 * math.pi - high
@@ -90,7 +91,7 @@ def _find_edges(sensor: RangeSensor) -> tuple[float, float]:
 
 def _list_directions(bearings_deg: Array) -> Array:
     angles = np.radians(bearings_deg)
-    return np.column_stack((elementary.cos_all(angles), elementary.sin_all(angles)))
+    return np.column_stack((cos_all(angles), sin_all(angles)))
 
 
 _DIRECTIONS, _BORDERS = _list_directions(BEARINGS_DEG), _list_directions(BEARINGS_DEG - 0.5)

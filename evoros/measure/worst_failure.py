@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 
 from evoros.base.checks import checked
 from evoros.measure.protocol import BOUNDS, DIRECTION, MAXIMIZE, Evaluated
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import Outcomes
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class WorstFailure:
     def compute(self, evaluated: Evaluated) -> float:
         """Compare the missions of a world by their score as if it were the only world."""
 
-        def score(outcome: Outcome) -> float:
-            return evaluated.score([outcome])
+        def score(outcomes: Outcomes) -> float:
+            return evaluated.score([outcomes])
 
         worlds = zip(*evaluated.trials, strict=True)
-        return evaluated.score([min(outcomes, key=score) for outcomes in worlds])
+        return evaluated.score([min(in_world, key=score) for in_world in worlds])

@@ -8,11 +8,14 @@ from collections.abc import Callable
 from functools import cache, partial
 from typing import Any, TypeVar
 
-import numpy as np
 from numba import types
 
-from evoros.base.arrays import NO_MEMORY, NO_PARAMETERS, Array
-from evoros.base.compilation import (
+from evoros.base.arrays import NO_VALUES
+from evoros.base.rng import generator
+from evoros.compilation.draws import RNG
+from evoros.compilation.machine_code import compile_function, compiling
+from evoros.compilation.named_rules import NamedRule, bind, name_rule
+from evoros.compilation.rules import (
     A1,
     A2,
     F8,
@@ -22,29 +25,26 @@ from evoros.base.compilation import (
     SIMULATION_RULES,
     CompiledRule,
     NotCompilable,
-    compile_function,
-    compiling,
     try_compile,
 )
-from evoros.base.compiled_draws import RNG
-from evoros.base.rng import generator
-from evoros.base.signals import hold_signals
-from evoros.base.substitution import substitute
-from evoros.controller.protocol import StartedLayer
+from evoros.compilation.signals import hold_signals
+from evoros.compilation.substitution import substitute
+from evoros.controller.protocol import LAYER_ARGUMENTS
+from evoros.filter.protocol import FILTER_ARGUMENTS
 from evoros.mission.engine_calls import run_with_engine
 from evoros.mission.loop import (
     Agents,
     Arrays,
     FilterStage,
+    LayerStage,
     LoopInputs,
     LoopResult,
     Timing,
     run_loop,
 )
-from evoros.mission.loop_inputs import name_rule
 from evoros.simulator.protocol import SimulationRules
 
-Stage = TypeVar("Stage", FilterStage, StartedLayer)
+Stage = TypeVar("Stage", FilterStage, LayerStage)
 
 Loop = Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult]
 
@@ -65,6 +65,8 @@ def _interpret_stage(stage: Stage) -> Stage:
 
 
 def _interpret(rule: Any) -> Any:
+    if isinstance(rule, NamedRule):
+        return rule.adapt(substitute(rule.function, helpers=True))
     return substitute(rule, helpers=True)
 
 
@@ -129,7 +131,7 @@ def _compile_if_possible(rule: Any, kind: Any) -> Any:
     return answer if isinstance(answer, CompiledRule) else _interpret(rule)
 
 
-def _is_compiled(stage: FilterStage | StartedLayer) -> bool:
+def _is_compiled(stage: FilterStage | LayerStage) -> bool:
     return isinstance(stage.rule, CompiledRule)
 
 
@@ -141,36 +143,29 @@ def _pad(stages: tuple[Stage, ...], padding: Stage) -> tuple[Stage, ...]:
     return stages + (padding,) * (length - len(stages))
 
 
-def _no_filter(parameters: Array, memory: Array, rng: Any, values: Array, time: float) -> None:
+def _change_nothing() -> None:
     """Pads a pipeline; never called."""
 
 
-def _no_layer(
-    parameters: Array,
-    memory: Array,
-    state: Array,
-    leg: Array,
-    readings: Array,
-    time: float,
-    command: Array,
-) -> bool:
+def _decide_nothing() -> bool:
     """Never decide."""
     return False
 
 
 @cache
-def _padding() -> tuple[FilterStage, StartedLayer]:
-    rng, nothing = generator("", "padding"), np.zeros(0)
-    stage = FilterStage(0, _no_filter, NO_PARAMETERS, NO_MEMORY, rng, nothing)
-    layer = StartedLayer(_no_layer, NO_PARAMETERS, NO_MEMORY)
+def _padding() -> tuple[FilterStage, LayerStage]:
+    rng = generator("", "padding")
+    change = bind(_change_nothing, FILTER_ARGUMENTS, None)
+    stage = FilterStage(0, *change, rng, NO_VALUES, NO_VALUES)
+    layer = LayerStage(*bind(_decide_nothing, LAYER_ARGUMENTS, None))
     return _compile_stage(stage, FILTER), _compile_stage(layer, LAYER)
 
 
 @cache
 def _compile_loop(robots: int, filters: int, localization: int, layers: int) -> Loop:
     """Compile ``run_loop`` for these numbers of robots, filters and layers."""
-    stage = types.NamedTuple((I8, types.FunctionType(FILTER), A1, A1, RNG, A1, I8), FilterStage)
-    layer = types.NamedTuple((types.FunctionType(LAYER), A1, A1), StartedLayer)
+    stage = types.NamedTuple((I8, types.FunctionType(FILTER), A1, A1, RNG, A1, A1, I8), FilterStage)
+    layer = types.NamedTuple((types.FunctionType(LAYER), A1, A1), LayerStage)
     rules = map(types.FunctionType, SIMULATION_RULES)
     pipelines = (
         types.UniTuple(stage, filters),

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.compilation import SIMULATION_RULES, call_address, compile_rule
-from evoros.base.signals import hold_signals
+from evoros.compilation.rules import SIMULATION_RULES, call_address, compile_rule
+from evoros.compilation.signals import hold_signals
 from evoros.mission.loop import Agents, Arrays, LoopInputs, LoopResult, Timing
 from evoros.simulator.protocol import SimulationRules
 

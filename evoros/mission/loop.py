@@ -5,6 +5,7 @@ or file.
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 from numpy.random import Generator
@@ -27,8 +28,6 @@ from evoros.base.arrays import (
     Y,
 )
 from evoros.base.compilable import compilable
-from evoros.controller.protocol import StartedLayer
-from evoros.filter.protocol import FilterRule
 from evoros.simulator.protocol import AdvanceRule, ObserveRule, SenseRule
 
 RUNNING, COMPLETED, COLLISION, TIME_LIMIT = range(4)
@@ -42,15 +41,24 @@ COUNTS = 8
 
 
 class FilterStage(NamedTuple):
-    """A filter that is started for one mission, for the sensors of one type or the localization."""
+    """A rule that fills or changes values: of a sensor, a filter or a localization."""
 
     every: int  # ticks between two samples; 0: padding, which ends the pipeline
-    rule: FilterRule
+    rule: Callable[[Array, Array, Generator, Array, Array, float], None]
     parameters: Array
     memory: Array
     rng: Generator
-    values: Array  # a view of the values that the filter changes
+    source: Array  # a view of the values that it reads
+    values: Array  # a view of the values that it changes
     agent: int = 0  # the number of its robot
+
+
+class LayerStage(NamedTuple):
+    """A layer of a controller."""
+
+    rule: Callable[[Array, Array, Array, Array, Array, float, Array], bool]
+    parameters: Array
+    memory: Array
 
 
 class LoopInputs(NamedTuple):
@@ -63,7 +71,7 @@ class LoopInputs(NamedTuple):
     memory: Array  # of the simulation
     filters: tuple[FilterStage, ...]
     localization: tuple[FilterStage, ...]
-    layers: tuple[StartedLayer, ...]
+    layers: tuple[LayerStage, ...]
     robots: int
 
 
@@ -117,9 +125,9 @@ class LoopResult(NamedTuple):
     finite: bool  # whether the states were finite to the end
 
 
-def publish(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
-    """Copy the true ranges, the memory, to the readings; the first stage of every sensor type."""
-    values[:] = memory
+def publish(signal: Array, values: Array) -> None:
+    """Copy the true ranges to the readings; the rule of every type of range sensor."""
+    values[:] = signal
 
 
 def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays) -> LoopResult:
@@ -149,28 +157,28 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
                 due = due or k % agents.sense_every[i] == 0
         if awaited and due:
             sense(parameters, memory, signals)
-            for every, change, stage_parameters, stage_memory, rng, values, i in filters:
+            for every, change, constants, kept, rng, source, values, i in filters:
                 if every == 0:
                     break
                 if k % every == 0 and ended[i] == RUNNING:
-                    change(stage_parameters, stage_memory, rng, values, time)
+                    change(constants, kept, rng, source, values, time)
         for i in range(robots):
             if not awaited or ended[i] != RUNNING or k % agents.decide_every[i] != 0:
                 continue
             pose = poses[i * STATE_SIZE : (i + 1) * STATE_SIZE]
             pose[:] = states[i * STATE_SIZE : (i + 1) * STATE_SIZE]
-            for every, change, stage_parameters, stage_memory, rng, values, agent in localization:
+            for every, change, constants, kept, rng, source, values, j in localization:
                 if every == 0:
                     break
-                if agent == i:
-                    change(stage_parameters, stage_memory, rng, values, time)
+                if j == i:
+                    change(constants, kept, rng, source, values, time)
             leg = legs[i * LEG_SIZE : (i + 1) * LEG_SIZE]
             own = readings[agents.readings[i] : agents.readings[i + 1]]
             command = commands[i * COMMAND_SIZE : (i + 1) * COMMAND_SIZE]
             mode, first = 0, agents.layers[i]
             for number in range(first, agents.layers[i + 1]):
-                decide, layer_parameters, layer_memory = layers[number]
-                if decide(layer_parameters, layer_memory, pose, leg, own, time, command):
+                decide, constants, kept = layers[number]
+                if decide(constants, kept, pose, leg, own, time, command):
                     mode = number - first + 1
                     break
             decisions[first + i + mode] += 1.0

@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evoros.base.arrays import NO_MEMORY, NO_PARAMETERS, Array
+from evoros.base.arrays import NO_VALUES, Array
 from evoros.base.errors import InputError
-from evoros.controller.protocol import StartedLayer
-from evoros.mission.loop import FilterStage, LoopInputs
+from evoros.compilation.named_rules import name_rule
+from evoros.mission.loop import FilterStage, LayerStage, LoopInputs
 from evoros.simulator.protocol import RuleSimulation, Simulation
 
 
@@ -17,22 +17,18 @@ class Stages(NamedTuple):
 
     filters: Sequence[FilterStage]
     localization: Sequence[FilterStage]
-    layers: Sequence[StartedLayer]
+    layers: Sequence[LayerStage]
 
 
 def collect_inputs(simulation: Simulation, robots: Sequence[Stages]) -> LoopInputs:
     """Collect the rules of a mission; the methods of a live engine take the place of rules.
 
     Raises:
-        InputError: the parameters or the memory of a rule are not as rules need them.
+        InputError: the parameters or the memory of a simulation are not as rules need them.
     """
     filters = _join(robot.filters for robot in robots)
     localization = _join(robot.localization for robot in robots)
     layers = tuple(layer for robot in robots for layer in robot.layers)
-    for stage in (*filters, *localization):
-        _check_arrays(stage.rule, stage.parameters, stage.memory)
-    for layer in layers:
-        _check_arrays(*layer)
     stages: tuple[Any, ...] = filters, localization, layers, len(robots)
     if isinstance(simulation, RuleSimulation):
         arrays = simulation.parameters, simulation.memory
@@ -48,7 +44,7 @@ def collect_inputs(simulation: Simulation, robots: Sequence[Stages]) -> LoopInpu
     def advance(parameters: Array, memory: Array, command: Array, duration: float) -> None:
         simulation.advance(command, duration)
 
-    return LoopInputs(observe, sense, advance, NO_PARAMETERS, NO_MEMORY, *stages)
+    return LoopInputs(observe, sense, advance, NO_VALUES, NO_VALUES, *stages)
 
 
 def _join(pipelines: Iterable[Sequence[FilterStage]]) -> tuple[FilterStage, ...]:
@@ -69,9 +65,3 @@ def _check_arrays(rule: Callable[..., object], parameters: Array, memory: Array)
                 f"{name_rule(rule)}: its {name} must be a contiguous and writeable array of one "
                 f"dimension of float64, not {array!r}; make it with np.array(..., dtype=float)"
             )
-
-
-def name_rule(rule: Callable[..., object]) -> str:
-    """Name the place of a rule's definition in a message, or the class of a callable object."""
-    definition = rule if hasattr(rule, "__qualname__") else type(rule)
-    return f"{definition.__module__}.{definition.__qualname__}"

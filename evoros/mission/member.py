@@ -1,189 +1,116 @@
-"""One robot of a mission: its route, its draws, its faults, and its part of the mission loop."""
+"""One of the robots of a scenario: its parts, its course and its names."""
 
-import math
-from collections.abc import Iterable, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass
-from itertools import accumulate
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Annotated
 
-import numpy as np
-from numpy.random import Generator
-
-from evoros.base.arrays import COMMAND_SIZE, POSE_SIZE, STATE_SIZE, Array
-from evoros.base.rng import generator
-from evoros.controller.protocol import StartedLayer
-from evoros.failure.protocol import Fault
-from evoros.mission.live_layers import open_layers
-from evoros.mission.loop import (
-    COUNTS,
-    FIRST_COLLISION,
-    Agents,
-    Arrays,
-    FilterStage,
-    Timing,
-)
-from evoros.mission.mission import Mission
-from evoros.mission.outcome import AGENT_COLUMNS
-from evoros.mission.pipeline import (
-    Draws,
-    draw_faults,
-    start_localization,
-    start_sensor_filters,
-)
-from evoros.mission.plan import count_round
-from evoros.mission.scenario import Scenario
+from evoros.base.checks import checked, instance_of
+from evoros.base.errors import InputError
+from evoros.controller.protocol import A_CONTROLLER, Controller, LiveController
+from evoros.design.design import Design
+from evoros.design.genes import replace_values
+from evoros.design.space import DesignSpace, SensorDesign
+from evoros.filter.protocol import Filter
+from evoros.mission.declared_genes import find_declared_genes
+from evoros.mission.outcome import ESTIMATE, ROBOT_COLUMNS
 from evoros.robot.model import Robot
-from evoros.world.model import World
-
-MIN_RECORD_S = 0.05
-"""A trajectory has a row for each decision, or fewer if decisions are closer than this time [s]."""
+from evoros.sensor.protocol import name_channels
+from evoros.world.course import Course
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@checked
 class Member:
-    """A robot with its sensors in the world of a mission."""
+    """A robot of a scenario, with all that is its own.
 
-    scenario: Scenario
-    world: World
-    route: Array  # (legs, 2) [m]
-    faults: Sequence[Fault]
-    draws: Draws
-
-    @property
-    def robot(self) -> Robot:
-        """The robot, with its sensors."""
-        return self.scenario.robot
-
-    @property
-    def columns(self) -> int:
-        """The number of its columns in a trajectory, without the time."""
-        return len(AGENT_COLUMNS) + self.robot.channel_count + self.estimated
-
-    @property
-    def estimated(self) -> int:
-        """How many values of the estimated pose are columns of its own."""
-        return len(self.scenario.pose_columns)
-
-
-def create_member(name: str, scenario: Scenario, world: World, mission: Mission) -> Member:
-    """Draw the route and the faults of a robot. The first one's name is empty.
-
-    The draws of each robot are its own, so another robot changes nothing for the first one. A
-    stated case is that of the first one.
-    """
-    prefix = f"agents.{name}." if name else ""
-
-    def draws(part: str) -> Generator:
-        return generator(mission.draws, prefix + part)
-
-    number = count_round(mission.purpose, mission.generation, mission.trial)
-    route = world.course.route(world.course.goes_forward(number, draws("course")))
-    case = None if name else mission.case
-    faults = draw_faults(scenario.failure, scenario.robot, draws, mission.trial, case)
-    return Member(scenario, world, route, faults, draws)
-
-
-def compute_timing(members: Sequence[Member]) -> tuple[Timing, list[int], list[int]]:
-    """Express all periods in ticks of their greatest common divisor.
-
-    Returns, besides the timing, the ticks between the readings and the decisions of each robot.
-    """
-    sense, decide = zip(*map(_count_steps, members), strict=True)
-    common = math.gcd(*sense, *decide)
-    first = members[0]
-    tick = common * first.scenario.simulator.time_step
-    limit = math.ceil(round(first.world.course.time_limit_s / tick, 6))
-    period = decide[0] // common
-    record = period * math.ceil(MIN_RECORD_S / (period * tick) - 1e-9)
-    timing = Timing(tick, record, limit)
-    return timing, [steps // common for steps in sense], [steps // common for steps in decide]
-
-
-def _count_steps(member: Member) -> tuple[int, int]:
-    """Return the time steps between two readings of any sensor, and between two decisions."""
-    scenario, robot = member.scenario, member.robot
-    decide = scenario.count_steps("controller.period_s", scenario.controller.period_s)
-    types = {mount.sensor for mount in robot.mounts}
-    periods = [scenario.count_steps(name, robot.sensors[name].period_s) for name in sorted(types)]
-    return (math.gcd(*periods) if periods else decide), decide
-
-
-def create_arrays(members: Sequence[Member], timing: Timing, layers: int) -> Arrays:
-    """Create the arrays of a mission, whose controllers have so many layers together."""
-    robots = len(members)
-    # A row for each time to record, and one for the end of each robot.
-    rows = timing.limit // timing.record_every + 1 + robots
-    counts = np.zeros((COUNTS, robots))
-    counts[FIRST_COLLISION] = -1.0
-    legs = [(*each.world.course.home[:2], *each.route[0]) for each in members]
-    return Arrays(
-        routes=np.concatenate([each.route for each in members]),
-        states=np.zeros(robots * STATE_SIZE),
-        poses=np.zeros(robots * STATE_SIZE),
-        legs=np.array(legs, dtype=float).ravel(),
-        commands=np.zeros(robots * COMMAND_SIZE),
-        signals=np.zeros(sum(each.robot.signal_count for each in members)),
-        readings=np.zeros(sum(each.robot.channel_count for each in members)),
-        decisions=np.zeros(robots + layers),
-        counts=counts,
-        trajectory=np.empty((rows, 1 + sum(each.columns for each in members))),
-    )
-
-
-def create_agents(
-    members: Sequence[Member],
-    layers: Sequence[Sequence[StartedLayer]],
-    sense_every: Sequence[int],
-    decide_every: Sequence[int],
-) -> Agents:
-    """Describe the robots to the loop; ``layers`` are those of each one's controller."""
-    courses = [member.world.course for member in members]
-    return Agents(
-        acceptance=tuple(course.acceptance_m for course in courses),
-        end_on_collision=tuple(course.end_on_collision for course in courses),
-        awaited=tuple(member.scenario.awaited for member in members),
-        sense_every=tuple(sense_every),
-        decide_every=tuple(decide_every),
-        routes=_add_up(len(member.route) for member in members),
-        layers=_add_up(map(len, layers)),
-        readings=_add_up(member.robot.channel_count for member in members),
-        estimates=_add_up(member.estimated for member in members),
-    )
-
-
-def _add_up(sizes: Iterable[int]) -> tuple[int, ...]:
-    """Return the start of each part, and the end of the last one."""
-    return tuple(accumulate(sizes, initial=0))
-
-
-def start_pipelines(
-    members: Sequence[Member], tick: float, arrays: Arrays
-) -> list[tuple[list[FilterStage], list[FilterStage]]]:
-    """Start the filters of each robot's sensors, and those of its localization."""
-    started = []
-    signal = reading = 0
-    for number, member in enumerate(members):
-        robot = member.robot
-        signals = arrays.signals[signal : signal + robot.signal_count]
-        readings = arrays.readings[reading : reading + robot.channel_count]
-        filters = start_sensor_filters(robot, member.faults, signals, readings, tick, member.draws)
-        pose = arrays.poses[number * STATE_SIZE :][:POSE_SIZE]
-        controller = member.scenario.controller
-        localization = start_localization(controller, robot, readings, pose, member.draws)
-        started.append((filters, localization))
-        signal, reading = signal + robot.signal_count, reading + robot.channel_count
-    return started
-
-
-def open_controllers(members: Sequence[Member], stack: ExitStack) -> list[Sequence[StartedLayer]]:
-    """Start the controller of each robot; ``stack`` ends it.
+    The first fields are named like the groups of the configuration, so that the key of an evolved
+    value, for example ``controller.avoidance.range_m``, is also its path in a member.
 
     Raises:
-        InputError, LaunchError, PilotLost: see ``open_layers``.
+        InputError: a part of the wrong kind.
     """
-    return [
-        stack.enter_context(
-            open_layers(member.scenario, member.world.course, member.route, member.draws)
-        )
-        for member in members
-    ]
+
+    robot: Annotated[Robot, instance_of(Robot, "a robot")]
+    design: Annotated[SensorDesign, instance_of(SensorDesign, "a sensor design")]
+    controller: Annotated[Controller | LiveController, A_CONTROLLER]
+    name: str = ""  # in tables of designs
+    column: str = ""  # before its columns in tables, for example "NAME."
+    key: str = ""  # before its keys and the names of its random streams: "agents.NAME."
+    designed: str = ""  # the name of the robot whose design it has
+    home: tuple[float, float, float] | None = None  # x, y [m], yaw [rad]; None: the course's
+    route: Sequence[Sequence[float]] | None = None  # the corners [m]; None: the course's
+    scored: bool = True  # whether it counts for the fitness, and missions wait for it
+    meets_cases: bool = True  # whether the stated cases of failures are its own
+
+    def place(self, course: Course) -> Course:
+        """Return the course of a world with this robot's home and route."""
+        if self.home is not None:
+            x, y, yaw = self.home
+            course = replace(course, home_x_m=x, home_y_m=y, home_yaw_rad=yaw)
+        return course if self.route is None else replace(course, waypoints=self.route)
+
+    def tell(self, message: object) -> str:
+        """Return a message with the key of this robot before it."""
+        return f"{self.key[:-1]}: {message}" if self.key else f"{message}"
+
+    @property
+    def has_own_design(self) -> bool:
+        """Whether it has a design of its own."""
+        return self.designed == self.name
+
+    @cached_property
+    def space(self) -> DesignSpace:
+        """The search space of its design, with the genes that its controller declares."""
+        return self.design.bind(self.robot, find_declared_genes(self.controller))
+
+    def find_design(self, design: Design) -> Design:
+        """Return the part of a design that this robot has.
+
+        Raises:
+            InputError: it has a design of its own and there is none for it, or the other way round.
+        """
+        parts = design.parts
+        if not self.has_own_design and self.name in parts:
+            raise InputError(
+                f"{self.key}design: must not be null, because the design has one for this "
+                f"robot alone; choose one with +design@{self.key}design=..., as in the run"
+            )
+        if self.designed not in parts:
+            raise InputError(
+                f"{self.key}design: must be null for a design that has none for this robot; "
+                f"give it one, or remove that key"
+            )
+        return parts[self.designed]
+
+    def with_design(self, design: Design) -> "Member":
+        """Return this robot with the sensors of its design and its evolved values.
+
+        Raises:
+            InputError: a value that the part refuses, a sensor that cannot be mounted.
+        """
+        member = replace_values(self, design.values)
+        robot = member.robot.with_sensors(design.mounts, member.design.sensors)
+        return replace(member, robot=robot)
+
+    def name_columns(self, design: Design) -> list[str]:
+        """Return the robot's columns in a trajectory, with its part of a design.
+
+        The readings are those of a design that a part refuses, too.
+        """
+        try:
+            sensors = self.with_design(design).design.sensors
+        except InputError:
+            sensors = self.design.sensors
+        readings = name_channels(sensors[mount.sensor] for mount in design.mounts)
+        columns = (*ROBOT_COLUMNS, *readings, *self.pose_columns)
+        return [f"{self.column}{name}" for name in columns]
+
+    @property
+    def pose_columns(self) -> tuple[str, ...]:
+        """The columns of a trajectory for the pose that the robot takes for its own.
+
+        There are none if filters change the true pose.
+        """
+        parts = self.controller.localization.values()
+        return ESTIMATE if any(not isinstance(part, Filter) for part in parts) else ()

@@ -8,11 +8,13 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.failure.protocol import Fault
 from evoros.geometry.clearance import summarize_track
-from evoros.mission.outcome import AT_X, AT_Y, COMPLETED, HEADING, PACE, TIME, Outcome
-from evoros.robot.model import Robot
+from evoros.mission.outcome import COMPLETED, ROBOT_COLUMNS, Outcome
+from evoros.mission.participant import Participant
 from evoros.sensor.protocol import add_prices
 from evoros.world.model import World
 from evoros.world.obstacles import outlines
+
+X, Y, YAW, SPEED = map(ROBOT_COLUMNS.index, ("x_m", "y_m", "yaw_rad", "speed_mps"))
 
 
 @dataclass(frozen=True)
@@ -25,33 +27,32 @@ class Rollout:
     collisions: int
     first_collision: float  # [s], NaN: none
     avoiding: float  # share of the decisions, 0..1
-    trajectory: Array  # (rows, len(TRAJECTORY) + channels)
+    times: Array  # (rows,) [s]
+    track: Array  # (rows, columns) of the robot
 
 
-def measure(
-    rollout: Rollout, robot: Robot, world: World, route: Array, faults: Sequence[Fault]
-) -> Outcome:
-    """Compute the outcome of a rollout along ``route``, (legs, 2) [m]."""
-    track = rollout.trajectory
-    course, areas = world.course, outlines(world, robot.height_m)
+def measure(rollout: Rollout, participant: Participant, world: World) -> Outcome:
+    """Compute the outcome of a robot's rollout in the world of its mission."""
+    track, course, robot = rollout.track, participant.course, participant.robot
+    areas = outlines(world, robot.height_m)
     points = np.array([*course.waypoints, course.home[:2]], dtype=np.float64)
     # Until the first collision every obstacle stands where the world has put it.
-    untouched = int((~(track[:, TIME] > rollout.first_collision)).sum())
-    summary = summarize_track(track[:, AT_X : HEADING + 1], untouched, robot.outline, areas, points)
-    end = track[-1, [AT_X, AT_Y]]
-    failures = list_failures(faults, rollout.time)
+    untouched = int((~(rollout.times > rollout.first_collision)).sum())
+    summary = summarize_track(track[:, X : YAW + 1], untouched, robot.outline, areas, points)
+    end = track[-1, [X, Y]]
+    failures = list_failures(participant.faults, rollout.time)
     return Outcome(
         ended=rollout.ended,
         reason="",
         completed=rollout.ended == COMPLETED,
-        progress=compute_progress(end, rollout.visited, route, course.acceptance_m),
+        progress=compute_progress(end, rollout.visited, participant.route, course.acceptance_m),
         time_s=rollout.time,
         time_limit_s=course.time_limit_s,
         sensors=len(robot.mounts),
         price=add_prices(robot.mounts, robot.sensors),
         visited=rollout.visited,
         mean_speed_mps=summary.length / rollout.time if rollout.time > 0 else 0.0,
-        max_speed_mps=float(np.abs(track[:, PACE]).max()),
+        max_speed_mps=float(np.abs(track[:, SPEED]).max()),
         distance_m=summary.length,
         least_waypoint_distances_m=summary.point_distances,
         collisions=rollout.collisions,

@@ -5,11 +5,11 @@ from typing import Any
 
 # How a mission ended.
 COMPLETED, COLLISION, TIME_LIMIT = "completed", "collision", "time_limit"
-MISSION_OVER = "mission_over"  # another robot than the first: the mission did not wait for it
+MISSION_OVER = "mission_over"  # for a robot that the mission did not wait for
 SIMULATION_FAILURE, LOST, REFUSED = "simulation_failure", "lost", "refused"
 NOT_RUN = (SIMULATION_FAILURE, LOST, REFUSED)
 
-# Columns of a trajectory; the readings of the sensors [m] follow, NaN where silent.
+# Columns of the trajectory of one robot; the readings of its sensors follow, NaN where silent.
 TRAJECTORY = (
     "time_s",
     "x_m",
@@ -21,7 +21,7 @@ TRAJECTORY = (
     "visited",
     "contact",
 )
-AGENT_COLUMNS = TRAJECTORY[1:]  # of each robot; those of another than the first as NAME.x_m ...
+ROBOT_COLUMNS = TRAJECTORY[1:]  # of each robot; those of agents as NAME.x_m ...
 TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJECTORY))
 
 ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
@@ -30,9 +30,8 @@ ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
 
 @dataclass(frozen=True)
 class Outcome:
-    """The metrics of one mission, in the order of the columns of ``missions.csv``.
+    """The metrics of a robot in one mission, in the order of the columns of ``missions.csv``.
 
-    They are those of the first robot; ``others`` are the outcomes of the other ones.
     If the simulation failed, the worker was lost, or a part refused the design, then the progress
     is 0 and every metric that was not measured is NaN.
     """
@@ -57,7 +56,6 @@ class Outcome:
     failed_sensors: tuple[int, ...]
     failed_at_s: tuple[float, ...]  # NaN-free, in the order of failed_sensors
     failed_by: tuple[str, ...]  # the effect: silence, stuck ...
-    others: tuple["Outcome", ...] = ()  # in the order of the experiment's agents
 
     @classmethod
     def failure(
@@ -78,3 +76,15 @@ class Outcome:
         for field in fields(cls):
             known.setdefault(field.name, blank.get(field.type, ()))
         return cls(**(known | {"progress": 0.0, "time_s": 0.0, "distance_m": 0.0}))
+
+
+Outcomes = tuple[Outcome, ...]
+"""The outcomes of a mission, one a robot, in the order of the scenario's members."""
+
+
+def judge(outcomes: Outcomes) -> Outcome:
+    """Return the outcome by which certificates, rates of completion and worst cases go.
+
+    It is that of the scenario's first member.
+    """
+    return outcomes[0]

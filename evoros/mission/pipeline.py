@@ -5,15 +5,16 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 from numpy.random import Generator
 
-from evoros.base.arrays import NO_PARAMETERS, POSE_SIZE, Array
+from evoros.base.arrays import NO_VALUES, POSE_SIZE, Array
 from evoros.base.errors import InputError
-from evoros.controller.protocol import Controller, LiveController
+from evoros.compilation.named_rules import bind
+from evoros.controller.protocol import ESTIMATOR_ARGUMENTS, Controller, LiveController
 from evoros.failure.case import Case
-from evoros.failure.protocol import Failure, Fault, StatedFailure, SystematicFailure
-from evoros.filter.protocol import Channels, Filter
+from evoros.failure.protocol import Failure, Fault, StatedFailure, SystematicFailure, make_faults
+from evoros.filter.protocol import EFFECTS, FILTER_ARGUMENTS, Channels, Filter
 from evoros.mission.loop import FilterStage, publish
 from evoros.robot.model import Robot
-from evoros.sensor.protocol import is_signal_sensor
+from evoros.sensor.protocol import SENSOR_ARGUMENTS, is_signal_sensor
 
 Draws = Callable[[str], Generator]
 """Creates the generator of a named part in one mission."""
@@ -42,7 +43,7 @@ def draw_faults(
     if case is not None:
         if not isinstance(failure, StatedFailure):
             raise InputError(f"failure: must have an effect for cases; correct {failure!r}")
-        return case.make_faults(failure.effect, len(robot.mounts))
+        return make_faults(case, failure.effect, len(robot.mounts))
     if isinstance(failure, SystematicFailure):
         faults = failure.draw_case(channels, trial)
     else:
@@ -99,8 +100,7 @@ def start_sensor_filters(
             onset = np.repeat(fault.onset[first:last], channels.size // (last - first))
             rng = draws(f"fault.{fault.name}.{number}.{name}")
             if np.isfinite(onset).any():
-                arrays = fault.filter.start(channels, onset, rng)
-                stages.append(FilterStage(every, fault.filter.rule, *arrays, rng, values))
+                stages.append(_start_filter(fault.filter, channels, onset, rng, values, every))
     return stages
 
 
@@ -121,10 +121,15 @@ def _start_reading(
     if not is_signal_sensor(sensor):
         source = signals[parts[0].start : parts[-1].stop]
         values = readings[robot.layout[first].start : robot.layout[last - 1].stop]
-        return [FilterStage(every, publish, NO_PARAMETERS, source, rng, values)]
-    parameters = sensor.parameters()
+        return [FilterStage(every, *bind(publish, SENSOR_ARGUMENTS, None), rng, source, values)]
     return [
-        FilterStage(every, sensor.rule, parameters, signals[part], rng, readings[place])
+        FilterStage(
+            every,
+            *bind(sensor.rule, SENSOR_ARGUMENTS, sensor.start()),
+            rng,
+            signals[part],
+            readings[place],
+        )
         for part, place in zip(parts, robot.layout[first:last], strict=True)
     ]
 
@@ -167,13 +172,9 @@ def start_localization(
                 f"it does not depend on what comes before; remove "
                 f"{', '.join(list(controller.localization)[:number])}, or put it after"
             )
-        parameters = item.start_estimate(robot, controller.period_s)
-        rng, memory = draws(f"localization.{name}"), np.zeros(len(readings) + item.memory_size)
-        told = memory[: len(readings)]
-        stages = [
-            FilterStage(1, publish, NO_PARAMETERS, readings, rng, told),
-            FilterStage(1, item.rule, parameters, memory, rng, pose),
-        ]
+        started = item.start_estimate(robot, controller.period_s)
+        rule, rng = bind(item.rule, ESTIMATOR_ARGUMENTS, started), draws(f"localization.{name}")
+        stages = [FilterStage(1, *rule, rng, readings, pose)]
     return stages + _start_filters("localization", filters, channels, pose, 1, draws)
 
 
@@ -186,9 +187,21 @@ def _start_filters(
     draws: Draws,
 ) -> list[FilterStage]:
     """Start the filters of a part, each with a random stream of its own."""
-    stages = []
-    for name, item in filters.items():
-        rng = draws(f"{part}.{name}")
-        arrays = item.start(channels, np.zeros(channels.size), rng)
-        stages.append(FilterStage(every, item.rule, *arrays, rng, values))
-    return stages
+    always = np.zeros(channels.size)
+    return [
+        _start_filter(item, channels, always, draws(f"{part}.{name}"), values, every)
+        for name, item in filters.items()
+    ]
+
+
+def _start_filter(
+    item: Filter, channels: Channels, onset: Array, rng: Generator, values: Array, every: int
+) -> FilterStage:
+    effect = getattr(item, "effect", None)  # a failure may draw anything
+    if effect not in EFFECTS:
+        raise InputError(
+            f"{type(item).__name__}.effect: must be one of {', '.join(EFFECTS)}, not {effect!r}; "
+            f"correct the class"
+        )
+    rule = bind(item.rule, FILTER_ARGUMENTS, item.start(channels, onset, rng))
+    return FilterStage(every, *rule, rng, NO_VALUES, values)

@@ -16,6 +16,7 @@ from evoros.base.arrays import Array
 from evoros.base.checks import is_number
 from evoros.base.errors import InputError
 from evoros.base.linear import product
+from evoros.compilation.elementary_arrays import atan2_all
 from evoros.drive.protocol import Drive
 from evoros.formats.urdf.document import UrdfDocument
 from evoros.geometry.shapes import Pose, Shape
@@ -25,7 +26,7 @@ from evoros.robot.outline import SolidShape
 from evoros.robot.rays import RayTable, SortedRays, sort_rays, tabulate_rays
 from evoros.robot.sensor_elements import sensor_elements
 from evoros.sensor.names import choose_prefix
-from evoros.sensor.protocol import SIGNAL_SIZES, Mount, Sensor, is_signal_sensor, sees
+from evoros.sensor.protocol import SIGNAL_SIZES, Mount, Sensor, sees
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -135,13 +136,10 @@ class Robot:
         """The part of what simulators sense that each mount has.
 
         First come the true ranges, as in ``beam_layout``. Then each mount that casts no rays has
-        its signal, followed by the memory of its sensor's rule.
+        its signal.
         """
         sensors = self.mounted_sensors()
-        sizes = [
-            SIGNAL_SIZES[sensor.measures] + sensor.memory_size if is_signal_sensor(sensor) else 0
-            for sensor in sensors
-        ]
+        sizes = [SIGNAL_SIZES.get(sensor.measures, 0) for sensor in sensors]
         signals = _place([self.beam_count, *sizes])[1:]
         return tuple(
             beams if sees(sensor) else signal
@@ -160,7 +158,7 @@ class Robot:
 
     @cached_property
     def signal_count(self) -> int:
-        """The number of values that simulators sense: true ranges, signals and their memory."""
+        """The number of values that simulators sense: true ranges and signals."""
         return max((part.stop for part in self.signal_layout), default=0)
 
     def mounted_sensors(self) -> list[Sensor]:
@@ -206,7 +204,7 @@ class Robot:
             else:
                 middles = np.zeros((count, 3))
                 np.add.at(middles, sensor.channel_of(), product(sensor.rays(), frame[:3, :3].T))
-                yaws += elementary.atan2_all(middles[:, 1], middles[:, 0]).tolist()
+                yaws += atan2_all(middles[:, 1], middles[:, 0]).tolist()
         return yaws
 
     @cached_property

@@ -7,8 +7,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from evoros.base import elementary
 from evoros.base.checks import NUMBER, TEXT, checked
+from evoros.compilation.elementary_arrays import atan2_all
 from evoros.robot.outline import SolidShape, compute_outline
 from evoros.sensor.protocol import RangeSensor, Sensor, sees
 
@@ -63,7 +63,7 @@ def _level_pitch(sensor: RangeSensor) -> float:
     x, _, z = sensor.rays().T
     if x.min() <= 0.0:
         return 0.0
-    return max(0.0, round(math.degrees(float(elementary.atan2_all(-z, x).max())), 6))
+    return max(0.0, round(math.degrees(float(atan2_all(-z, x).max())), 6))
 
 
 def _find_carrier(places: Places, solids: Sequence[SolidShape]) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from evoros.base import elementary
 from evoros.base.arrays import Array
+from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.geometry.footprint import bottom_height, convex_hull, project_shape, top_height
 from evoros.geometry.shapes import Pose, Shape
 
@@ -31,7 +32,7 @@ class SolidShape:
 def compute_outline(solids: Iterable[tuple[Shape, Pose]]) -> Array:
     """Return the hull (k, 2) [m] of the footprints of shapes, with polygons around circles."""
     turn = np.arange(_CIRCLE_CORNERS) * (2.0 * math.pi / _CIRCLE_CORNERS)
-    disc = np.stack([elementary.cos_all(turn), elementary.sin_all(turn)], axis=1) / elementary.cos(
+    disc = np.stack([cos_all(turn), sin_all(turn)], axis=1) / elementary.cos(
         math.pi / _CIRCLE_CORNERS
     )
     corners = []

@@ -12,7 +12,7 @@ import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
-from evoros.base.compilation import A1, A2, NOTHING, compile_rule
+from evoros.compilation.rules import A1, A2, NOTHING, compile_rule
 from evoros.geometry.ray import (
     AT_X,
     AT_Y,

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
-from numpy.random import Generator
+import numpy as np
 
-from evoros.base.arrays import NO_PARAMETERS, Array
+from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.filter.protocol import FILTERS, Filter
-from evoros.sensor.protocol import BOX, CONTACT, SIGNAL_SIZES, Channel
+from evoros.sensor.protocol import BOX, CONTACT, Channel
 from evoros.sensor.signals import TOUCHES
 
 _SENSOR = """\
@@ -22,7 +22,6 @@ _SENSOR = """\
   </contact>
 </sensor>
 """
-_COUNTED = SIGNAL_SIZES[CONTACT]
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,6 @@ class Bumper:
     """
 
     measures: ClassVar[str] = CONTACT
-    memory_size: ClassVar[int] = 1
     width_m: Annotated[float, POSITIVE] = 0.4  # of the zone, from its left to its right edge
     depth_m: Annotated[float, NOT_NEGATIVE] = 0.05  # how far behind the mount the zone begins
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
@@ -50,15 +48,18 @@ class Bumper:
         """Whether something touches it."""
         return (Channel("touch", "", 0.0, 1.0),)
 
-    def parameters(self) -> Array:
-        """Return none."""
-        return NO_PARAMETERS
+    class Memory(NamedTuple):
+        touches: Array  # (1,) at the last reading
+
+    def start(self) -> tuple[None, Memory]:
+        """Begin without a touch."""
+        return None, self.Memory(np.zeros(1))
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(memory: Memory, signal: Array, values: Array) -> None:
         """Compare the number of touches with that at the last reading."""
-        values[0] = 1.0 if memory[TOUCHES] > memory[_COUNTED] else 0.0
-        memory[_COUNTED] = memory[TOUCHES]
+        values[0] = 1.0 if signal[TOUCHES] > memory.touches[0] else 0.0
+        memory.touches[0] = signal[TOUCHES]
 
     def gazebo(self, name: str) -> str:
         """The SDF ``<sensor>`` called ``name``, which is its topic too.

@@ -3,17 +3,16 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.random import Generator
 
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.base.compilable import compilable
 from evoros.filter.protocol import FILTERS, Filter
-from evoros.sensor.protocol import BOX, MOTION, SIGNAL_SIZES, Channel
+from evoros.sensor.protocol import BOX, MOTION, Channel
 from evoros.sensor.signals import GRAVITY, ORIENTATION, TURNING, VELOCITY
 
 _SENSOR = """\
@@ -25,13 +24,6 @@ _SENSOR = """\
 """
 _AXES = ("x", "y", "z")
 _SMALL_RAD = 1e-9  # half a turn below which its axis is not known
-
-# What the rule remembers of the last reading, after the signal.
-_TIME = SIGNAL_SIZES[MOTION]  # [s]; the first reading has none before it
-_STARTED, _FACING, _SPEEDS, _WEIGHT = _TIME + 1, _TIME + 2, _TIME + 6, _TIME + 9
-"""1 from the first reading on; orientation (4,); in the sensor's own axes, the velocity (3,) [m/s]
-and what it feels of gravity (3,) [m/s2]."""
-_END = _WEIGHT + 3
 
 
 @dataclass(frozen=True)
@@ -45,7 +37,6 @@ class Imu:
     """
 
     measures: ClassVar[str] = MOTION
-    memory_size: ClassVar[int] = _END - _TIME
     rate_max_radps: Annotated[float, POSITIVE] = 34.9  # 2000 deg/s, to both sides
     acceleration_max_mps2: Annotated[float, POSITIVE] = 157.0  # 16 g, to both sides
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
@@ -63,42 +54,57 @@ class Imu:
             *(Channel(f"acceleration_{axis}", "mps2", -strongest, strongest) for axis in _AXES),
         )
 
-    def parameters(self) -> Array:
-        """Return both limits."""
-        return np.array([self.rate_max_radps, self.acceleration_max_mps2], dtype=np.float64)
+    class Parameters(NamedTuple):
+        fastest: float  # [rad/s]
+        strongest: float  # [m/s2]
+
+    class Memory(NamedTuple):
+        """The last reading, of which ``speeds`` and ``weight`` are in the sensor's own axes."""
+
+        time: Array  # (1,) [s]; -infinity before the first reading
+        facing: Array  # (4,) orientation
+        speeds: Array  # (3,) velocity [m/s]
+        weight: Array  # (3,) what it feels of gravity [m/s2]
+
+    def start(self) -> tuple[Parameters, Memory]:
+        """Keep the limits, and begin without a reading."""
+        memory = self.Memory(np.array([-math.inf]), np.zeros(4), np.zeros(3), np.zeros(3))
+        return self.Parameters(self.rate_max_radps, self.acceleration_max_mps2), memory
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(
+        parameters: Parameters, memory: Memory, signal: Array, values: Array, time: float
+    ) -> None:
         """Compute the mean rates from the change of the orientation, the rest from both."""
-        first = memory[_STARTED] == 0.0
-        qw, qx, qy, qz = memory[3], memory[4], memory[5], memory[6]
-        rates = to_axes(qw, qx, qy, qz, memory[TURNING], memory[TURNING + 1], memory[TURNING + 2])
+        facing = signal[ORIENTATION : ORIENTATION + 4]
+        qw, qx, qy, qz = facing[0], facing[1], facing[2], facing[3]
+        rates = to_axes(qw, qx, qy, qz, signal[TURNING], signal[TURNING + 1], signal[TURNING + 2])
         speeds = to_axes(
-            qw, qx, qy, qz, memory[VELOCITY], memory[VELOCITY + 1], memory[VELOCITY + 2]
+            qw, qx, qy, qz, signal[VELOCITY], signal[VELOCITY + 1], signal[VELOCITY + 2]
         )
-        weight = to_axes(qw, qx, qy, qz, 0.0, 0.0, memory[GRAVITY])
-        elapsed = time - memory[_TIME]
-        if not first and elapsed > 0.0:
-            rates = turn_between(memory[_FACING : _FACING + 4], qw, qx, qy, qz, elapsed)
+        weight = to_axes(qw, qx, qy, qz, 0.0, 0.0, signal[GRAVITY])
+        elapsed = time - memory.time[0]
+        moves = 0.0 < elapsed < math.inf
+        if moves:
+            rates = turn_between(memory.facing, qw, qx, qy, qz, elapsed)
         for i in range(3):
             felt = weight[i]
-            if not first and elapsed > 0.0:
+            if moves:
                 # In axes that turn, a steady velocity changes its direction.
                 j = (i + 1) % 3
                 k = (i + 2) % 3
-                turned = rates[j] * (speeds[k] + memory[_SPEEDS + k])
-                turned -= rates[k] * (speeds[j] + memory[_SPEEDS + j])
-                felt = 0.5 * (weight[i] + memory[_WEIGHT + i] + turned)
-                felt += (speeds[i] - memory[_SPEEDS + i]) / elapsed
-            values[i] = min(max(rates[i], -parameters[0]), parameters[0])
-            values[3 + i] = min(max(felt, -parameters[1]), parameters[1])
-        memory[_TIME] = time
-        memory[_STARTED] = 1.0
+                turned = rates[j] * (speeds[k] + memory.speeds[k])
+                turned -= rates[k] * (speeds[j] + memory.speeds[j])
+                felt = 0.5 * (weight[i] + memory.weight[i] + turned)
+                felt += (speeds[i] - memory.speeds[i]) / elapsed
+            values[i] = min(max(rates[i], -parameters.fastest), parameters.fastest)
+            values[3 + i] = min(max(felt, -parameters.strongest), parameters.strongest)
+        memory.time[0] = time
         for i in range(4):
-            memory[_FACING + i] = memory[ORIENTATION + i]
+            memory.facing[i] = facing[i]
         for i in range(3):
-            memory[_SPEEDS + i] = speeds[i]
-            memory[_WEIGHT + i] = weight[i]
+            memory.speeds[i] = speeds[i]
+            memory.weight[i] = weight[i]
 
     def gazebo(self, name: str) -> str:
         """The SDF ``<sensor>`` called ``name``, which is its topic too; without its noise."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
+from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
 from evoros.sensor.protocol import BEAM, BOX, RANGE, Channel, check_limits
@@ -55,8 +56,8 @@ class Infrared:
         """(9, 3) unit vectors in the sensor's frame: x forward, z up."""
         half, turns = math.radians(self.fov_deg) / 2, 2.0 * math.pi * np.arange(RIM) / RIM
         sin, cos = elementary.sin_cos(half)
-        edge = np.full(RIM, cos), sin * elementary.cos_all(turns)
-        rim = np.column_stack((*edge, sin * elementary.sin_all(turns)))
+        edge = np.full(RIM, cos), sin * cos_all(turns)
+        rim = np.column_stack((*edge, sin * sin_all(turns)))
         return np.vstack(([1.0, 0.0, 0.0], rim / np.linalg.norm(rim, axis=1, keepdims=True)))
 
     def gazebo(self, name: str) -> str:

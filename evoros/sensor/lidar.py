@@ -8,9 +8,9 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import COUNT, NOT_NEGATIVE, POSITIVE, Rule, checked, is_number
+from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
 from evoros.sensor.protocol import BOX, RANGE, Channel, check_limits
@@ -54,9 +54,7 @@ class Lidar:
     def rays(self) -> Array:
         """(beams, 3) unit vectors in the sensor's frame: x forward, y left."""
         angles = self._angles()
-        return np.column_stack(
-            (elementary.cos_all(angles), elementary.sin_all(angles), np.zeros(self.beams))
-        )
+        return np.column_stack((cos_all(angles), sin_all(angles), np.zeros(self.beams)))
 
     def _angles(self) -> Array:
         """Return the bearings (beams,) [rad], left positive, mirror images to the last bit."""

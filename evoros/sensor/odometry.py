@@ -3,19 +3,15 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
-from numpy.random import Generator
+import numpy as np
 
-from evoros.base.arrays import NO_PARAMETERS, Array
+from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.filter.protocol import FILTERS, Filter
-from evoros.sensor.protocol import BOX, SIGNAL_SIZES, WHEELS, Channel
+from evoros.sensor.protocol import BOX, WHEELS, Channel
 from evoros.sensor.signals import DISTANCE, TURN
-
-# What the rule remembers of the last reading, after the signal.
-_TIME = SIGNAL_SIZES[WHEELS]  # [s]
-_GONE, _TURNED = _TIME + 1, _TIME + 2  # [m], [rad]
 
 
 @dataclass(frozen=True)
@@ -29,7 +25,6 @@ class Odometry:
     """
 
     measures: ClassVar[str] = WHEELS
-    memory_size: ClassVar[int] = 3
     period_s: Annotated[float, POSITIVE] = 0.1  # time between two readings
     size_m: Annotated[Sequence[float], BOX] = (0.01, 0.01, 0.01)
     mass_kg: Annotated[float, POSITIVE] = 0.01
@@ -44,19 +39,22 @@ class Odometry:
             Channel("yaw_rate", "radps", -math.inf, math.inf),
         )
 
-    def parameters(self) -> Array:
-        """Return none."""
-        return NO_PARAMETERS
+    class Memory(NamedTuple):
+        time: Array  # (1,) of the last reading [s]
+        signal: Array  # (2,) then
+
+    def start(self) -> tuple[None, Memory]:
+        """Begin before anything has rolled."""
+        return None, self.Memory(np.zeros(1), np.zeros(2))
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(memory: Memory, signal: Array, values: Array, time: float) -> None:
         """Divide what the wheels have rolled since the last reading by the time since then."""
-        elapsed = time - memory[_TIME]
-        values[0] = (memory[DISTANCE] - memory[_GONE]) / elapsed if elapsed > 0.0 else 0.0
-        values[1] = (memory[TURN] - memory[_TURNED]) / elapsed if elapsed > 0.0 else 0.0
-        memory[_TIME] = time
-        memory[_GONE] = memory[DISTANCE]
-        memory[_TURNED] = memory[TURN]
+        elapsed = time - memory.time[0]
+        for i in (DISTANCE, TURN):
+            values[i] = (signal[i] - memory.signal[i]) / elapsed if elapsed > 0.0 else 0.0
+            memory.signal[i] = signal[i]
+        memory.time[0] = time
 
     def gazebo(self, name: str) -> str:
         """Return nothing: in Gazebo, the plugin of the drive tells the odometry."""

@@ -2,17 +2,18 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import POSITIVE, Rule, invalid, is_number
-from evoros.filter.protocol import Filter, FilterRule
+from evoros.compilation.elementary_arrays import atan2_all
+from evoros.compilation.named_rules import Started
+from evoros.filter.protocol import Filter
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,10 @@ rolled, what touches the robot. Simulators offer them; ``signals`` describes the
 
 SIGNAL_SIZES = {MOTION: 14, WHEELS: 2, CONTACT: 1}
 """The number of values of each signal, as ``signals`` describes them."""
+
+
+SENSOR_ARGUMENTS = "parameters", "memory", "rng", "signal", "values", "time"
+"""The rule of a signal sensor fills its ``values``, a channel each, at ``time`` [s]."""
 
 
 class Channel(NamedTuple):
@@ -131,21 +136,15 @@ class SignalSensor(Sensor, Protocol):
     """A type of sensor that computes its readings from a signal: it measures no range."""
 
     @property
-    def memory_size(self) -> int:
-        """How many values its rule remembers from one reading to the next."""
-        ...
-
-    @property
-    def rule(self) -> FilterRule:
+    def rule(self) -> Callable[..., None]:
         """Fill the values, its channels; a static method, so that numba can compile it.
 
-        The memory begins with the signal, which the simulator has written. Then come
-        ``memory_size`` values of the rule's own, at first 0.
+        It takes the arguments that it uses, of those in ``SENSOR_ARGUMENTS``.
         """
         ...
 
-    def parameters(self) -> Array:
-        """Return the parameters of the rule."""
+    def start(self) -> Started:
+        """Return the parameters and the memory of ``rule`` for one mission."""
         ...
 
 
@@ -203,7 +202,7 @@ def sensor_bearings(sensor: RangeSensor) -> list[float]:
     """Return the bearing [rad] of the middle of each channel's rays in the sensor's frame."""
     middles = np.zeros((len(sensor.channels), 3))
     np.add.at(middles, sensor.channel_of(), sensor.rays())
-    bearings: list[float] = elementary.atan2_all(middles[:, 1], middles[:, 0]).tolist()
+    bearings: list[float] = atan2_all(middles[:, 1], middles[:, 0]).tolist()
     return bearings
 
 

@@ -8,7 +8,6 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.checks import (
     COUNT,
@@ -16,6 +15,7 @@ from evoros.base.checks import (
     POSITIVE,
     checked,
 )
+from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.filter.protocol import FILTERS, Filter
 from evoros.sensor.gazebo_rays import Fan, gazebo_rays
 from evoros.sensor.protocol import BEAM, BOX, RANGE, Channel, check_limits
@@ -65,9 +65,9 @@ class Sonar:
         a, b = (grid.ravel() for grid in np.meshgrid(angles, angles, indexing="ij"))
         return np.column_stack(
             (
-                elementary.cos_all(a) * elementary.cos_all(b),
-                elementary.sin_all(a) * elementary.cos_all(b),
-                elementary.sin_all(b),
+                cos_all(a) * cos_all(b),
+                sin_all(a) * cos_all(b),
+                sin_all(b),
             )
         )
 

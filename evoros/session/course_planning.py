@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from evoros.base.errors import InputError
-from evoros.base.log import withhold_messages
-from evoros.evolution.home_check import check_place
-from evoros.evolution.route_check import check_route
 from evoros.field.course_suggestion import AROUND_M, OPEN_SIDE_M, create_course, suggest_course
 from evoros.field.steep_places import find_steep_places
 from evoros.formats.sdf.reading import SdfOptions
 from evoros.geometry.footprint import Footprint, find_bounds, project_bodies, project_shape
 from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.preflight.home import check_place
+from evoros.preflight.routes import check_route
 from evoros.robot.model import Robot
+from evoros.terminal.log import withhold_messages
 from evoros.world.course import Course
 from evoros.world.floors import has_level_ground, settle
 from evoros.world.loading import read_world

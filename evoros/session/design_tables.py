@@ -8,19 +8,17 @@ from math import isfinite
 from pathlib import Path
 
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER
 from evoros.design.design import Design
 from evoros.design.fixed import FixedSensor
 from evoros.design.region import Region
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.team_design import complete_design
 from evoros.formats.strict_csv import read_rows
-from evoros.mission.scenario import Scenario
+from evoros.mission.member import Member
 from evoros.sensor.protocol import Mount
-from evoros.storage.tables import AGENT, DESIGN_COLUMNS, list_designs, sensor_rows, table_by_robot
+from evoros.storage.layout import DESIGN_FILE, GENE_FILE
+from evoros.storage.tables import AGENT, DESIGN_COLUMNS, sensor_rows, table_by_robot
+from evoros.terminal.log import LOGGER
 
-DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
-"""The designs of an evaluation in its folder, complete and independent of their sources."""
 DESIGN_FILE_COLUMNS = ("source", *DESIGN_COLUMNS)
 GENE_FILE_COLUMNS = ("source", "design", "key", "value")
 NEEDED = ("design", "sensor", "x_m", "y_m", "yaw_deg")
@@ -39,22 +37,21 @@ class NamedDesign:
 
 @dataclass
 class DesignDraft:
-    """A design as far as it has been read."""
+    """The design of one robot as far as it has been read."""
 
     at: str  # file and line of its first row
     rows: int = 0  # in the table of sensors
     mounts: dict[int, Mount] = field(default_factory=dict)  # by number; empty: no sensors
     values: dict[str, float] = field(default_factory=dict)  # other evolved values, by key
-    agents: dict[str, "DesignDraft"] = field(
-        default_factory=dict
-    )  # of robots with one of their own
 
-    def of(self, agent: str, at: str) -> "DesignDraft":
-        """Return the draft of a robot, which may be new; the first one's name is empty."""
-        return self.agents.setdefault(agent, DesignDraft(at)) if agent else self
+    @property
+    def design(self) -> Design:
+        """The design that has been read."""
+        return Design(tuple(mount for _, mount in sorted(self.mounts.items())), self.values)
 
 
-Drafts = dict[DesignName, DesignDraft]
+Drafts = dict[DesignName, dict[str, DesignDraft]]
+"""The parts of each design by the name of the robot, as those of ``Design.parts``."""
 
 
 def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDesign]:
@@ -63,7 +60,7 @@ def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDes
     Raises:
         InputError: a file is missing or damaged.
     """
-    drafts = read_drafts(folder / DESIGN_FILE, None, experiment.scenario)
+    drafts = read_drafts(folder / DESIGN_FILE, None, experiment.members)
     add_genes(drafts, folder / GENE_FILE, None)
     return fit_designs(drafts, experiment)
 
@@ -79,7 +76,7 @@ def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
     for named in designs:
         name = (named.source, named.name)
         sensors += [[*name, *row] for row in sensor_rows(named.design)]
-        for robot, design in list_designs(named.design):
+        for robot, design in named.design.parts.items():
             genes += [[*name, key, value, robot] for key, value in design.values.items()]
     found = [named.design for named in designs]
     return {
@@ -88,36 +85,33 @@ def write_designs(designs: Sequence[NamedDesign]) -> dict[str, str]:
     }
 
 
-def fit_designs(
-    drafts: Mapping[DesignName, DesignDraft], experiment: Experiment
-) -> list[NamedDesign]:
+def fit_designs(drafts: Drafts, experiment: Experiment) -> list[NamedDesign]:
     """Complete the drafts; sensors are put into the robot's order.
 
     Raises:
         InputError: the robot or another part refuses a design.
     """
-    return [_fit(name, draft, experiment) for name, draft in drafts.items()]
+    return [_fit(name, parts, experiment) for name, parts in drafts.items()]
 
 
-def _fit(name: DesignName, draft: DesignDraft, experiment: Experiment) -> NamedDesign:
+def _fit(
+    name: DesignName, drafts: Mapping[str, DesignDraft], experiment: Experiment
+) -> NamedDesign:
     try:
-        design = complete_design(experiment, _design_of(draft))
-        team = experiment.scenario.equip(design)
+        read = Design.join({robot: draft.design for robot, draft in drafts.items()})
+        design = experiment.space.complete(read)
+        members = experiment.scenario.equip(design)
     except InputError as error:
-        raise InputError(f"{draft.at}: design {name[1]!r}: {error}") from None
-    agents = {
-        agent: Design(team[agent].robot.mounts, own.values) for agent, own in design.agents.items()
+        raise InputError(f"{drafts[''].at}: design {name[1]!r}: {error}") from None
+    fitted = {
+        member.name: Design(member.robot.mounts, design.parts[member.name].values)
+        for member in members
+        if member.has_own_design
     }
-    return NamedDesign(*name, Design(team[""].robot.mounts, draft.values, agents))
+    return NamedDesign(*name, Design.join(fitted))
 
 
-def _design_of(draft: DesignDraft) -> Design:
-    mounts = tuple(mount for _, mount in sorted(draft.mounts.items()))
-    agents = {agent: _design_of(own) for agent, own in draft.agents.items()}
-    return Design(mounts, draft.values, agents)
-
-
-def read_drafts(path: Path, source: str | None, scenario: Scenario) -> Drafts:
+def read_drafts(path: Path, source: str | None, members: Sequence[Member]) -> Drafts:
     """Read a table of designs without their other genes.
 
     If ``source`` is None, the table has a column of that name.
@@ -129,28 +123,33 @@ def read_drafts(path: Path, source: str | None, scenario: Scenario) -> Drafts:
     optional = (*(name for name in DESIGN_COLUMNS if name not in needed), AGENT)
     drafts: Drafts = {}
     for line, cells in read_rows(path, needed, optional):
-        _add_row(drafts, f"{path}: line {line}", source, cells, scenario)
+        name = (cells.get("source", source) or "", cells["design"])
+        _add_row(drafts, name, f"{path}: line {line}", cells, members)
     if not drafts:
         raise InputError(f"{path}: must have at least one design, not none; add a row")
     return drafts
 
 
 def _add_row(
-    drafts: Drafts, at: str, source: str | None, cells: Mapping[str, str], scenario: Scenario
+    drafts: Drafts, name: DesignName, at: str, cells: Mapping[str, str], members: Sequence[Member]
 ) -> None:
     """Add one sensor to its draft, or a draft without sensors."""
     if not cells["design"]:
         raise InputError(f"{at}: design must be a name, not empty; give each row its design")
-    name = (cells.get("source", source) or "", cells["design"])
-    agent = cells.get(AGENT) or ""
+    robot = cells.get(AGENT) or ""
     naming = ("source", "design", AGENT)
     bare = not any(value for key, value in cells.items() if key not in naming)
-    if bare and agent and agent not in scenario.agents:
-        LOGGER.warning("%s: agent %s has no sensors and is not there; left out", at, agent)
-        return
-    if agent:
-        scenario = _find_agent(at, agent, scenario)
-    draft = drafts.setdefault(name, DesignDraft(at)).of(agent, at)
+    member = next((member for member in members if member.name == robot), None)
+    if member is None:
+        if bare:
+            LOGGER.warning("%s: agent %s has no sensors and is not there; left out", at, robot)
+            return
+        known = ", ".join(member.name for member in members if member.name) or "none"
+        raise InputError(
+            f"{at}: agent must be one of the experiment's agents ({known}), not {robot!r}; add it "
+            f"with agents=..., or remove the row"
+        )
+    draft = drafts.setdefault(name, {"": DesignDraft(at)}).setdefault(robot, DesignDraft(at))
     draft.rows += 1
     if draft.rows > 1 and (bare or not draft.mounts):
         raise InputError(
@@ -159,7 +158,7 @@ def _add_row(
         )
     if bare:
         return
-    number, mount = _read_mount(at, cells, scenario)
+    number, mount = _read_mount(at, cells, member)
     if number in draft.mounts:
         raise InputError(
             f"{at}: design {name[1]!r} must have each sensor once, not {number} again; number "
@@ -168,42 +167,31 @@ def _add_row(
     draft.mounts[number] = mount
 
 
-def _find_agent(at: str, agent: str, scenario: Scenario) -> Scenario:
-    """Return the scenario of another robot than the first."""
-    if agent not in scenario.agents:
-        known = ", ".join(scenario.agents) or "none"
-        raise InputError(
-            f"{at}: agent must be one of the experiment's agents ({known}), not {agent!r}; add it "
-            f"with agents=..., or remove the row"
-        )
-    return scenario.agents[agent]
-
-
-def _read_mount(at: str, cells: Mapping[str, str], scenario: Scenario) -> tuple[int, Mount]:
+def _read_mount(at: str, cells: Mapping[str, str], member: Member) -> tuple[int, Mount]:
     """The number and the mount of the sensor in one row; empty cells mean the robot's own mount."""
     if not re.fullmatch(r"[0-9]+", cells["sensor"]):
         raise InputError(
             f"{at}: sensor must be a whole number of at least 0, not {cells['sensor']!r}; number "
             f"the sensors of a design 0, 1, 2 ..."
         )
-    types = list(scenario.design.sensors)
+    types = list(member.design.sensors)
     kind = cells.get("type") or (types[0] if len(types) == 1 else "")
     if kind not in types:
         raise InputError(
             f"{at}: type must be one of {', '.join(types) or 'none'}, not {kind!r}; name one of "
             f"design.sensors, or add it there"
         )
-    return int(cells["sensor"]), _read_place(at, kind, cells, scenario)
+    return int(cells["sensor"]), _read_place(at, kind, cells, member)
 
 
-def _read_place(at: str, kind: str, cells: Mapping[str, str], scenario: Scenario) -> Mount:
+def _read_place(at: str, kind: str, cells: Mapping[str, str], member: Member) -> Mount:
     """Return the mount of a sensor of a type. A fixed one may be anywhere on its robot."""
     x, y, yaw = (float(_number(at, name, cells[name])) for name in ("x_m", "y_m", "yaw_deg"))
     z, pitch = (
         float(_number(at, name, cells[name])) if cells.get(name) else None
         for name in ("z_m", "pitch_deg")
     )
-    robot, design = scenario.robot, scenario.design
+    robot, design = member.robot, member.design
     if kind not in design.placed_types:
         link = cells.get("link") or robot.mount_link
         return FixedSensor(kind, link, x, y, z or 0.0, yaw, pitch or 0.0).bind(robot, at)
@@ -226,9 +214,9 @@ def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:
     needed = ("design", "key", "value") if source is not None else GENE_FILE_COLUMNS
     for line, cells in read_rows(path, needed, ("gene", AGENT)):
         at = f"{path}: line {line}"
-        draft = drafts.get((cells.get("source", source) or "", cells["design"]))
-        if draft is not None:
-            draft = draft.of(cells.get(AGENT) or "", at)
+        parts = drafts.get((cells.get("source", source) or "", cells["design"]))
+        robot = cells.get(AGENT) or ""
+        draft = None if parts is None else parts.setdefault(robot, DesignDraft(at))
         if draft is None or cells["key"] in draft.values:
             raise InputError(
                 f"{at}: must be another value of one of the designs, not {cells['key']!r} of "

@@ -8,28 +8,21 @@ from typing import Any
 
 from evoros.base.checks import TEXT
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER, collect_messages
 from evoros.config.configuration import Configuration
-from evoros.evolution.dispatch import Dispatcher
-from evoros.evolution.drive_check import report_drive
+from evoros.dispatch.dispatcher import Dispatcher
 from evoros.evolution.experiment import ALL, Experiment
-from evoros.evolution.repeatability import report_repeatability
-from evoros.evolution.self_sight_check import check_designs
 from evoros.executor.protocol import Executor
 from evoros.mission.plan import VALIDATION
 from evoros.mission.scenario import Scenario
-from evoros.session.design_tables import (
-    DESIGN_FILE,
-    GENE_FILE,
-    NamedDesign,
-    read_recorded_designs,
-    write_designs,
-)
+from evoros.preflight.drive import report_drive
+from evoros.preflight.preflight import preflight
+from evoros.preflight.repeatability import report_repeatability
+from evoros.preflight.self_sight import check_designs
+from evoros.session.design_tables import NamedDesign, read_recorded_designs, write_designs
 from evoros.session.evaluation_record import EvaluationRecord, evaluation_header
-from evoros.session.figures import draw_figures
+from evoros.session.figures import Draw, draw_figures
 from evoros.session.given_designs import read_given
-from evoros.session.resume import rebuild
-from evoros.session.run import check_experiment
+from evoros.session.resume import EVALUATE, ORIGINALS_OF, rebuild
 from evoros.session.status import FINISHED, Display, Status, log_start
 from evoros.session.work import PoolOpener, open_pool
 from evoros.session.worst_case_run import WorstCaseRun
@@ -39,12 +32,10 @@ from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, OVERRIDES, SETTING
 from evoros.storage.manifest import manifest
 from evoros.storage.mission_table import begin_table
 from evoros.storage.seals import seal_json
+from evoros.terminal.log import LOGGER, collect_messages
 
-COMMAND = "evoros-evaluate"
 MAX_WARNINGS = 3  # about given designs
 FIGURE = "worst"  # of an evaluation that looked for worst cases
-ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)
-"""Files from which everything else follows."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +52,7 @@ class Evaluation:
         """Computes the missions."""
         return self.experiment.executor
 
-    def run(self, display: Display, opener: PoolOpener = open_pool) -> None:
+    def run(self, display: Display, draw: Draw, opener: PoolOpener = open_pool) -> None:
         """Run the missions that are missing and write the table of scores.
 
         Raises:
@@ -73,7 +64,7 @@ class Evaluation:
         with EvaluationRecord(self.path, experiment, self.designs) as record:
             status = Status(record, display, record.describe)
             with status.track(self.messages):
-                record.mend(describe_experiment(experiment).text, ORIGINALS)
+                record.mend(describe_experiment(experiment).text, ORIGINALS_OF[EVALUATE])
                 display.start(1)
                 display.begin(0, record.wanted, record.known)
                 with opener(self.executor) as pool:
@@ -103,7 +94,7 @@ class Evaluation:
                     record.complete()
                     if experiment.worst_cases is not None:
                         status.write(FINISHED)  # first: figures are drawn of finished folders
-                        draw_figures(self.path, [FIGURE], pool)
+                        draw_figures(self.path, [FIGURE], pool, draw)
 
 
 def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
@@ -117,7 +108,7 @@ def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
         _check_sources(config.designs)
         experiment = config.build()
         _check_draws(experiment)
-        check_experiment(experiment)
+        preflight(experiment)
         designs = read_sources(config.designs, experiment)
         evaluation = record_evaluation(experiment, designs, config, folder, messages)
         for warning in _check_designs(designs, experiment.scenario):
@@ -128,12 +119,12 @@ def create_evaluation(config: Configuration, folder: Path) -> Evaluation:
 def _check_designs(designs: Sequence[NamedDesign], scenario: Scenario) -> Iterator[str]:
     """Yield the warnings of the first few designs that have any, and the number of the others."""
     names = {f"design {named.name} of {named.source}": named.design for named in designs}
-    team = {
-        f"{agent}: {name}" if agent else name: member
+    robots = {
+        f"{member.name}: {name}".removeprefix(": "): member.robot
         for name, design in names.items()
-        for agent, member in scenario.equip(design).items()
+        for member in scenario.equip(design)
     }
-    warnings = list(check_designs(team))
+    warnings = list(check_designs(robots))
     yield from warnings[:MAX_WARNINGS]
     if len(warnings) > MAX_WARNINGS:
         yield f"{len(warnings) - MAX_WARNINGS} more designs overlap or see the robot likewise"
@@ -152,7 +143,7 @@ def record_evaluation(
         InputError: the folder cannot be made; it is unchanged.
     """
     files = write_designs(designs)
-    content = manifest(experiment, config.text, config.values, config.choices, COMMAND, files)
+    content = manifest(experiment, config.text, config.values, config.choices, EVALUATE, files)
     content[OVERRIDES] = list(config.overrides)
     others = {
         MANIFEST: seal_json(content),
@@ -176,9 +167,8 @@ def open_evaluation(
             evaluation is made of has changed.
     """
     with collect_messages() as messages:
-        _, *files = ORIGINALS
-        experiment = rebuild(folder, overrides, config_dir, COMMAND, files).experiment
-        check_experiment(experiment)
+        experiment = rebuild(folder, overrides, config_dir, EVALUATE).experiment
+        preflight(experiment)
         designs = read_recorded_designs(folder, experiment)
     return Evaluation(experiment, designs, folder, messages)
 

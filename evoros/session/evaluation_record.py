@@ -7,29 +7,22 @@ from statistics import fmean
 from typing import Any
 
 from evoros.base.arrays import Array
-from evoros.base.errors import InputError
-from evoros.evolution.dispatch import MissionResult
+from evoros.dispatch.record import MissionResult
 from evoros.evolution.experiment import ALL, Experiment
-from evoros.fitness.scoring import (
-    FITNESS,
-    FITNESS_MEAN,
-    name_score_columns,
-    summarize_scores,
-)
+from evoros.fitness.scoring import FITNESS, FITNESS_MEAN
 from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import Outcomes
 from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import NamedDesign
 from evoros.storage.layout import MISSIONS
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.tables import (
     CASE,
-    OUTCOME_COLUMNS,
     case_cells,
-    name_agent_columns,
+    name_outcome_columns,
     outcome_cells,
     read_conditions,
-    read_outcome,
+    read_outcomes,
     to_csv,
 )
 from evoros.storage.trajectory_files import TrajectoryFiles
@@ -43,7 +36,7 @@ GENERATION = 0
 def evaluation_header(experiment: Experiment) -> list[str]:
     """Return the columns of the table of missions."""
     case = [CASE] if experiment.states_cases else []
-    return [*KEY_COLUMNS, *OUTCOME_COLUMNS, *name_agent_columns(experiment.agents), *case]
+    return [*KEY_COLUMNS, *name_outcome_columns(experiment.agents), *case]
 
 
 @dataclass
@@ -51,7 +44,7 @@ class _UnfinishedDesign:
     """A design some of whose missions have not been run."""
 
     missions: dict[MissionKey, Mission]
-    outcomes: dict[MissionKey, Outcome] = field(default_factory=dict)
+    outcomes: dict[MissionKey, Outcomes] = field(default_factory=dict)
 
 
 class EvaluationRecord(MissionLog):
@@ -68,7 +61,7 @@ class EvaluationRecord(MissionLog):
         self._experiment, self._designs = experiment, designs
         self._unfinished: dict[int, _UnfinishedDesign] = {}
         self._scores: dict[int, dict[str, float]] = {}  # of finished designs
-        self._stated: dict[MissionKey, tuple[str, Outcome]] = {}  # conditions and outcomes
+        self._stated: dict[MissionKey, tuple[str, Outcomes]] = {}  # conditions and outcomes
         self.trajectories = TrajectoryFiles(self)
         try:
             self._read()
@@ -104,24 +97,19 @@ class EvaluationRecord(MissionLog):
         number = mission.design_id
         return number in self._scores or mission.key in self._start(number).outcomes
 
-    def find_stated(self, mission: Mission) -> Outcome:
-        """Return the outcome of a mission of a stated case, which is on disk."""
-        outcome = self._find_stated(mission)
-        assert outcome is not None
-        return outcome
+    def find_stated(self, mission: Mission) -> Outcomes:
+        """Return the outcomes of a mission of a stated case, which is on disk."""
+        outcomes = self._find_stated(mission)
+        assert outcomes is not None
+        return outcomes
 
-    def _find_stated(self, mission: Mission) -> Outcome | None:
+    def _find_stated(self, mission: Mission) -> Outcomes | None:
         found = self._stated.get(mission.key)
         if found is None or (self._keeps_all and not self.trajectories.has(mission)):
             return None
-        conditions, outcome = found
-        if conditions != mission.conditions:
-            raise InputError(
-                f"{self.path / MISSIONS}: the mission {mission.key} was recorded under the draws "
-                f"{conditions}, not {mission.conditions}: the file was made by another version or "
-                f"has been edited; start a new evaluation"
-            )
-        return outcome
+        conditions, outcomes = found
+        self.require_conditions(mission, conditions)
+        return outcomes
 
     def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
         """Write the trajectory of a mission, before its row."""
@@ -130,9 +118,9 @@ class EvaluationRecord(MissionLog):
     def record(self, results: Sequence[MissionResult]) -> None:
         """Put finished missions on disk."""
         new = [result for result in results if result[0].key not in self._stated]
-        self.append([self._row(mission, outcome) for mission, outcome in new])
-        for mission, outcome in results:
-            self._take(mission, outcome)
+        self.append([self._row(*result) for result in new])
+        for result in results:
+            self._take(*result)
 
     def rates(self, number: int) -> dict[str, float]:
         """Return the share of the trials in which a finished design completed each world."""
@@ -146,7 +134,7 @@ class EvaluationRecord(MissionLog):
             InputError: the table on disk differs.
         """
         self.table.sync()
-        columns = name_score_columns(self._experiment.scoring, list(self._experiment.world))
+        columns = self._experiment.scoring.name_columns(list(self._experiment.world))
         rows: list[Sequence[object]] = [("source", "design", *columns)]
         for number, design in enumerate(self._designs):
             rows.append([design.source, design.name, *self._scores[number].values()])
@@ -188,35 +176,34 @@ class EvaluationRecord(MissionLog):
     def _read(self) -> None:
         numbers = self._number_designs()
 
-        def parse(row: Mapping[str, str]) -> tuple[int, str, int, str, bool, Outcome]:
+        def parse(row: Mapping[str, str]) -> tuple[int, str, int, str, bool, Outcomes]:
             number = numbers[row["source"], row["design"]]
-            outcome = read_outcome(row, list(self._experiment.agents))
+            outcomes = read_outcomes(row, list(self._experiment.agents))
             stated = bool(row.get(CASE))
-            return number, row["world"], int(row["trial"]), read_conditions(row), stated, outcome
+            return number, row["world"], int(row["trial"]), read_conditions(row), stated, outcomes
 
-        for number, world, trial, draws, stated, outcome in self.read_missions(parse):
+        for number, world, trial, draws, stated, outcomes in self.table.read(parse):
             key = (GENERATION, number, world, trial)
             if stated:
                 if key in self._stated:
                     self.table.reject()
-                self._stated.setdefault(key, (draws, outcome))
+                self._stated.setdefault(key, (draws, outcomes))
                 continue
             if number in self._scores:
                 self.table.reject()
                 continue
             mission = self._start(number).missions.get(key)
             if mission is None or mission.draws != draws:
-                raise InputError(
-                    f"{self.path / MISSIONS}: trial {trial} of design "
-                    f"{self._designs[number].name!r} in {world} must be one of the evaluation's "
-                    f"under its draws, not {draws}: the file was made by another version or has "
-                    f"been edited; start a new evaluation"
+                raise self.refuse(
+                    MISSIONS,
+                    f"trial {trial} of design {self._designs[number].name!r} in {world} must be "
+                    f"one of the evaluation's under its draws, not {draws}",
                 )
             known = mission.key in self._unfinished[number].outcomes
             if known or (self._keeps_all and not self.trajectories.has(mission)):
                 self.table.reject()
             else:
-                self._take(mission, outcome)
+                self._take(mission, outcomes)
 
     def _start(self, number: int) -> _UnfinishedDesign:
         if number not in self._unfinished:
@@ -225,23 +212,21 @@ class EvaluationRecord(MissionLog):
             self._unfinished[number] = _UnfinishedDesign({each.key: each for each in missions})
         return self._unfinished[number]
 
-    def _take(self, mission: Mission, outcome: Outcome) -> None:
+    def _take(self, mission: Mission, outcomes: Outcomes) -> None:
         """Score a design once all its missions are known, and drop its outcomes."""
         if mission.case is not None:
-            self._stated[mission.key] = mission.conditions, outcome
+            self._stated[mission.key] = mission.conditions, outcomes
             return
         number = mission.design_id
         design = self._start(number)
-        design.outcomes[mission.key] = outcome
+        design.outcomes[mission.key] = outcomes
         if len(design.outcomes) == len(design.missions):
             missions = list(design.missions.values())
-            self._scores[number] = summarize_scores(
-                self._experiment.scoring, missions, design.outcomes
-            )
+            self._scores[number] = self._experiment.scoring.summarize(missions, design.outcomes)
             del self._unfinished[number]
 
-    def _row(self, mission: Mission, outcome: Outcome) -> list[object]:
+    def _row(self, mission: Mission, outcomes: Outcomes) -> list[object]:
         design = self._designs[mission.design_id]
         key = (design.source, design.name, mission.world, mission.trial, mission.draws)
         case = case_cells(mission, self._experiment.states_cases)
-        return [*key, *outcome_cells(outcome), *case]
+        return [*key, *outcome_cells(outcomes), *case]

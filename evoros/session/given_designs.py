@@ -4,26 +4,19 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from evoros.base.errors import InputError, single_line
-from evoros.base.log import LOGGER
-from evoros.base.resources import expand_home
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.team_design import find_configured
+from evoros.files.resources import expand_home
 from evoros.formats.strict_csv import read_rows
 from evoros.formats.strict_xml import parse
-from evoros.mission.scenario import Scenario
-from evoros.session.design_tables import (
-    DESIGN_FILE,
-    Drafts,
-    NamedDesign,
-    add_genes,
-    fit_designs,
-    read_drafts,
-)
+from evoros.mission.member import Member
+from evoros.robot.model import Robot
+from evoros.session.design_tables import Drafts, NamedDesign, add_genes, fit_designs, read_drafts
+from evoros.storage.champion_files import CHAMPION, ROBOT
 from evoros.storage.discovery import folders_below
-from evoros.storage.layout import STATUS, command_of, read_json, resume_command
-from evoros.storage.run_folder import CHAMPION, ROBOT
+from evoros.storage.layout import DESIGN_FILE, STATUS, command_of, read_json, resume_command
 from evoros.storage.tables import GENE_COLUMNS
 from evoros.storage.verification import read_text, verify_folder
+from evoros.terminal.log import LOGGER
 
 
 def read_given(sources: Sequence[str], experiment: Experiment) -> list[NamedDesign]:
@@ -55,7 +48,7 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
             f"and there is none; correct the path"
         )
     if not path.is_dir():
-        drafts = _read_file(single_line(source), path, experiment.scenario)
+        drafts = _read_file(single_line(source), path, experiment.members)
         yield path, fit_designs(drafts, experiment)
         return
     folders = list(folders_below(path))
@@ -80,8 +73,8 @@ def _read_source(source: str, experiment: Experiment) -> Iterator[tuple[Path, li
         )
 
 
-def _read_file(source: str, path: Path, scenario: Scenario) -> Drafts:
-    drafts = read_drafts(path, source, scenario)
+def _read_file(source: str, path: Path, members: Sequence[Member]) -> Drafts:
+    drafts = read_drafts(path, source, members)
     genes = path.with_name("genes.csv")
     if path.name == "design.csv" and genes.is_file() and any(read_rows(genes, GENE_COLUMNS, ())):
         LOGGER.warning(
@@ -96,9 +89,9 @@ def _read_file(source: str, path: Path, scenario: Scenario) -> Drafts:
 def _read_champion(source: str, path: Path, experiment: Experiment) -> list[NamedDesign]:
     """The champion of a run, with its other genes."""
     _require_finished(path)
-    _compare_robots(path, experiment.scenario)
+    _compare_robots(path, experiment.robot)
     designs, genes = (path / CHAMPION / name for name in ("design.csv", "genes.csv"))
-    drafts = read_drafts(designs, source, experiment.scenario)
+    drafts = read_drafts(designs, source, experiment.members)
     add_genes(drafts, genes, source)
     champions = fit_designs(drafts, experiment)
     for champion in champions:
@@ -109,7 +102,7 @@ def _read_champion(source: str, path: Path, experiment: Experiment) -> list[Name
 def _require_configured(path: Path, champion: NamedDesign, experiment: Experiment) -> None:
     """Require the run's design of each other robot whose design its configuration determines."""
     for name, design in champion.design.agents.items():
-        if find_configured(experiment, name) not in (None, design):
+        if experiment.space.find_configured(name) not in (None, design):
             raise InputError(
                 f"agents.{name}.design: must be the design that this robot had in the run, because "
                 f"it leaves nothing to evolve, and {path} has another; repeat that of the run, or "
@@ -117,17 +110,17 @@ def _require_configured(path: Path, champion: NamedDesign, experiment: Experimen
             )
 
 
-def _compare_robots(path: Path, scenario: Scenario) -> None:
+def _compare_robots(path: Path, robot: Robot) -> None:
     """Warn if a run had another robot: an evaluation has a configuration of its own."""
     file = path / CHAMPION / ROBOT
     name = parse(read_text(file).encode(), str(file)).get("name") if file.is_file() else None
-    if name is not None and name != scenario.robot.name:
+    if name is not None and name != robot.name:
         LOGGER.warning(
             "%s: its design was evolved on the robot %s, and is scored on %s; to score it on its "
             "own robot, repeat robot=..., design=... and controller=... of the run",
             path,
             name,
-            scenario.robot.name,
+            robot.name,
         )
 
 

@@ -2,25 +2,25 @@
 
 import logging
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from evoros.base.arrays import Array
-from evoros.base.log import withhold_messages
 from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.config.own_design import plan_design
 from evoros.config.own_files import OwnFile
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.route_check import MAX_RATIO, check_routes, find_range_fault
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.footprint import bottom_height, find_bounds, project_shape, top_height
+from evoros.preflight.routes import MAX_RATIO, check_routes, find_range_fault
+from evoros.preflight.subject import list_subjects
 from evoros.robot.model import Robot
 from evoros.robot.own_sensors import OwnSensor, find_own_sensors
-from evoros.session.figures import draw_robot_picture, draw_world_picture
+from evoros.terminal.log import withhold_messages
 from evoros.world.model import World
 
 SAMPLES = 60
@@ -36,6 +36,8 @@ NEAR_RATIO = 1.0
 """The fit ratio above which obstacles are within the range of the avoidance at most places."""
 
 Rows = Sequence[tuple[str, str]]
+Places = Mapping[str, Array]
+"""Poses (n, 5) of sensors, by their region."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +52,12 @@ class Inspection:
     design: OwnFile | None = None  # with the sensors that a robot has already
 
 
-def inspect_robot(name: str, folder: Path, simulator: str) -> Inspection:
+def inspect_robot(
+    name: str, folder: Path, simulator: str, draw: Callable[[Robot, Places], bytes]
+) -> Inspection:
     """Describe the robot that ``robot=NAME`` chooses with ``--config-dir`` FOLDER.
 
-    The inspection has a design with the sensors that the robot has.
+    The inspection has a design with the sensors that the robot has. ``draw`` draws its picture.
 
     Raises:
         InputError: the configuration cannot be composed, or the robot cannot be used.
@@ -66,14 +70,22 @@ def inspect_robot(name: str, folder: Path, simulator: str) -> Inspection:
     rows = list(describe_robot(robot, places))
     if own.sensors:
         rows.append(("has", _describe_own(own.sensors)))
-    picture = draw_robot_picture(robot, places)
+    picture = draw(robot, places)
     messages = [*messages, *own.notes, *notes]
     chosen = [f"design={design.name if design is not None else 'around'}", simulator]
     return Inspection(f"robot {name}", rows, messages, picture, chosen, design)
 
 
-def inspect_world(name: str, folder: Path, robot: Sequence[str], simulator: str) -> Inspection:
+def inspect_world(
+    name: str,
+    folder: Path,
+    robot: Sequence[str],
+    simulator: str,
+    draw: Callable[[Mapping[str, World]], bytes],
+) -> Inspection:
     """Describe the world that ``world=NAME`` chooses, and choose a controller that fits it.
+
+    ``draw`` draws its picture.
 
     Raises:
         InputError: the configuration cannot be composed, or the world cannot be used.
@@ -83,9 +95,9 @@ def inspect_world(name: str, folder: Path, robot: Sequence[str], simulator: str)
     choices = [simulator, *_choose_controller(experiment, words, folder)]
     if len(choices) > 1:
         experiment, messages = _build([*words, *choices[1:]], folder)
-    messages += check_routes(experiment)
+    messages += check_routes(list_subjects(experiment)[0])
     rows = [row for world in experiment.world.values() for row in describe_world(world)]
-    picture = draw_world_picture(experiment.world)
+    picture = draw(experiment.world)
     return Inspection(f"world {name}", rows, messages, picture, choices)
 
 
@@ -133,7 +145,7 @@ def _build(overrides: Sequence[str], folder: Path | None) -> tuple[Experiment, l
 
 def _sample_places(experiment: Experiment) -> dict[str, Array]:
     """Return poses (n, 5) of sensors of random designs, by their region."""
-    space, rng = experiment.own_space, generator("inspection", "designs")
+    space, rng = experiment.members[0].space, generator("inspection", "designs")
     places: dict[str, list[Array]] = {}
     for _ in range(SAMPLES):
         genome = rng.random(space.size)
@@ -148,8 +160,8 @@ def _sample_places(experiment: Experiment) -> dict[str, Array]:
     return {region: np.array(poses) for region, poses in sorted(places.items())}
 
 
-def describe_robot(robot: Robot, places: Mapping[str, Array]) -> Rows:
-    """Return the table of a robot, whose sensors may sit at ``places`` (n, 5) by region."""
+def describe_robot(robot: Robot, places: Places) -> Rows:
+    """Return the table of a robot, whose sensors may sit at ``places``."""
     tree = read_tree(robot.urdf_elements(), robot.name)
     links = f"{len(robot.sensor_links)} of {len(tree.poses)} can carry sensors"
     length, width = np.ptp(robot.outline, axis=0)
@@ -182,7 +194,7 @@ def _describe_drive(robot: Robot) -> str:
     return "; ".join(parts)
 
 
-def _describe_places(places: Mapping[str, Array]) -> str:
+def _describe_places(places: Places) -> str:
     ranges = []
     for region, poses in places.items():
         (x0, y0, z0), (x1, y1, z1) = poses[:, :3].min(axis=0), poses[:, :3].max(axis=0)

@@ -4,38 +4,25 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
-from evoros.base.activity import listen
-from evoros.base.screen import Pipe, Screen, fit, open_screen
 from evoros.evolution.journal import Generation
 from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import Outcomes, judge
 from evoros.session.overview import survey
+from evoros.session.screen import Pipe, Screen, fit, open_screen
 from evoros.session.status import FINISHED, RUNNING
 from evoros.storage.discovery import folders_below
+from evoros.terminal.activity import listen
 
 
-class Progress:
-    """The display of one run or evaluation, a context manager.
+class _Shown:
+    """A context manager that shows a line on a screen, and what its thread is busy with."""
 
-    It is ``shown`` where this program runs: on the terminal, below the cell of a notebook, or in
-    a pipe, as a line every ten seconds. Work that ends at once shows nothing.
-    """
-
-    def __init__(self, shown: bool = True) -> None:
+    def __init__(self, screen: Screen | None) -> None:
         self._created = time.monotonic()
-        self.since: float | None = None  # when missions began; what comes first is no measure
-        self.missions, self.simulated, self.ended = 0, 0.0, False  # of this session
-        self.activity = ""
-        self.best: float | None = None
-        self._mean: float | None = None
-        self._generations = self._generation = 0
-        self._wanted = self._known = self._done = 0
-        self._totals: list[int] = []  # missions run by the end of each generation that ran any
-        self._screen = open_screen(self.line) if shown else None
-        self._stack = ExitStack()
+        self.activity, self.ended = "", False
+        self._screen, self._stack = screen, ExitStack()
 
     def __enter__(self) -> Self:
         self._stack.enter_context(listen(self._note_activity))
@@ -44,17 +31,30 @@ class Progress:
             self._stack.callback(self._screen.stop)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.ended = True
         self._stack.close()
 
     def _note_activity(self, activity: str) -> None:
         self.activity = activity
+
+
+class Progress(_Shown):
+    """The display of one run or evaluation, a context manager.
+
+    It is ``shown`` where this program runs: on the terminal, below the cell of a notebook, or in
+    a pipe, as a line every ten seconds. Work that ends at once shows nothing.
+    """
+
+    def __init__(self, shown: bool = True) -> None:
+        super().__init__(open_screen(self.line) if shown else None)
+        self.since: float | None = None  # when missions began; what comes first is no measure
+        self.missions, self.simulated = 0, 0.0  # of this session
+        self.best: float | None = None
+        self._mean: float | None = None
+        self._generations = self._generation = 0
+        self._wanted = self._known = self._done = 0
+        self._totals: list[int] = []  # missions run by the end of each generation that ran any
 
     def start(self, generations: int) -> None:
         """The run starts now, with so many generations."""
@@ -66,11 +66,11 @@ class Progress:
             self.since = time.monotonic()
         self._generation, self._wanted, self._known, self._done = generation, missions, known, 0
 
-    def mission(self, mission: Mission, outcome: Outcome) -> None:
+    def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """A mission was run."""
         self._done += 1
         self.missions += 1
-        self.simulated += outcome.time_s
+        self.simulated += judge(outcomes).time_s
 
     def generation(self, generation: Generation) -> None:
         """A generation is over."""
@@ -121,29 +121,12 @@ class Progress:
         return current + later * (self._generations - 1 - self._generation)
 
 
-class SweepProgress:
+class SweepProgress(_Shown):
     """The display of a sweep of ``jobs`` jobs: one line for all."""
 
     def __init__(self, jobs: int, shown: bool = True) -> None:
-        self._created = time.monotonic()
+        super().__init__(open_screen(self.line) if shown else None)
         self._jobs, self._begun, self._skipped = jobs, list[Progress](), 0
-        self._activity = ""  # of the thread that begins the jobs
-        self._screen = open_screen(self.line) if shown else None
-        self._stack = ExitStack()
-
-    def __enter__(self) -> Self:
-        self._stack.enter_context(listen(self._note_activity))
-        if self._screen:
-            self._screen.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._screen:
-            self._screen.stop()
-        self._stack.close()
-
-    def _note_activity(self, activity: str) -> None:
-        self._activity = activity
 
     def job(self) -> Progress:
         """The display of the next job."""
@@ -173,7 +156,7 @@ class SweepProgress:
         share = sum(job.share for job in begun)
         left = ((self._jobs - self._skipped) / share - 1) * elapsed if share else 0.0
         best = max((job.best for job in begun if job.best is not None), default=None)
-        activities = dict.fromkeys([self._activity, *(job.activity for job in running)])
+        activities = dict.fromkeys([self.activity, *(job.activity for job in running)])
         parts = [
             (0, f"{len(begun) - len(running) + self._skipped} of {self._jobs} done"),
             (4, f"{len(running)} running" if running else ""),
@@ -186,22 +169,15 @@ class SweepProgress:
         return fit(parts, width)
 
 
-class RecordedProgress:
+class RecordedProgress(_Shown):
     """The display of jobs in other processes, which may be on other machines: what they record.
 
     These write to this terminal as they like, so that lines are added below each other here.
     """
 
     def __init__(self, sweep: Path, jobs: int | None) -> None:
-        self._since, self._sweep, self._jobs = time.monotonic(), sweep, jobs
-        self._screen = Screen(self.line, Pipe())
-
-    def __enter__(self) -> Self:
-        self._screen.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._screen.stop()
+        super().__init__(Screen(self.line, Pipe()))
+        self._sweep, self._jobs = sweep, jobs
 
     def line(self, width: int) -> str:
         """The progress of all jobs in one line of at most ``width`` characters."""
@@ -214,7 +190,7 @@ class RecordedProgress:
             (2, f"{states.count(RUNNING)} running"),
             (1, "" if best is None else f"best {best:.3f}"),
             (3, f"missions {sum(each.missions for each in begun)}"),
-            (4, f"after {_clock(time.monotonic() - self._since)}"),
+            (4, f"after {_clock(_elapsed(self._created))}"),
         ]
         return fit(parts, width)
 

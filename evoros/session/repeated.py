@@ -3,16 +3,16 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from evoros.base.disk import require_no_links
 from evoros.base.errors import InputError
 from evoros.config.configuration import Configuration
 from evoros.config.recorded import find_difference, read_recorded
+from evoros.files.disk import require_no_links
 from evoros.session.design_tables import write_designs
-from evoros.session.evaluation import COMMAND, Evaluation, open_evaluation, read_sources
+from evoros.session.evaluation import Evaluation, open_evaluation, read_sources
 from evoros.session.evaluation_record import SCORES
 from evoros.session.figures import has_figure
 from evoros.session.overview import survey
-from evoros.session.resume import RUN
+from evoros.session.resume import EVALUATE, RUN
 from evoros.session.run import Session, open_run
 from evoros.session.status import FINISHED
 from evoros.storage.layout import CONFIG, command_of
@@ -45,7 +45,7 @@ def reopen_evaluation(
     Raises:
         InputError: the folder has another evaluation than that of the job, or it cannot be resumed.
     """
-    _require_same(folder, config, COMMAND)
+    _require_same(folder, config, EVALUATE)
     evaluation = open_evaluation(folder, overrides, config_dir)
     designs = read_sources(config.designs, evaluation.experiment)
     if write_designs(designs) != write_designs(evaluation.designs):

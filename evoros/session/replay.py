@@ -11,7 +11,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.evolution.measuring import read_score
 from evoros.failure.case import Case
 from evoros.mission.mission import Mission
-from evoros.mission.outcome import TRAJECTORY, Outcome
+from evoros.mission.outcome import Outcomes
 from evoros.mission.rollout import run_mission
 from evoros.session.run import rebuild_experiment
 from evoros.storage.reading import Run, load_run
@@ -25,13 +25,14 @@ def replay(
     world: str,
     trial: int,
     config_dir: str | Path | None = None,
-) -> tuple[Outcome, pd.DataFrame]:
+) -> tuple[Outcomes, pd.DataFrame]:
     """Run one recorded mission of a run again in this process. Its result is the same.
 
     ``generation``, ``design``, ``world`` and ``trial`` are those of its row in ``missions.csv``.
-    Returns its outcome and its trajectory, with the columns of ``champion/trajectory_WORLD.csv``.
-    This builds the run's experiment, so it runs the code that its configuration names;
-    ``config_dir`` is the folder of your own parts, as with ``compose`` when the run was started.
+    Returns the outcome of each robot, and the trajectory with the columns of
+    ``champion/trajectory_WORLD.csv``. This builds the run's experiment, so it runs the code that
+    its configuration names; ``config_dir`` is the folder of your own parts, as with ``compose``
+    when the run was started.
 
     Raises:
         InputError: no such run or mission, or the run was made by another version.
@@ -50,9 +51,8 @@ def replay(
     decoded = replay_designs(run, experiment)[design]
     mission = Mission(generation, design, decoded, world, trial, purpose, draws, _read_case(row))
     scenario = experiment.scenario_for(purpose)
-    outcome, trajectory = run_mission(scenario, mission)
-    columns = [*TRAJECTORY, *scenario.name_columns(decoded)]
-    return outcome, pd.DataFrame(trajectory, columns=columns)
+    outcomes, trajectory = run_mission(scenario, mission)
+    return outcomes, pd.DataFrame(trajectory, columns=scenario.name_columns(decoded))
 
 
 def replay_designs(run: Run, experiment: Experiment) -> dict[int, Design]:

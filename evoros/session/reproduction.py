@@ -6,31 +6,19 @@ from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
-from evoros.base.log import collect_messages
 from evoros.config.configuration import Configuration
 from evoros.config.recorded import find_difference, read_recorded
 from evoros.session.design_tables import read_recorded_designs
-from evoros.session.evaluation import (
-    COMMAND,
-    ORIGINALS,
-    open_evaluation,
-    record_evaluation,
-)
+from evoros.session.evaluation import open_evaluation, record_evaluation
 from evoros.session.overview import survey
-from evoros.session.resume import RUN, change_to_origin, rebuild
+from evoros.session.resume import EVALUATE, RUN, change_to_origin, rebuild
 from evoros.session.run import open_run, record_run
 from evoros.session.status import FINISHED
 from evoros.session.work import Work
 from evoros.storage.discovery import folders_below
-from evoros.storage.layout import (
-    CONFIG,
-    MANIFEST,
-    MISSIONS,
-    command_of,
-    read_json,
-    resume_command,
-)
+from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, command_of, read_json, resume_command
 from evoros.storage.verification import verify_folder
+from evoros.terminal.log import collect_messages
 
 EQUAL = "made with the same packages, commit, processor and operating system"
 
@@ -105,8 +93,8 @@ def build_reproduction(
             return open_evaluation(folder, overrides, config_dir)
         return open_run(folder, [*overrides, f"optimizer.generations={generations}"], config_dir)
     with collect_messages() as messages:
-        command, files = (RUN, ()) if runs else (COMMAND, ORIGINALS[1:])
-        built = rebuild(source, overrides, config_dir, command, files, warns=False)
+        command = RUN if runs else EVALUATE
+        built = rebuild(source, overrides, config_dir, command, warns=False)
         experiment, config = built.experiment, built.config
         designs = [] if runs else read_recorded_designs(source, experiment)
         with change_to_origin(read_json(source / MANIFEST)):  # where relative paths begin

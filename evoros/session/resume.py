@@ -6,22 +6,32 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from evoros.base.disk import require_no_links
 from evoros.base.errors import InputError
-from evoros.base.log import read_again
 from evoros.config.compose import NAMED_FOLDERS, add_config_dir
 from evoros.config.configuration import Configuration
 from evoros.config.recorded import override_recorded, read_recorded
 from evoros.config.targets import check_targets
 from evoros.evolution.experiment import Experiment
+from evoros.files.disk import require_no_links
 from evoros.storage.creation import require_whole
-from evoros.storage.layout import CONFIG, LOG, MANIFEST, OVERRIDES, command_of, resume_command
-from evoros.storage.manifest import check_unchanged, warn_of_versions
+from evoros.storage.layout import (
+    CONFIG,
+    LOG,
+    MANIFEST,
+    ORIGINALS,
+    OVERRIDES,
+    command_of,
+    resume_command,
+)
+from evoros.storage.manifest import check_unchanged, list_other_versions
 from evoros.storage.seals import unseal_json
 from evoros.storage.verification import read_original
+from evoros.terminal.log import LOGGER, read_again
 
-RUN = "evoros"
-"""The command that evolves; it alone may extend what it resumes."""
+RUN, EVALUATE = "evoros", "evoros-evaluate"
+"""The command that evolves, which alone may extend what it resumes, and the one that scores."""
+ORIGINALS_OF = {RUN: (CONFIG,), EVALUATE: ORIGINALS}
+"""The files from which everything else in the folder of a command follows."""
 
 
 class Rebuilt(NamedTuple):
@@ -39,14 +49,13 @@ def rebuild(
     overrides: Sequence[str],
     config_dir: str | Path | None,
     command: str = RUN,
-    files: Sequence[str] = (),
     *,
     warns: bool = True,
 ) -> Rebuilt:
     """Build the experiment of a folder again, with the overrides that resuming allows.
 
-    ``command`` must have made the folder, from the experiment and from further ``files`` in it.
-    ``warns`` tells whether other versions of packages are reported.
+    ``command`` must have made the folder. ``warns`` tells whether other versions of packages are
+    reported.
 
     Raises:
         InputError: the folder was not made by that command, another override, or something that
@@ -55,7 +64,7 @@ def rebuild(
     if config_dir is not None:
         add_config_dir(config_dir)
     manifest = _read_manifest(folder, command)
-    contents = {name: read_original(folder, name).decode() for name in (CONFIG, *files)}
+    contents = {name: read_original(folder, name).decode() for name in ORIGINALS_OF[command]}
     recorded = read_recorded(folder / CONFIG)
     config, generations = override_recorded(recorded, overrides, config_dir, command == RUN)
     check_targets(config.values, NAMED_FOLDERS, folder / CONFIG)
@@ -64,7 +73,11 @@ def rebuild(
     contents.pop(CONFIG)
     check_unchanged(folder, manifest, experiment, recorded.text, recorded.values, contents)
     if warns:
-        warn_of_versions(folder, manifest, experiment, recorded.values)
+        for name, before, now in list_other_versions(manifest, experiment, recorded.values):
+            LOGGER.warning(
+                "%s: made with %s %s, and this is %s; new missions may differ from those on disk",
+                *(folder, name, before, now),
+            )
     typed = manifest.get(OVERRIDES, ())
     config = replace(config, choices=manifest.get("choices", {}), overrides=typed)
     return Rebuilt(experiment, generations, config)

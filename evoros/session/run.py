@@ -7,21 +7,20 @@ from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER, collect_messages, log_progress
+from evoros.certificate.certificate import Certificate
 from evoros.config.configuration import Configuration
-from evoros.evolution.certificate import Certificate
-from evoros.evolution.drive_check import report_drive
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Ending, Generation
 from evoros.evolution.loop import evolve
-from evoros.evolution.preflight import preflight
-from evoros.evolution.repeatability import report_repeatability
 from evoros.executor.protocol import Executor, Pool
 from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import Outcomes
 from evoros.mission.plan import CONFIRMATION, EVALUATION, SELECTION
-from evoros.session.figures import check_figures, discard_figures, draw_figures
-from evoros.session.resume import rebuild
+from evoros.preflight.drive import report_drive
+from evoros.preflight.preflight import preflight
+from evoros.preflight.repeatability import report_repeatability
+from evoros.session.figures import Draw, discard_figures, draw_figures
+from evoros.session.resume import ORIGINALS_OF, RUN, rebuild
 from evoros.session.status import FINISHED, RUNNING, Display, Status, log_start
 from evoros.session.work import PoolOpener, open_pool
 from evoros.storage.creation import require_unused
@@ -29,6 +28,7 @@ from evoros.storage.figure_context import describe_experiment
 from evoros.storage.layout import CONFIG, STATUS
 from evoros.storage.manifest import manifest
 from evoros.storage.run_folder import RunFolder
+from evoros.terminal.log import LOGGER, collect_messages, log_progress
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Session:
         """Computes the missions."""
         return self.experiment.executor
 
-    def run(self, display: Display, opener: PoolOpener = open_pool) -> Ending:
+    def run(self, display: Display, draw: Draw, opener: PoolOpener = open_pool) -> Ending:
         """Run to the end and return how it ended.
 
         Raises:
@@ -56,7 +56,7 @@ class Session:
             discard_figures(record.path, figures)
         observer = _RunObserver(record, display, generations)
         with record, observer.status.track(self.messages):
-            record.mend(describe_experiment(self.experiment).text, [CONFIG])
+            record.mend(describe_experiment(self.experiment).text, ORIGINALS_OF[RUN])
             display.start(generations)
             with opener(self.executor) as pool:
                 log_start(record.path, f"{generations} generations", self.experiment, pool)
@@ -66,7 +66,7 @@ class Session:
                 observer.certificate = ending.certificate
                 record.complete()
                 observer.status.write(FINISHED)  # first: figures are drawn of finished runs
-                draw_figures(record.path, figures, pool)
+                draw_figures(record.path, figures, pool, draw)
         return ending
 
     def _report_repeatability(self, pool: Pool) -> None:
@@ -77,7 +77,7 @@ class Session:
         individual = experiment.start_search().ask()[0]
         design = experiment.space.decode(individual.genome)
         scenarios = {SELECTION: experiment.scenario}
-        if experiment.confirming.controller is not experiment.controller:
+        if experiment.confirmation is not None and experiment.confirmation.controller is not None:
             scenarios[CONFIRMATION] = experiment.confirming
         for purpose, scenario in scenarios.items():
             first = experiment.plan.missions(purpose, 0, individual.id, design)[0]
@@ -102,9 +102,9 @@ class _RunObserver:
         """Show the missions that are needed."""
         self.display.begin(generation, missions, known)
 
-    def mission(self, mission: Mission, outcome: Outcome) -> None:
+    def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Count and show a mission."""
-        self.status.mission(mission, outcome)
+        self.status.mission(mission, outcomes)
 
     def generation(self, generation: Generation) -> None:
         """Write, log and show a generation."""
@@ -131,16 +131,6 @@ class _RunObserver:
             "missions": len(self.record.rows),
         }
         return fields if certificate is None else {**fields, **certificate.summary}
-
-
-def check_experiment(experiment: Experiment) -> None:
-    """Refuse bad input before a run or an evaluation writes anything.
-
-    Raises:
-        InputError: the experiment would stop in its middle, or its figures cannot be drawn.
-    """
-    check_figures(experiment.figures)
-    preflight(experiment)
 
 
 def create_run(config: Configuration, folder: Path) -> Session:
@@ -177,7 +167,7 @@ def record_run(
     Raises:
         InputError: something cannot be used; the folder is unchanged.
     """
-    check_experiment(experiment)
+    preflight(experiment)
     content = manifest(experiment, config.text, config.values, config.choices)
     record = RunFolder.create(folder, config.text, content, describe_experiment(experiment))
     return Session(experiment, record, generations or experiment.optimizer.generations, messages)
@@ -226,7 +216,7 @@ def open_run(
     """
     with collect_messages() as messages:
         experiment, wanted, _ = rebuild(folder, overrides, config_dir)
-        check_experiment(experiment)
+        preflight(experiment)
         record = RunFolder(folder)
         known = _count_generations(record, experiment)
     if wanted is not None and wanted < known:

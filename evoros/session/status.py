@@ -9,15 +9,15 @@ from logging import LogRecord
 from pathlib import Path
 from typing import Any, Protocol
 
-from evoros.base.log import LOGGER, log_to_file
 from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation, Observer
 from evoros.executor.protocol import Pool
 from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import Outcomes, judge
 from evoros.mission.plan import describe
 from evoros.storage.layout import LOG
 from evoros.storage.mission_log import MissionLog
+from evoros.terminal.log import LOGGER, log_to_file
 
 RUNNING, FINISHED, STOPPED = "running", "finished", "stopped"
 UPDATE_S = 5.0
@@ -41,7 +41,7 @@ class NoDisplay:
     def begin(self, generation: int, missions: int, known: int) -> None:
         """Ignore the missions that are needed."""
 
-    def mission(self, mission: Mission, outcome: Outcome) -> None:
+    def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Ignore a mission."""
 
     def generation(self, generation: Generation) -> None:
@@ -64,13 +64,14 @@ class Status:
     written: float = 0.0  # of time.monotonic
     finished: bool = False  # final: an error while figures are drawn does not change it
 
-    def mission(self, mission: Mission, outcome: Outcome) -> None:
+    def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Count and show a mission that is on disk; log why it failed, if it did."""
         self.missions += 1
+        outcome = judge(outcomes)
         self.simulated_s += outcome.time_s
         if outcome.reason:
             LOGGER.warning("%s: %s: %s", describe(mission), outcome.ended, outcome.reason)
-        self.display.mission(mission, outcome)
+        self.display.mission(mission, outcomes)
         if time.monotonic() - self.written > UPDATE_S:
             self.write(RUNNING)
 

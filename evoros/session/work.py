@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import Protocol, TypeAlias
 
-from evoros.base.activity import announce
 from evoros.executor.protocol import Executor, Pool
+from evoros.session.figures import Draw
 from evoros.session.status import Display
+from evoros.terminal.activity import announce
 
 PoolOpener: TypeAlias = Callable[[Executor], AbstractContextManager[Pool]]
 """Opens the pool in which the missions of an executor run; a sweep shares one among its jobs."""
@@ -29,8 +30,8 @@ class Work(Protocol):
         """Computes the missions."""
         ...
 
-    def run(self, display: Display, opener: PoolOpener = open_pool) -> object:
-        """Run to the end.
+    def run(self, display: Display, draw: Draw, opener: PoolOpener = open_pool) -> object:
+        """Run to the end; ``draw`` draws figures.
 
         Raises:
             RunStopped: a mission was lost; the work can be resumed.

@@ -5,25 +5,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
-from evoros.base.activity import announce
 from evoros.base.rng import generator
-from evoros.evolution.case_search import CaseSearch
-from evoros.evolution.case_trials import CaseTrials
-from evoros.evolution.dispatch import Dispatcher
+from evoros.certificate.validation import bound_rate
+from evoros.dispatch.dispatcher import Dispatcher
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.validation import bound_rate
-from evoros.evolution.worst_cases import WorstCases
 from evoros.failure.case import MODEL
 from evoros.failure.given import GivenFailure
-from evoros.failure.none import NoFailure
 from evoros.mission.mission import Mission
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import Outcome, judge
 from evoros.mission.scenario import Scenario
 from evoros.session.design_tables import NamedDesign
 from evoros.session.evaluation_record import EvaluationRecord
 from evoros.session.status import Display, Status
 from evoros.storage.layout import WORST_CASES
 from evoros.storage.tables import to_csv
+from evoros.terminal.activity import announce
+from evoros.worst_cases.case_search import CaseSearch
+from evoros.worst_cases.case_trials import CaseTrials
+from evoros.worst_cases.worst_cases import WorstCases
 
 COLUMNS = (
     *("source", "design", "number", "case", "failed", "stage", "world", "trials", "completed"),
@@ -65,12 +64,8 @@ class WorstCaseRun:
         self.record.write_once(WORST_CASES, to_csv(rows))
 
     def _make_scenario(self) -> Scenario:
-        """Return the scenario of stated cases; the sensors of other robots do not fail."""
-        scenario = self.experiment.scenario
-        agents = {
-            name: replace(agent, failure=NoFailure()) for name, agent in scenario.agents.items()
-        }
-        return replace(scenario, failure=GivenFailure(effect=self.settings.effect), agents=agents)
+        """Return the scenario of stated cases; other sensors than those of a case do not fail."""
+        return replace(self.experiment.scenario, failure=GivenFailure(effect=self.settings.effect))
 
     def _start(self, scenario: Scenario, number: int, design: NamedDesign) -> CaseSearch:
         plan = self.experiment.plan
@@ -99,7 +94,7 @@ class WorstCaseRun:
     def _sort_by_world(self, missions: Sequence[Mission]) -> Mapping[str, list[Outcome]]:
         found: dict[str, list[Outcome]] = {}
         for mission in missions:
-            found.setdefault(mission.world, []).append(self.record.find_stated(mission))
+            found.setdefault(mission.world, []).append(judge(self.record.find_stated(mission)))
         return found
 
     def _describe_model(self, number: int, design: NamedDesign) -> list[list[object]]:

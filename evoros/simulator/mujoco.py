@@ -12,12 +12,10 @@ from typing import Annotated, Any
 
 from evoros.base.checks import LEAST_STEP_S, NOT_NEGATIVE, POSITIVE, checked, number_between
 from evoros.base.errors import InputError
-from evoros.robot.model import Robot
 from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
 from evoros.simulator.engines.mujoco_model import Models, Settings, count_movable
 from evoros.simulator.engines.mujoco_simulation import MujocoSimulation
-from evoros.simulator.engines.mujoco_team import MujocoTeam
-from evoros.simulator.engines.teams import check_team
+from evoros.simulator.engines.teams import MAX_ROBOTS, check_number
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
@@ -44,6 +42,7 @@ class Mujoco:
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     packages = ("mujoco-core",)
     measures = (RANGE, *SIGNAL_SIZES)
+    max_robots = MAX_ROBOTS
 
     def __post_init__(self) -> None:
         if find_spec("mujoco") is None:
@@ -64,32 +63,18 @@ class Mujoco:
             )
 
     @contextmanager
-    def open(self, robot: Robot, world: World) -> Iterator[MujocoSimulation]:
-        """Place the robot at the world's home.
-
-        Raises:
-            InputError: MuJoCo is not installed.
-            SimulationError: MuJoCo refuses the robot or the world.
-        """
-        settings, warnings = self._settings(), _begin_warnings()
-        model = _models().prepare([PlacedRobot(robot, world.course.home)], world, settings)
-        yield MujocoSimulation(model, robot, settings, warnings)
-
-    @contextmanager
-    def open_team(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[MujocoTeam]:
-        """Place each robot at its own home.
+    def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[MujocoSimulation]:
+        """Place each robot at its home.
 
         Raises:
             InputError: MuJoCo is not installed.
             SimulationError: MuJoCo refuses a robot or the world, or there are too many robots.
         """
-        check_team(robots)
-        settings, warnings = self._settings(), _begin_warnings()
+        check_number(robots)
+        settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
+        warnings = _begin_warnings()
         model = _models().prepare(robots, world, settings)
-        yield MujocoTeam(model, [robot for robot, _ in robots], settings, warnings)
-
-    def _settings(self) -> Settings:
-        return Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
+        yield MujocoSimulation(model, [robot for robot, _ in robots], settings, warnings)
 
 
 def _begin_warnings() -> list[str]:

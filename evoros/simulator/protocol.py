@@ -1,9 +1,9 @@
-"""The protocols of simulators: each opens simulations of one robot in one world."""
+"""The protocols of simulators: each opens simulations of robots in a world."""
 
 from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 from evoros.base.arrays import Array
 from evoros.base.checks import instance_of
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from evoros.robot.model import Robot
     from evoros.world.model import World
 
+Opened = TypeVar("Opened", bound="Simulation")
+
 
 class PlacedRobot(NamedTuple):
     """A robot, and where it starts: x, y, z [m] and yaw [rad] of its base frame."""
@@ -23,9 +25,9 @@ class PlacedRobot(NamedTuple):
 
 
 class Simulation(Protocol):
-    """One robot in one world, or several. Of all that a mission uses, this alone is mutable.
+    """Robots in a world. Of all that a mission uses, this alone is mutable.
 
-    The arrays of several robots have the parts of each one after another, in their order.
+    Its arrays have the parts of the robots one after another, in their order.
     """
 
     def observe(self, state: Array) -> None:
@@ -33,7 +35,7 @@ class Simulation(Protocol):
         ...
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals`` (n,), in the parts of ``Robot.signal_layout``.
+        """Fill ``signals`` (n,), those of a robot in the parts of ``Robot.signal_layout``.
 
         First comes the true range [m] of each beam, within the sensor's limits.
         ``engines.rays.sensor_beams`` lists the beams: one for each channel of a range sensor. A
@@ -65,11 +67,15 @@ class Simulator(Protocol):
         """
         ...
 
-    def open(self, robot: "Robot", world: "World") -> AbstractContextManager[Simulation]:
-        """Place the robot at the world's home and the bodies where the world puts them.
+    def open(
+        self, robots: Sequence[PlacedRobot], world: "World"
+    ) -> AbstractContextManager[Simulation]:
+        """Place the robots, and the bodies where the world puts them.
+
+        There is one robot, unless the simulator is a ``TeamSimulator``.
 
         Raises:
-            SimulationError: the engine cannot simulate this robot or world.
+            SimulationError: the engine cannot simulate these robots or this world.
         """
         ...
 
@@ -118,17 +124,26 @@ def doubt_drive(simulator: Simulator, drive: "Drive") -> str:
 
 @runtime_checkable
 class TeamSimulator(Protocol):
-    """A simulator of robots that sense and touch one another; others need no ``open_team``."""
+    """A simulator of robots that sense and touch one another; others simulate one robot."""
 
-    def open_team(
-        self, robots: Sequence[PlacedRobot], world: "World"
-    ) -> AbstractContextManager[Simulation]:
-        """Place each robot at its own home, and the bodies where the world puts them.
-
-        Raises:
-            SimulationError: the engine cannot simulate these robots or this world.
-        """
+    @property
+    def max_robots(self) -> int:
+        """How many robots can share a world."""
         ...
+
+
+def count_possible(simulator: Simulator) -> int:
+    """Return how many robots a simulator can simulate together."""
+    return simulator.max_robots if isinstance(simulator, TeamSimulator) else 1
+
+
+def open_alone(
+    opener: "Callable[[Sequence[PlacedRobot], World], AbstractContextManager[Opened]]",
+    robot: "Robot",
+    world: "World",
+) -> AbstractContextManager[Opened]:
+    """Open a simulation of one robot at the home of a world; ``opener`` is a simulator's method."""
+    return opener([PlacedRobot(robot, world.course.home)], world)
 
 
 A_SIMULATOR = instance_of(Simulator, "a simulator (time_step, packages and open)")

@@ -10,14 +10,12 @@ The set-up is the cheapest faithful one (``benchmarks/fidelity/engine.py`` measu
 - Rays are computed once, in the frame of the chassis, and the engine moves them along.
 """
 
-import ctypes
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.util import find_spec
-from typing import Annotated, Any
+from typing import Annotated
 
 from evoros.base.checks import (
     COUNT,
@@ -27,15 +25,13 @@ from evoros.base.checks import (
     checked,
     number_between,
 )
-from evoros.base.errors import InputError
 from evoros.drive.protocol import Drive
 from evoros.drive.wheels import skids
-from evoros.robot.model import Robot
 from evoros.sensor.protocol import RANGE, SIGNAL_SIZES
+from evoros.simulator.engines.pybullet_library import import_pybullet, not_installed
 from evoros.simulator.engines.pybullet_model import Engine, Model, Settings
 from evoros.simulator.engines.pybullet_simulation import PyBulletSimulation
-from evoros.simulator.engines.pybullet_team import PyBulletTeam
-from evoros.simulator.engines.teams import check_team
+from evoros.simulator.engines.teams import MAX_ROBOTS, check_number
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
@@ -61,10 +57,11 @@ class PyBullet:
     steering_lag_s: Annotated[float, NOT_NEGATIVE] = 0.05  # time constant of the servos
     packages = ("pybullet",)
     measures = (RANGE, *SIGNAL_SIZES)
+    max_robots = MAX_ROBOTS
 
     def __post_init__(self) -> None:
         if find_spec("pybullet") is None:
-            raise _not_installed()
+            raise not_installed()
 
     def doubt_drive(self, drive: Drive) -> str:
         """Return why no step is right for skid-steer (``docs/fidelity.md``)."""
@@ -76,36 +73,19 @@ class PyBullet:
         )
 
     @contextmanager
-    def open(self, robot: Robot, world: World) -> Iterator[PyBulletSimulation]:
-        """Place the robot at the world's home.
-
-        Raises:
-            InputError: PyBullet is not installed.
-            SimulationError: PyBullet refuses the robot or the world.
-        """
-        settings = self._settings()
-        with _prepare([PlacedRobot(robot, world.course.home)], world, settings) as prepared:
-            engine, model = prepared
-            yield PyBulletSimulation(engine.bullet, engine.client, model, robot, settings)
-
-    @contextmanager
-    def open_team(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[PyBulletTeam]:
-        """Place each robot at its own home.
+    def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[PyBulletSimulation]:
+        """Place each robot at its home.
 
         Raises:
             InputError: PyBullet is not installed.
             SimulationError: PyBullet refuses a robot or the world, or there are too many robots.
         """
-        check_team(robots)
-        settings = self._settings()
-        with _prepare(robots, world, settings) as (engine, model):
-            members = [robot for robot, _ in robots]
-            yield PyBulletTeam(engine.bullet, engine.client, model, members, settings)
-
-    def _settings(self) -> Settings:
-        return Settings(
+        check_number(robots)
+        settings = Settings(
             self.time_step, self.solver_iterations, self.wheel_friction, self.steering_lag_s
         )
+        with _prepare(robots, world, settings) as (engine, model):
+            yield PyBulletSimulation(engine, model, [robot for robot, _ in robots], settings)
 
 
 @contextmanager
@@ -146,45 +126,3 @@ def close_engines() -> None:
     """Disconnect the idle engines of this process; the next mission makes a new one."""
     while _idle():
         _idle().pop().close()
-
-
-@cache
-def import_pybullet() -> Any:
-    """Import the pybullet module, without the line that it prints then.
-
-    Raises:
-        InputError: PyBullet is not installed.
-    """
-    try:
-        with quiet():
-            import pybullet
-    except ImportError as error:
-        raise _not_installed() from error
-    return pybullet
-
-
-def _not_installed() -> InputError:
-    return InputError(
-        "simulator=pybullet: PyBullet is not installed, and it publishes wheels only up to Python "
-        "3.11; use simulator=physics, install evoros with Python 3.11, or build PyBullet with `pip "
-        "install pybullet` and a C++ compiler"
-    )
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Keep all output from the terminal, including that of C code."""
-    libc = ctypes.CDLL(None)
-    libc.fflush(None)
-    saved = [(os.dup(number), number) for number in (1, 2)]
-    null = os.open(os.devnull, os.O_WRONLY)
-    try:
-        for _, number in saved:
-            os.dup2(null, number)
-        yield
-    finally:
-        libc.fflush(None)
-        for copy, number in saved:
-            os.dup2(copy, number)
-            os.close(copy)
-        os.close(null)

@@ -10,8 +10,8 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Any
 
-from evoros.base.origin import read_origin
-from evoros.base.resources import PACKAGE
+from evoros.files.origin import read_origin
+from evoros.files.resources import PACKAGE
 
 OWN = "evoros"
 

@@ -6,8 +6,8 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from evoros.base.disk import make_folder, sync, write_atomically
 from evoros.base.errors import InputError
+from evoros.files.disk import make_folder, sync, write_atomically
 from evoros.storage.digests import describe_file, describe_growing, write_entries
 from evoros.storage.layout import CONFIG, DIGESTS, LOG, MANIFEST, MISSIONS, resume_command
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from evoros.base.disk import sync, write_atomically
-from evoros.base.log import LOGGER
+from evoros.files.disk import sync, write_atomically
 from evoros.storage.layout import DIGESTS
 from evoros.storage.seals import DIGEST, is_sealed, seal_rows, split_lines
 from evoros.storage.tables import to_csv
+from evoros.terminal.log import LOGGER
 
 HEADER = ("file", "sha256", "lines", DIGEST)
 MOST_LINES = 10_000

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from evoros.base.disk import explain_rights
-from evoros.base.log import LOGGER
+from evoros.files.disk import explain_rights
+from evoros.terminal.log import LOGGER
 
 MARKS = ("config.yaml", "manifest.json", "missions.csv")
 """A folder with one of these files is the folder of a run or an evaluation, maybe a damaged one."""

@@ -1,22 +1,26 @@
 """Describes a failure model for tables: whether its failures are drawn, and where none is due."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evoros.failure.protocol import Fault, SystematicFailure
+from evoros.base.rng import generator
+from evoros.failure.protocol import Failure, Fault, SystematicFailure
+from evoros.filter.protocol import Channels, Filter
 from evoros.mission.pipeline import describe_sensors
-from evoros.storage.fault_effects import describe_effects
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from evoros.evolution.experiment import Experiment
+    from evoros.mission.member import Member
 
 MOST_CASES = 10_000
 """Cases of a systematic failure that are looked at."""
+_DRAWS, _CASES = 20, 50
+"""Of faults, in which their filters are looked for."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +45,14 @@ class _NoGenerator:
         raise _Drawn
 
 
-def describe_failure(experiment: "Experiment") -> FailureContext:
-    """Describe the failure model of an experiment, by a design in the middle of its space."""
-    space = experiment.own_space
-    middle = space.decode(np.full(space.size, 0.5))
-    robot = experiment.members[""].scenario.with_design(middle).robot
+def describe_failure(experiment: "Experiment", member: "Member") -> FailureContext:
+    """Describe the failure model of an experiment, by a robot in the middle of its space."""
+    middle = member.space.decode(np.full(member.space.size, 0.5))
+    robot = member.with_design(middle).robot
     channels = describe_sensors(robot)
     failure = experiment.failure
-    effects = describe_effects(failure, robot, channels)
+    filters = sorted(_list_filters(failure, channels), key=lambda item: item.name)
+    effects = {item.name.lower(): item.effect for item in filters}
     if isinstance(failure, SystematicFailure):
         known = min(failure.count_cases(channels.size), experiment.trials, MOST_CASES)
         trials = range(known)
@@ -59,6 +63,27 @@ def describe_failure(experiment: "Experiment") -> FailureContext:
     except _Drawn:
         return FailureContext(effects=effects)
     return FailureContext(drawn=False, always_intact=not _is_hit(faults), effects=effects)
+
+
+def _list_filters(failure: Failure, channels: Channels) -> Iterator[Filter]:
+    """Yield the filters that a failure model states, and those of some faults that it draws."""
+    stated = getattr(failure, "effect", None)
+    if isinstance(stated, Filter):
+        yield stated
+    parts = getattr(failure, "failures", {})
+    if isinstance(parts, Mapping):
+        for part in parts.values():
+            yield from _list_filters(part, channels)
+    yield from (fault.filter for fault in _draw_some(failure, channels))
+
+
+def _draw_some(failure: Failure, channels: Channels) -> Iterable[Fault]:
+    if isinstance(failure, SystematicFailure):
+        for trial in range(min(failure.count_cases(channels.size), _CASES)):
+            yield from failure.draw_case(channels, trial)
+        return
+    for number in range(_DRAWS):
+        yield from failure.draw(channels, generator("effects of faults", f"failure {number}"))
 
 
 def _is_hit(faults: "Sequence[Fault]") -> bool:

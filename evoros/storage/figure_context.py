@@ -6,7 +6,7 @@ the run was made.
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -27,6 +27,7 @@ from evoros.world.course import Course
 
 if TYPE_CHECKING:
     from evoros.evolution.experiment import Experiment
+    from evoros.mission.member import Member
 
 
 @dataclass(frozen=True)
@@ -182,31 +183,34 @@ def _numbers(raw: Any, count: int) -> tuple[Any, ...]:
 
 def describe_experiment(experiment: "Experiment") -> FigureContext:
     """Describe an experiment for figures."""
-    robot, space = experiment.robot, experiment.own_space
-    genes = {name: gene.key for name, gene in space.genes.items()}
-    agents = {name: describe_experiment(experiment.members[name]) for name in experiment.agents}
-    for name, agent in experiment.agents.items():
-        if agent.design is None:  # the first robot's evolves for both
-            agents[name] = replace(agents[name], genes=genes)
-    sensors = experiment.design.sensors
+    # The champion's missions are those of the confirming robots.
+    members = zip(experiment.members, experiment.confirming.members, strict=True)
+    contexts = [_describe(experiment, member, each.controller.modes) for member, each in members]
+    agents = dict(zip(experiment.agents, contexts[1:], strict=True))
+    return replace(contexts[0], fitness=experiment.scoring.name, agents=agents)
+
+
+def _describe(experiment: "Experiment", member: "Member", modes: Sequence[str]) -> FigureContext:
+    """Describe a robot as if it were alone."""
+    robot, space, sensors = member.robot, member.space, member.design.sensors
+    genes = experiment.space.spaces[member.designed].genes
     return FigureContext(
         robot=robot.name,
         parts=tuple(_parts(robot)),
         places=dict(robot.sensor_links),
         beams={name: _beam(each) for name, each in sensors.items() if sees(each)},
         regions={name: region.area() for name, region in space.regions.items()},
-        mirrored=experiment.design.mirrored,
+        mirrored=member.design.mirrored,
         rings=tuple(_rings(experiment.failure)),
-        modes=tuple(experiment.confirming.controller.modes),  # those of the champion's missions
-        courses={name: world.course for name, world in experiment.world.items()},
+        modes=tuple(modes),
+        courses={name: member.place(world.course) for name, world in experiment.world.items()},
         drive=describe_drive(robot.drive),
         signals={name: _signal(each) for name, each in sensors.items() if not sees(each)},
         types=tuple(sensors),
         fixed=tuple(space.fixed),
-        failure=describe_failure(experiment),
-        fitness=name_fitness(experiment.scoring),
-        genes=genes,
-        agents=agents,
+        failure=describe_failure(experiment, member),
+        fitness=name_fitness(experiment.fitness),
+        genes={name: gene.key for name, gene in genes.items()},
     )
 
 

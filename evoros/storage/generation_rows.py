@@ -4,10 +4,10 @@ from array import array
 from collections.abc import Callable, Sequence
 
 from evoros.mission.mission import MissionKey
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import Outcomes
 
-Recorded = tuple[MissionKey, str, Outcome]
-"""The key of a mission, its conditions, and its outcome."""
+Recorded = tuple[MissionKey, str, Outcomes]
+"""The key of a mission, its conditions, and its outcomes."""
 
 ReadRow = Callable[[int], Recorded]
 """Reads the row at a place in the table of missions."""
@@ -24,17 +24,17 @@ class GenerationRows:
         self.worlds: set[str] = set()  # that the missions are in
         self._places: dict[int, array[int]] = {}  # in the table, by the generation
         self._generation = -1  # in use
-        self._outcomes: dict[MissionKey, tuple[str, Outcome]] = {}  # of it
+        self._outcomes: dict[MissionKey, tuple[str, Outcomes]] = {}  # of it
 
     def __len__(self) -> int:
         return sum(map(len, self._places.values()))
 
-    def find(self, key: MissionKey) -> tuple[str, Outcome] | None:
-        """Return the conditions and the outcome of a mission; None if it has no row."""
+    def find(self, key: MissionKey) -> tuple[str, Outcomes] | None:
+        """Return the conditions and the outcomes of a mission; None if it has no row."""
         generation = key[0]
         if generation != self._generation:
             rows = map(self._read_row, self._places.get(generation, ()))
-            self._outcomes = {key: (draws, outcome) for key, draws, outcome in rows}
+            self._outcomes = {key: (draws, outcomes) for key, draws, outcomes in rows}
             self._generation = generation
         return self._outcomes.get(key)
 
@@ -45,7 +45,7 @@ class GenerationRows:
 
     def add(self, rows: Sequence[Recorded], places: Sequence[int]) -> None:
         """Add rows that have been written."""
-        for (key, draws, outcome), place in zip(rows, places, strict=True):
+        for (key, draws, outcomes), place in zip(rows, places, strict=True):
             self.note(key, place)
             if key[0] == self._generation:
-                self._outcomes[key] = (draws, outcome)
+                self._outcomes[key] = (draws, outcomes)

@@ -8,6 +8,10 @@ from evoros.storage.seals import unseal_json
 
 FORMAT_VERSION = 1
 CONFIG, MANIFEST, STATUS, MISSIONS = "config.yaml", "manifest.json", "status.json", "missions.csv"
+DESIGN_FILE, GENE_FILE = "designs_in.csv", "genes_in.csv"
+"""The designs of an evaluation in its folder, complete and independent of their sources."""
+ORIGINALS = (CONFIG, DESIGN_FILE, GENE_FILE)
+"""Files from which, with the manifest, everything else follows; an evaluation has all three."""
 ROBOT_AS_LOADED = "robot_as_loaded.urdf"
 """A champion as engines load it, if that is not its ``robot.urdf``."""
 SELF_SIGHT = "self_sight.csv"

@@ -3,13 +3,12 @@
 import hashlib
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER
 from evoros.controller.protocol import LiveController, VersionedController
 from evoros.evolution.experiment import Experiment
 from evoros.optimizer.protocol import PackagedOptimizer
@@ -83,8 +82,8 @@ def _live_controllers(experiment: Experiment) -> list[LiveController]:
     """List the live controllers of an experiment."""
     return [
         controller
-        for member in experiment.members.values()
-        for controller in (member.controller, member.confirming.controller)
+        for pair in zip(experiment.members, experiment.confirming.members, strict=True)
+        for controller in (member.controller for member in pair)
         if isinstance(controller, LiveController)
     ]
 
@@ -156,10 +155,10 @@ def mission_packages(experiment: Experiment) -> list[str]:
     return list(dict.fromkeys((*COMPUTING, *named)))
 
 
-def warn_of_versions(
-    folder: Path, recorded: Mapping[str, Any], experiment: Experiment, values: Mapping[str, Any]
-) -> None:
-    """Report packages whose versions are others than those of the manifest ``recorded``.
+def list_other_versions(
+    recorded: Mapping[str, Any], experiment: Experiment, values: Mapping[str, Any]
+) -> Iterator[tuple[str, str, str]]:
+    """Yield the packages of other versions than in the manifest ``recorded``, before and now.
 
     They stop nothing, because the replay of the run shows whether they make a difference.
     """
@@ -167,13 +166,7 @@ def warn_of_versions(
     for name in dict.fromkeys(map(normalize, (*mission_packages(experiment), *imported))):
         before, now = recorded.get("packages", {}).get(name), find_version(name)
         if before != now:
-            LOGGER.warning(
-                "%s: made with %s %s, and this is %s; new missions may differ from those on disk",
-                folder,
-                name,
-                before or "(not installed)",
-                now or "not installed",
-            )
+            yield name, before or "(not installed)", now or "not installed"
 
 
 def _modules(values: Any) -> set[str]:

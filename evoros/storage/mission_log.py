@@ -4,21 +4,20 @@ Every finished mission is on disk before its outcome is used, and no content is 
 with other content; so a run that was killed goes on with the first mission that is missing.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain, count
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
-from evoros.base.disk import make_folder, require_no_links, write_atomically
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER
+from evoros.files.disk import make_folder, require_no_links, write_atomically
 from evoros.mission.mission import Mission
 from evoros.storage.digests import DigestLog, Entry, describe_file, describe_growing, find_line
 from evoros.storage.layout import DAMAGED, LOST, MISSIONS, SETTING, STATUS, read_json
 from evoros.storage.mission_table import MissionTable
 from evoros.storage.seals import seal_json
+from evoros.terminal.log import LOGGER
 
-Row = TypeVar("Row")
 LOST_TOO = ", repeated, or without the trajectory that belongs to it"
 
 
@@ -44,24 +43,6 @@ class MissionLog:
     def close(self) -> None:
         """Release the folder to other processes."""
         self.table.close()
-
-    def read_missions(self, parse: Callable[[Mapping[str, str]], Row]) -> Iterator[Row]:
-        """Yield all rows of missions that are whole; read to the end before appending any.
-
-        ``parse`` raises KeyError or ValueError if a row is of another table.
-
-        Raises:
-            InputError: the table is of another version.
-        """
-        yield from self.table.read(parse)
-        header, entry = self.table.damage.get(1), self.digests.get(MISSIONS)
-        if header is None or entry is None:
-            return
-        written = (
-            self.table.hash() == entry.sha256 if entry.sha256 else not find_line(header, entry)
-        )
-        if written:
-            raise self.table.refuse_header()
 
     def mend(self, setting: str, originals: Sequence[str]) -> None:
         """Remove damaged rows of missions, which run again, and write a lost ``setting`` anew.
@@ -150,10 +131,27 @@ class MissionLog:
         elif found is None or (self.digests.get(name) == entry):
             self.write(name, written)
         else:
-            raise InputError(
-                f"{path}: replaying the run gives another table than the recorded one: the run was "
-                f"made by another version or has been edited; start a new run"
+            raise self.refuse(name, "replaying the run gives another table than the recorded one")
+
+    def require_conditions(self, mission: Mission, recorded: str) -> None:
+        """Require that a mission was recorded under the draws and the case that it has now.
+
+        Raises:
+            InputError: it was not.
+        """
+        if recorded != mission.conditions:
+            raise self.refuse(
+                MISSIONS,
+                f"the mission {mission.key} was recorded under the draws {recorded}, not "
+                f"{mission.conditions}",
             )
+
+    def refuse(self, name: str, problem: str) -> InputError:
+        """Return the error for a file that is not as this evoros would write it."""
+        return InputError(
+            f"{self.path / name}: {problem}: the folder was made by another version or has been "
+            f"edited; start a new one"
+        )
 
     def keep_log(self, mission: Mission, log: str) -> None:
         """Write what the controller of a lost mission printed, for its user to read."""

@@ -12,13 +12,13 @@ from typing import BinaryIO, TypeVar
 
 import numpy as np
 
-from evoros.base.disk import GIVE_RIGHTS, create_draft, sync, write_atomically
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER
+from evoros.files.disk import GIVE_RIGHTS, create_draft, sync, write_atomically
 from evoros.storage.creation import require_whole
-from evoros.storage.layout import FORMAT_VERSION, LOG, MISSIONS
+from evoros.storage.layout import LOG, MISSIONS
 from evoros.storage.seals import DIGEST, is_sealed, seal_rows, split_lines
 from evoros.storage.tables import to_csv
+from evoros.terminal.log import LOGGER
 
 Row = TypeVar("Row")
 
@@ -74,24 +74,21 @@ class MissionTable:
         a row is of another table.
 
         Raises:
-            InputError: the table is of another version.
+            InputError: a row is of another version.
         """
         self._file.seek(0)
-        header, found, end = self._file.readline(), 0, 0
+        header, end = self._file.readline(), 0
         at = len(header)
         for number, line in enumerate(self._file, 2):
             if is_sealed(line):
                 self._last, self.place = (number, line), at
                 yield self._parse(number, line, parse)
-                found += 1
             elif line.endswith(b"\n") or is_sealed(line[:-1] + b"\n"):
                 self.damage[number] = line
             else:
                 end = at
             at += len(line)
         if header != self.header:
-            if self.damage and not found:
-                raise self.refuse_header()
             self.damage[1] = header
         if end:
             self._file.truncate(end)
@@ -109,13 +106,6 @@ class MissionTable:
                 f"editor); resume the run to mend it"
             )
         return parse(self._split(line))
-
-    def refuse_header(self) -> InputError:
-        """Return the error for columns that are those of another version."""
-        return InputError(
-            f"{self.path}: line 1: must be the columns of format {FORMAT_VERSION}; "
-            f"the file is damaged or of another version; restore it, or start a new run"
-        )
 
     def reject(self) -> None:
         """Count the row that was read last as damaged, so that its mission runs again."""

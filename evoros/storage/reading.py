@@ -12,8 +12,17 @@ from typing import Any
 import pandas as pd
 
 from evoros.base.errors import InputError
-from evoros.base.resources import expand_home
-from evoros.storage.layout import CONFIG, DIGESTS, MANIFEST, MISSIONS, STATUS
+from evoros.files.resources import expand_home
+from evoros.storage.layout import (
+    CONFIG,
+    DIGESTS,
+    MANIFEST,
+    MISSIONS,
+    OVERRIDES,
+    STATUS,
+    WORST_CASES,
+    read_json,
+)
 from evoros.storage.trajectory_files import trajectory_file
 from evoros.storage.verification import verify_file, verify_folder
 
@@ -165,6 +174,25 @@ def read_table(path: Path, numbers: Sequence[str], growing: bool = False) -> pd.
             )
         frame[name] = values
     return frame
+
+
+def read_worst_cases(folder: Path) -> pd.DataFrame | None:
+    """Read the cases of failure that an evaluation has tried; None if it looked for none.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    path = folder / WORST_CASES
+    if not path.is_file():
+        return None
+    table = read_table(path, ("number", "failed", "trials", "completed", "rate", "low", "high"))
+    return table.astype({"source": str, "design": str})
+
+
+def read_overrides(folder: Path) -> Sequence[str]:
+    """Return the overrides with which the evaluation in a folder was started."""
+    overrides: Sequence[str] = read_json(folder / MANIFEST).get(OVERRIDES, ())
+    return overrides
 
 
 def _read(path: Path, reader: Callable[[Path], Any]) -> Any:

@@ -7,54 +7,45 @@ from pathlib import Path
 from typing import Any
 
 from evoros.base.arrays import Array
-from evoros.base.disk import make_folder, sync
-from evoros.base.errors import InputError
-from evoros.evolution.dispatch import MissionResult
+from evoros.dispatch.record import MissionResult
 from evoros.evolution.experiment import ALL
 from evoros.evolution.journal import Champion, Champions, Generation
+from evoros.files.disk import make_folder, sync
 from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import Outcomes
 from evoros.mission.scenario import Scenario
+from evoros.storage.champion_files import (
+    CHAMPION,
+    CHAMPIONS,
+    champion_files,
+    champions_files,
+    track_file,
+    track_files,
+)
 from evoros.storage.creation import create_folder, require_unused
 from evoros.storage.digests import describe_file
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.generation_rows import GenerationRows
-from evoros.storage.layout import (
-    CONFIG,
-    MANIFEST,
-    MISSIONS,
-    ROBOT_AS_LOADED,
-    SELF_SIGHT,
-    SETTING,
-    read_json,
-)
+from evoros.storage.layout import CONFIG, MANIFEST, MISSIONS, SETTING, read_json
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.mission_table import begin_table
 from evoros.storage.seals import seal_json
 from evoros.storage.tables import (
     CASE,
-    MISSIONS_HEADER,
-    design_table,
-    gene_table,
+    MISSION_COLUMNS,
     generation_table,
     mission_row,
-    name_agent_columns,
+    name_outcome_columns,
     outcome_cells,
     read_key,
     read_mission,
-    score_table,
-    self_sight_table,
     to_csv,
-    trajectory_table,
 )
 from evoros.storage.trajectory_files import TrajectoryFiles
 
-GENERATIONS, CHAMPION = "generations", "champion"
-CERTIFICATE = "certificate.json"  # of the champion
-CHAMPIONS = "champions"  # of a search that finds several
+GENERATIONS = "generations"
 STATES_CASES = "states_cases"  # in the manifest, whether missions meet stated cases
-AGENTS = "agents"  # in the manifest, their names; of a champion, the folder of their robots
-ROBOT = "robot.urdf"  # of the champion, as it was described
+AGENTS = "agents"  # in the manifest, their names
 
 
 class RunFolder(MissionLog):
@@ -82,7 +73,7 @@ class RunFolder(MissionLog):
         """Find the rows of all missions; the second one of a mission counts as damaged."""
         rows = GenerationRows(lambda place: self.table.read_row(place, self._parse))
         found: set[MissionKey] = set()
-        for key in self.read_missions(read):
+        for key in self.table.read(read):
             if key in found:
                 self.table.reject()
             else:
@@ -120,19 +111,19 @@ class RunFolder(MissionLog):
         new = [result for result in results if not self._repeats(*result)]
         places = self.append([mission_row(*result, self._states_cases) for result in new])
         self.rows.add(
-            [(mission.key, mission.conditions, outcome) for mission, outcome in new], places
+            [(mission.key, mission.conditions, outcomes) for mission, outcomes in new], places
         )
 
-    def _repeats(self, mission: Mission, outcome: Outcome) -> bool:
-        """Whether the mission has a row, which must be that of this outcome."""
+    def _repeats(self, mission: Mission, outcomes: Outcomes) -> bool:
+        """Whether the mission has a row, which must be that of these outcomes."""
         recorded = self.find(mission)
         if recorded is None:
             return False
-        if to_csv([outcome_cells(recorded)]) != to_csv([outcome_cells(outcome)]):
-            raise InputError(
-                f"{self.path / MISSIONS}: running the mission {mission.key} again, because its "
-                f"trajectory was missing, gives another outcome than the recorded one: the run was "
-                f"made by another version or has been edited; start a new run"
+        if to_csv([outcome_cells(recorded)]) != to_csv([outcome_cells(outcomes)]):
+            raise self.refuse(
+                MISSIONS,
+                f"running the mission {mission.key} again, because its trajectory was missing, "
+                f"gives another outcome than the recorded one",
             )
         return True
 
@@ -162,8 +153,8 @@ class RunFolder(MissionLog):
         """
         return self.trajectories.read(mission)
 
-    def find(self, mission: Mission) -> Outcome | None:
-        """Return the recorded outcome of the mission; None if there is none.
+    def find(self, mission: Mission) -> Outcomes | None:
+        """Return the recorded outcomes of the mission; None if there are none.
 
         Raises:
             InputError: it was recorded under other draws.
@@ -171,14 +162,9 @@ class RunFolder(MissionLog):
         found = self.rows.find(mission.key)
         if found is None:
             return None
-        conditions, outcome = found
-        if conditions != mission.conditions:
-            raise InputError(
-                f"{self.path / MISSIONS}: the mission {mission.key} was recorded under the draws "
-                f"{conditions}, not {mission.conditions}: the run was made by another version or "
-                f"has been edited; start a new run"
-            )
-        return outcome
+        conditions, outcomes = found
+        self.require_conditions(mission, conditions)
+        return outcomes
 
     def write_generation(self, generation: Generation) -> None:
         """Write a generation's table, or compare it with the one on disk.
@@ -206,8 +192,7 @@ class RunFolder(MissionLog):
         """Write the files of several champions in place of those of an earlier end of the run."""
         if len(champions.designs) < 2 and not (self.path / CHAMPIONS).is_dir():
             return
-        files = {f"{CHAMPIONS}/{n}": text for n, text in _champions_files(champions).items()}
-        for name, content in files.items():
+        for name, content in champions_files(champions).items():
             if self._read(name) == content:
                 self.digests.add({name: describe_file(content)})
             else:
@@ -215,11 +200,11 @@ class RunFolder(MissionLog):
 
     def has_champion(self, champion: Champion) -> bool:
         """Whether the champion on disk is this one, with the trajectories that are kept."""
-        tracks = (f"{CHAMPION}/{_trajectory_file(world)}" for world in champion.tracks)
-        files = {f"{CHAMPION}/{n}": content for n, content in _champion_files(champion).items()}
+        files = champion_files(champion)
         whole = all(self._read(name) == content for name, content in files.items())
         if whole:  # their digests may have been damaged
             self.digests.add({name: describe_file(content) for name, content in files.items()})
+        tracks = map(track_file, champion.tracks)
         return whole and all(self.digests.is_whole(name, self._read(name)) for name in tracks)
 
     def _read(self, name: str) -> bytes:
@@ -232,14 +217,7 @@ class RunFolder(MissionLog):
 
         The last file says whose they are; it is there only while all the others are.
         """
-        tracks = {
-            _trajectory_file(name): trajectory_table(trajectory, champion.columns).encode()
-            for name, trajectory in trajectories.items()
-        }
-        files = {
-            f"{CHAMPION}/{name}": content
-            for name, content in {**tracks, **_champion_files(champion)}.items()
-        }
+        files = {**track_files(champion, trajectories), **champion_files(champion)}
         for name in files:
             self.set_aside(name)
         folder = self.path / CHAMPION
@@ -252,8 +230,7 @@ class RunFolder(MissionLog):
 
     def count_generations(self) -> int:
         """Count the tables of generations from the first one on."""
-        numbers = count()
-        return next(n for n in numbers if not (self.path / _generation_file(n)).is_file())
+        return next(n for n in count() if not (self.path / _generation_file(n)).is_file())
 
 
 def _generation_file(number: int) -> str:
@@ -262,32 +239,4 @@ def _generation_file(number: int) -> str:
 
 def _header(manifest: Mapping[str, Any]) -> list[str]:
     case = [CASE] if manifest.get(STATES_CASES) else []
-    return [*MISSIONS_HEADER, *name_agent_columns(manifest.get(AGENTS, [])), *case]
-
-
-def _trajectory_file(world: str) -> str:
-    return f"trajectory_{world}.csv"
-
-
-def _champions_files(champions: Champions) -> dict[str, bytes]:
-    scores = dict(zip(champions.designs, champions.scores, strict=True))
-    return {
-        "scores.csv": score_table(scores).encode(),
-        "genes.csv": gene_table(champions.designs, champions.gene_names).encode(),
-        "design.csv": design_table(champions.designs).encode(),
-    }
-
-
-def _champion_files(champion: Champion) -> dict[str, bytes]:
-    """The champion's files without its trajectories: content by name, ``design.csv`` last."""
-    genes = gene_table({champion.id: champion.design}, champion.gene_names)
-    files = {CERTIFICATE: champion.certificate.text.encode(), "genes.csv": genes.encode()}
-    for robot_name, robot in champion.robots.items():
-        folder = f"{AGENTS}/{robot_name}/" if robot_name else ""
-        files[folder + ROBOT] = robot.urdf.encode()
-        files[folder + SELF_SIGHT] = self_sight_table(robot).encode()
-        if robot.engine_urdf is not None:
-            files[folder + ROBOT_AS_LOADED] = robot.loaded_urdf.encode()
-    for name, world in champion.worlds.items():
-        files |= world.files(f"world_{name}")
-    return {**files, "design.csv": design_table({champion.id: champion.design}).encode()}
+    return [*MISSION_COLUMNS, *name_outcome_columns(manifest.get(AGENTS, [])), *case]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 from evoros.base.arrays import Array
 from evoros.design.design import Design
 from evoros.mission.mission import Mission, MissionKey, name_conditions
-from evoros.mission.outcome import TRAJECTORY, Outcome
+from evoros.mission.outcome import Outcome, Outcomes
 from evoros.robot.model import Robot
 from evoros.robot.self_sight import find_self_sights
 from evoros.sensor.protocol import Mount
@@ -30,19 +30,23 @@ MEASURED_COLUMNS = (VALIDATED, SCREENED, LOSS)  # the last two with a confirmati
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
 SELF_SIGHT_COLUMNS = ("sensor", "seen_link", "distance_m", "hidden_share")
 DESIGN_COLUMNS = ("design", "sensor", "type", "link", *POSE_COLUMNS)
-AGENT = "agent"  # the column with the name of another robot than the first
+AGENT = "agent"  # the column with the name of a robot that has one
 WHOLE_COLUMNS = ("mode", "visited", "contact")  # of a trajectory
 GENE_COLUMNS = ("design", "gene", "key", "value")
 
 _TYPES = get_type_hints(Outcome)
-OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome) if field.name != "others")
-MISSIONS_HEADER = (*MISSION_COLUMNS, *OUTCOME_COLUMNS)
+OUTCOME_COLUMNS = tuple(field.name for field in fields(Outcome))
 CASE = "case"  # the last column, if missions meet stated cases
 
 
-def name_agent_columns(agents: Iterable[str]) -> list[str]:
-    """Return the columns of the outcomes of other robots, which follow ``OUTCOME_COLUMNS``."""
-    return [f"{agent}.{column}" for agent in agents for column in OUTCOME_COLUMNS]
+def name_outcome_columns(agents: Iterable[str]) -> list[str]:
+    """Return the columns of the outcomes of all robots; those of agents have names."""
+    return [prefix + column for prefix in _prefixes(agents) for column in OUTCOME_COLUMNS]
+
+
+def _prefixes(agents: Iterable[str]) -> list[str]:
+    """Return what comes before the columns of each robot."""
+    return ["", *(f"{agent}." for agent in agents)]
 
 
 def to_csv(rows: Iterable[Sequence[object]]) -> str:
@@ -63,11 +67,11 @@ def cell(value: object) -> str:
     return "" if value is None else str(value)
 
 
-def mission_row(mission: Mission, outcome: Outcome, states_cases: bool = False) -> list[object]:
+def mission_row(mission: Mission, outcomes: Outcomes, states_cases: bool = False) -> list[object]:
     """Return the cells of a mission in ``missions.csv``."""
     return [
         *(*mission.key, mission.purpose, mission.draws),
-        *(*outcome_cells(outcome), *case_cells(mission, states_cases)),
+        *(*outcome_cells(outcomes), *case_cells(mission, states_cases)),
     ]
 
 
@@ -81,21 +85,20 @@ def read_conditions(row: Mapping[str, str]) -> str:
     return name_conditions(row["draws"], row.get(CASE, ""))
 
 
-def outcome_cells(outcome: Outcome) -> list[object]:
-    """Return the cells of ``OUTCOME_COLUMNS``, of the first robot and of the others."""
-    robots = (outcome, *outcome.others)
-    return [getattr(robot, name) for robot in robots for name in OUTCOME_COLUMNS]
+def outcome_cells(outcomes: Outcomes) -> list[object]:
+    """Return the cells of ``OUTCOME_COLUMNS`` of each robot."""
+    return [getattr(outcome, name) for outcome in outcomes for name in OUTCOME_COLUMNS]
 
 
 def read_mission(
     row: Mapping[str, str], agents: Sequence[str] = ()
-) -> tuple[MissionKey, str, Outcome]:
-    """Read the key of a mission, its conditions and its outcome from a row.
+) -> tuple[MissionKey, str, Outcomes]:
+    """Read the key of a mission, its conditions and its outcomes from a row.
 
     Raises:
         ValueError, KeyError: the row is damaged.
     """
-    return read_key(row), read_conditions(row), read_outcome(row, agents)
+    return read_key(row), read_conditions(row), read_outcomes(row, agents)
 
 
 def read_key(row: Mapping[str, str]) -> MissionKey:
@@ -107,17 +110,16 @@ def read_key(row: Mapping[str, str]) -> MissionKey:
     return int(row["generation"]), int(row["design"]), row["world"], int(row["trial"])
 
 
-def read_outcome(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcome:
-    """Read an outcome from a row with the cells of ``outcome_cells``.
+def read_outcomes(row: Mapping[str, str], agents: Sequence[str] = ()) -> Outcomes:
+    """Read the outcomes of all robots from a row with the cells of ``outcome_cells``.
 
     Raises:
         ValueError, KeyError: the row is damaged.
     """
-    first, *others = (
-        {name: _parse(row[prefix + name], _TYPES[name]) for name in OUTCOME_COLUMNS}
-        for prefix in ("", *(f"{agent}." for agent in agents))
+    return tuple(
+        Outcome(**{name: _parse(row[prefix + name], _TYPES[name]) for name in OUTCOME_COLUMNS})
+        for prefix in _prefixes(agents)
     )
-    return Outcome(**first, others=tuple(Outcome(**other) for other in others))
 
 
 def _parse(content: str, kind: Any) -> Any:
@@ -156,7 +158,7 @@ def generation_table(generation: "Generation") -> str:
 def design_table(designs: Mapping[int, Design]) -> str:
     """Return the text of ``design.csv``, a row for each sensor of each design.
 
-    If other robots have designs of their own, the last column has the name of the robot.
+    If several robots have designs of their own, the last column has the name of the robot.
     """
     rows = [[name, *row] for name, design in designs.items() for row in sensor_rows(design)]
     return table_by_robot(DESIGN_COLUMNS, rows, designs.values())
@@ -176,16 +178,11 @@ def sensor_rows(design: Design) -> Iterator[list[object]]:
 
     A robot without sensors has one row, whose other cells are empty.
     """
-    for robot, own in list_designs(design):
+    for robot, own in design.parts.items():
         for number, mount in enumerate(own.mounts):
             yield [number, *mount_cells(mount), robot]
         if not own.mounts:
             yield [*(None for _ in DESIGN_COLUMNS[1:]), robot]
-
-
-def list_designs(design: Design) -> list[tuple[str, Design]]:
-    """List the designs of a team by the name of the robot; the first one's is empty."""
-    return [("", design), *design.agents.items()]
 
 
 def table_by_robot(
@@ -195,7 +192,7 @@ def table_by_robot(
 
     The table has it only if there are several robots with a design of their own.
     """
-    if any(design.agents for design in designs):
+    if any(len(design.parts) > 1 for design in designs):
         return to_csv([(*columns, AGENT), *rows])
     return to_csv([columns, *(row[:-1] for row in rows)])
 
@@ -214,7 +211,7 @@ def gene_table(designs: Mapping[int, Design], names: Mapping[str, Mapping[str, s
     rows = [
         [number, names[robot][key], key, value, robot]
         for number, design in designs.items()
-        for robot, own in list_designs(design)
+        for robot, own in design.parts.items()
         for key, value in own.values.items()
     ]
     return table_by_robot(GENE_COLUMNS, rows, designs.values())
@@ -227,11 +224,10 @@ def score_table(scores: Mapping[int, Mapping[str, float]]) -> str:
 
 
 def trajectory_table(trajectory: Array, columns: Sequence[str]) -> str:
-    """Return the text of a trajectory, with the names of the columns after ``TRAJECTORY``."""
-    header = [*TRAJECTORY, *columns]
-    whole = {i for i, name in enumerate(header) if name.rpartition(".")[2] in WHOLE_COLUMNS}
+    """Return the text of a trajectory with these columns."""
+    whole = {i for i, name in enumerate(columns) if name.rpartition(".")[2] in WHOLE_COLUMNS}
     rows = (
         [int(value) if i in whole else value for i, value in enumerate(row)]
         for row in trajectory.tolist()
     )
-    return to_csv([header, *rows])
+    return to_csv([columns, *rows])

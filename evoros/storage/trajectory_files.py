@@ -130,13 +130,13 @@ class TrajectoryFiles:
         if self._is_kept(place, _name_robot(mission.design_id)):
             return
         with suppress(InputError):  # a part refuses the design, and the mission was not run
-            team = scenario.equip(mission.design)
-            for agent in reversed(team):  # the first robot last, because it shows that all are kept
-                robot = team[agent].robot
+            # The first robot last, because its file shows that all are kept.
+            for member in reversed(scenario.equip(mission.design)):
+                robot = member.robot
                 if robot.engine_urdf is not None:
-                    loaded = loaded_robot_file(mission.design_id, agent)
+                    loaded = loaded_robot_file(mission.design_id, member.name)
                     self._write(loaded, robot.loaded_urdf.encode())
-                self._write(robot_file(mission.design_id, agent), robot.urdf.encode())
+                self._write(robot_file(mission.design_id, member.name), robot.urdf.encode())
             self._lost.discard(_name_robot(mission.design_id))
 
     def _keep_world(self, scenario: "Scenario", mission: Mission) -> None:

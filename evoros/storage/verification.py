@@ -1,19 +1,17 @@
 """Verifies the folder of a run or an evaluation before it is read: damage is named and not used."""
 
 import json
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
-from evoros.base.disk import require_no_links, write_atomically
 from evoros.base.errors import InputError
-from evoros.base.log import LOGGER
+from evoros.files.disk import require_no_links
 from evoros.formats.sdf.closed import require_closed
 from evoros.storage.digests import Entries, Entry, find_line, is_whole, read_entries
 from evoros.storage.layout import (
     DIGESTS,
     MANIFEST,
     MISSIONS,
+    ORIGINALS,
     STATUS,
     TRAJECTORIES,
     resume_command,
@@ -30,8 +28,6 @@ LARGE = (
     "champion/world_",
 )
 """Files that only some figures need."""
-LARGEST = 1 << 16
-"""The size [bytes] of the largest file in which a flipped bit is looked for."""
 
 
 def verify_folder(folder: Path) -> None:
@@ -113,10 +109,10 @@ def _read_entries(folder: Path) -> Entries:
     return entries
 
 
-def _verify_json(folder: Path, name: str) -> None:
+def _verify_json(folder: Path, name: str) -> bytes:
     content = _read(folder, name)
     if is_sealed_json(content):
-        return
+        return content
     try:
         json.loads(content)
     except ValueError as error:
@@ -171,53 +167,26 @@ def _read(folder: Path, name: str) -> bytes:
 
 
 def _damaged(folder: Path, name: str, where: str = "") -> InputError:
+    fix = f"restore it or type: {resume_command(folder)}"
+    if name in (MANIFEST, *ORIGINALS):
+        fix = "restore it from a copy; the rest of the folder is kept"
     return InputError(
         f"{folder / name}{where}: must be as evoros wrote it, and has changed since (a bad disk, "
-        f"or an editor); to mend it, restore it or type: {resume_command(folder)}"
+        f"or an editor); {fix}"
     )
 
 
 def read_original(folder: Path, name: str) -> bytes:
-    """Read a file that cannot be made again; a single bit that was flipped is put right.
+    """Read a file that cannot be made again.
 
     Raises:
         InputError: the file is missing or damaged.
     """
-    content = _read(folder, name)
-    entry = read_entries(_read_if_any(folder / DIGESTS)).by_name.get(name)
     if name == MANIFEST:
-        whole: Callable[[bytes], bool] = is_sealed_json
-    elif entry is not None:
-        whole = partial(is_whole, entry=entry)
-    else:
-        return content  # its hash is in the manifest
-    if whole(content):
-        return content
-    line = "" if entry is None else find_line(content, entry)
-    mended = _find_flip(content, whole)
-    if mended is None:
-        raise InputError(
-            f"{folder / name}{line}: must be as evoros wrote it, and more than a bit has changed "
-            f"since (a bad disk, or an editor); restore the file; the rest of the folder is kept"
-        )
-    write_atomically(folder / name, mended)
-    LOGGER.warning("%s%s: a bit was flipped (a bad disk?); put right", folder / name, line)
-    return mended
-
-
-def _read_if_any(path: Path) -> bytes:
-    return path.read_bytes() if path.is_file() else b""
-
-
-def _find_flip(content: bytes, whole: Callable[[bytes], bool]) -> bytes | None:
-    """Return the content with the one bit flipped that makes it whole, if there is one."""
-    if len(content) > LARGEST:
-        return None
-    draft = bytearray(content)
-    for at in range(len(draft)):
-        for bit in range(8):
-            draft[at] ^= 1 << bit
-            if whole(bytes(draft)):
-                return bytes(draft)
-            draft[at] ^= 1 << bit
-    return None
+        return _verify_json(folder, name)
+    content = _read(folder, name)
+    known = _read(folder, DIGESTS) if (folder / DIGESTS).is_file() else b""
+    entry = read_entries(known).by_name.get(name)  # without it, the hash in the manifest decides
+    if entry is not None and not is_whole(content, entry):
+        raise _damaged(folder, name, find_line(content, entry))
+    return content

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from evoros.base.errors import InputError
-from evoros.base.resources import find_file
+from evoros.files.resources import find_file
 from evoros.formats.sdf.reader import SdfWorld, read_sdf
 from evoros.formats.sdf.reading import SdfOptions
 from evoros.formats.sdf.xacro import expand_world, is_xacro

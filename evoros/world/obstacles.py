@@ -31,17 +31,17 @@ def world_arrays(world: World, height: float, touch: float, see: float) -> tuple
 
 
 def obstacle_arrays(
-    bodies: Sequence[Body], height: float, touch: float, see: float, reach: float = 0.0
+    bodies: Sequence[Body], height: float, touch: float, see: float
 ) -> tuple[Array, ...]:
     """Return obstacles for a robot of some height [m].
 
     ``touch`` and ``see`` [m] are the distances from the origin of its frame up to which the robot
-    can touch and see. The grid covers at least all points within ``reach`` [m] of an obstacle.
+    can touch and see.
 
     Returns:
-        The grid (see ``evoros.geometry.grid``); the starts and entries of the cells for contact,
-        then those for sight; the rows and corners of ``outlines``; the rows of all obstacles and
-        the faces of their polyhedra for rays (see ``evoros.geometry.ray``).
+        The grid (see ``evoros.geometry.grid``); for contact, the starts and entries of its cells,
+        and the rows and corners of ``outlines``; for rays (see ``evoros.geometry.ray``), the starts
+        and entries of its cells, the rows of all obstacles, and the faces of their polyhedra.
     """
     solids = [
         (shape, body.pose @ shape.pose)
@@ -52,13 +52,13 @@ def obstacle_arrays(
     rows, faces, visible = sight_rows(solids)
     touchable = project_bodies(bodies, height)
     areas = Outlines.of(touchable)
-    grid = Grid.around(visible, max(touch, see, reach))
+    grid = Grid.around(visible, max(touch, see))
     return (
         grid.to_array(),
         *grid.list_near(touchable, touch),
-        *grid.list_near(visible, see),
         areas.rows,
         areas.corners,
+        *grid.list_near(visible, see),
         rows,
         faces,
     )

@@ -6,8 +6,8 @@ from functools import cache
 
 import numpy as np
 
-from evoros.base import elementary
 from evoros.base.arrays import Array
+from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.geometry.footprint import height_points
 from evoros.geometry.overlap import Solid
 from evoros.geometry.polyhedron import hull_planes, placed_corners
@@ -87,12 +87,12 @@ def _directions() -> Array:
     tilts = np.arange(1, _RINGS) * (math.pi / _RINGS)
     turns = np.arange(_SECTORS) * (2 * math.pi / _SECTORS)
     tilt, turn = (angles.ravel() for angles in np.meshgrid(tilts, turns))
-    across = elementary.sin_all(tilt)
+    across = sin_all(tilt)
     return np.column_stack(
         [
-            across * elementary.cos_all(turn),
-            across * elementary.sin_all(turn),
-            elementary.cos_all(tilt),
+            across * cos_all(turn),
+            across * sin_all(turn),
+            cos_all(tilt),
         ]
     )
 

@@ -10,16 +10,20 @@ import numpy as np
 import pandas as pd
 import pytest
 from bag_readers import ReadMessage, has_rosbag, read_mcap, read_rosbag
+from helpers import tiny
+from matplotlib.collections import PolyCollection
+
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.deploy.ardupilot import list_range_finders
 from evoros.analysis.deploy.champion import read_champion as deploy_champion
 from evoros.analysis.deploy.mounting_plan import plan_mounting
 from evoros.analysis.deploy.ros_parameters import robot_parameters
-from evoros.analysis.figures.mission import draw_missions
+from evoros.analysis.figures.mission import Missions, draw_missions
 from evoros.analysis.figures.overlay import draw_overlay
 from evoros.analysis.figures.panel import draw_panels, rank_pairs
 from evoros.analysis.measures.raster import count_coverage
 from evoros.analysis.report.playback import encode_playback
+from evoros.analysis.tables.agents import read_tracks
 from evoros.analysis.tables.candidates import read_initial_sensors
 from evoros.analysis.tables.designs import (
     read_champion,
@@ -30,17 +34,14 @@ from evoros.analysis.tables.readings import read_sensors
 from evoros.analysis.tables.records import Record, read_record
 from evoros.analysis.tables.study import Study
 from evoros.analysis.tables.traces import read_traces
-from evoros.analysis.tables.tracks import TOUCHED, load_champion_world, read_tracks
+from evoros.analysis.tables.tracks import TOUCHED, load_champion_world
 from evoros.analysis.video.captions import FAILED, NEAR
 from evoros.analysis.video.sensors import make_views
-from helpers import tiny
-from matplotlib.collections import PolyCollection
-
 from evoros.base.arrays import Array
-from evoros.base.compilation import NotCompilable
-from evoros.base.console import DONE
+from evoros.compilation.rules import NotCompilable
 from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.tree import read_tree
+from evoros.terminal.console import DONE
 
 ALL = (
     "seed=1",
@@ -198,7 +199,7 @@ def test_figures_of_designs_draw_the_place_of_each_sensor_and_the_zones_of_bumpe
 def test_the_map_of_a_mission_has_the_bumpers_that_closed(
     record: Record, trajectory: pd.DataFrame
 ) -> None:
-    table = read_tracks(record.run, record.context, "near")
+    table = read_tracks(record, "near")
     begins = [
         (row, number)
         for number in BUMPERS
@@ -208,7 +209,7 @@ def test_the_map_of_a_mission_has_the_bumpers_that_closed(
     told = [(row, int(n)) for row, cell in enumerate(table[TOUCHED]) for n in cell.split(";") if n]
     assert sorted(told) == sorted(begins)
     worlds = {"near": load_champion_world(record.run, record.context, "near")}
-    (axes,) = draw_missions(table, worlds, record.context.modes).axes
+    (axes,) = draw_missions(Missions(table, worlds, record.context.modes)).axes
     (marks,) = (line for line in axes.lines if line.get_marker() == "s")
     places = table[["x_m", "y_m"]].to_numpy(float)[sorted({row for row, _ in begins})]
     np.testing.assert_array_equal(np.asarray(marks.get_xydata()), places)
@@ -218,10 +219,10 @@ def test_what_imus_odometry_and_bumpers_read_is_drawn_over_time(
     record: Record, trajectory: pd.DataFrame, tmp_path: Path
 ) -> None:
     worlds = {"near": load_champion_world(record.run, record.context, "near")}
-    table = read_tracks(record.run, record.context, "near")
+    table = read_tracks(record, "near")
     traces = {"near": read_traces(record, "near")}
-    map_alone = draw_missions(table, worlds, record.context.modes)
-    figure = draw_missions(table, worlds, record.context.modes, traces=traces)
+    map_alone = draw_missions(Missions(table, worlds, record.context.modes))
+    figure = draw_missions(Missions(table, worlds, record.context.modes, traces=traces))
     assert len(map_alone.axes) == 1
     axes = {each.get_ylabel(): each for each in figure.axes[1:]}
     assert list(axes) == ["closed", "rate\n[rad/s]", "acceleration\n[m/s²]", "speed\n[m/s]"]

@@ -3,15 +3,15 @@
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis.drawing.cells import draw_in_cells
-from evoros.analysis.drawing.gallery import choose_apart
-from evoros.analysis.tables.elites import Grid, find_elites, find_front, trace_growth
-from evoros.analysis.tables.measured import Axis, take_latest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from evoros.analysis.drawing.cells import draw_in_cells
+from evoros.analysis.drawing.gallery import choose_apart
+from evoros.analysis.tables.elites import Grid, find_elites, find_front, trace_growth
+from evoros.analysis.tables.measured import Axis, take_latest
 from evoros.storage.figure_context import FigureContext, Part
 
 GRID: Grid = (

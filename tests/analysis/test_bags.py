@@ -17,19 +17,19 @@ import pandas as pd
 import pytest
 import yaml
 from bag_readers import ReadMessage, channels, has_rosbag, read_mcap, read_rosbag
+from helpers import copied, everything, reseal, tiny
+from hypothesis import given
+from hypothesis import strategies as st
+
 from evoros.analysis.bags.bag import GOALS
 from evoros.analysis.bags.messages import START_NS, TOPICS, list_messages, list_topics
 from evoros.analysis.bags.missions import RecordedMission, read_champion_mission
 from evoros.analysis.bags.protocol import Message
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.tables.records import Record, read_record
-from helpers import copied, everything, reseal, tiny
-from hypothesis import given
-from hypothesis import strategies as st
-
-from evoros.base.console import DONE, INPUT
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.storage.reading import load_run
+from evoros.terminal.console import DONE, INPUT
 
 GOAL = GOALS["mcap"]
 LATCHED = {topic.name for topic in TOPICS if topic.latched} | {GOAL}

@@ -12,10 +12,24 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from helpers import TINY, tiny
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from scipy import stats
+
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.drawing.claims_table import draw_claims
 from evoros.analysis.drawing.style import PAGE_IN, save
-from evoros.analysis.measures import claims_designs, claims_runs
+from evoros.analysis.evo_ros_2018 import claims_designs, claims_runs
+from evoros.analysis.evo_ros_2018.heading_swing import measure_swings
+from evoros.analysis.evo_ros_2018.spread import (
+    mean_distance,
+    pairwise_distances,
+    read_diversity,
+    relative_difference,
+    resample_mean_distance,
+)
 from evoros.analysis.measures.coverage import HEADINGS_DEG
 from evoros.analysis.measures.finding import (
     BUILT_IN,
@@ -25,26 +39,12 @@ from evoros.analysis.measures.finding import (
     judge_above,
     judge_within,
 )
-from evoros.analysis.measures.heading_swing import measure_swings
-from evoros.analysis.measures.spread import (
-    mean_distance,
-    pairwise_distances,
-    read_diversity,
-    relative_difference,
-    resample_mean_distance,
-)
 from evoros.analysis.measures.statistics import Interval, fisher, ratio_interval, share_interval
 from evoros.analysis.tables.champion_missions import classify_failure, list_missions
 from evoros.analysis.tables.study import load_study
-from helpers import TINY, tiny
-from hypothesis import given
-from hypothesis import strategies as st
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from scipy import stats
-
-from evoros.base.console import DONE, INPUT
 from evoros.cli.evaluate import evaluate
 from evoros.storage.figure_context import Ring
+from evoros.terminal.console import DONE, INPUT
 
 # Statistics --------------------------------------------------------------------------------------
 
@@ -273,7 +273,8 @@ def test_the_diversity_within_populations() -> None:
     kept = pd.DataFrame({"first": 1.0, "last": np.linspace(0.1, 0.2, 8)})
     more = kept.assign(last=kept["last"] + 0.5)
     found = claims_designs.judge_spread_within(kept, more)
-    assert (found.verdict, found.value) == (SUPPORTED, pytest.approx(0.65))
+    assert found.verdict == SUPPORTED
+    assert found.value == pytest.approx(0.65)
     assert found.reference == pytest.approx(0.15)
     assert claims_designs.judge_spread_within(more, kept).verdict == NOT_SUPPORTED
     assert claims_designs.judge_spread_within(kept, kept).verdict == UNKNOWN
@@ -415,7 +416,7 @@ def test_missions_count_after_a_failure_and_runs_are_the_replicates() -> None:
     table = pd.concat([flown("a", 9, 10, 3), flown("b", 18, 20), flown("c", 10, 10)])
     first, second = claims_runs.judge_completion(table)
     assert first.value == pytest.approx(37 / 40)
-    assert (first.low, first.high) == (pytest.approx(0.9), pytest.approx(1))
+    assert (first.low, first.high) == pytest.approx((0.9, 1))
     assert (first.n, first.verdict) == (3, UNKNOWN)
     assert first.why.endswith("3 replicates")
     assert "37 of 40" in first.why
@@ -604,7 +605,7 @@ def test_nothing_in_the_table_overlaps_or_leaves_the_page(drawn: Path, width: fl
         across = min(one.x1, other.x1) - max(one.x0, other.x0)
         along = min(one.y1, other.y1) - max(one.y0, other.y0)
         assert across <= 0 or along <= 2, "lines may touch, not overlap"
-    assert all(text.get_fontsize() >= 6.5 for text in axes.texts)
+    assert all(float(text.get_fontsize()) >= 6.5 for text in axes.texts)
 
 
 @pytest.mark.parametrize("kind", ["pdf", "svg", "png"])

@@ -14,15 +14,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from evoros.analysis.command import evoros_analyze
-from evoros.analysis.drawing.style import save
-from evoros.analysis.figures.compare import conclude, draw_comparison
-from evoros.analysis.measures.comparison import compare_treatments
-from evoros.analysis.measures.effect_sizes import a12_interval
-from evoros.analysis.measures.statistics import holm, mann_whitney, median_interval
-from evoros.analysis.tables.matching import identify_champion
-from evoros.analysis.tables.study import load_study
-from evoros.analysis.tables.validated import list_unused, validate_champions, validates
 from helpers import reseal, scored, texts, tiny
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -30,7 +21,16 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from evoros.base.console import DONE, INPUT
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.drawing.style import save
+from evoros.analysis.figures.compare import draw_comparison
+from evoros.analysis.measures.comparison import compare_treatments, conclude
+from evoros.analysis.measures.effect_sizes import a12_interval
+from evoros.analysis.measures.statistics import holm, mann_whitney, median_interval
+from evoros.analysis.tables.matching import identify_champion
+from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.validated import list_unused, validate_champions, validates
+from evoros.terminal.console import DONE, INPUT
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,13 @@ import pytest
 import trimesh
 import yaml
 import yourdfpy
+from helpers import ROOT, everything, tiny
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from lxml import etree
+from matplotlib.text import Text
+from robot_cases import independent, rover, some_mounts
+
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.deploy.ardupilot import INSTANCES
 from evoros.analysis.deploy.champion import Champion, MountedSensor, read_champion
@@ -29,15 +36,7 @@ from evoros.analysis.drawing.mounting import draw_mounting
 from evoros.analysis.drawing.paper import choose_scale, separate, spread
 from evoros.analysis.own_folder import write_folder
 from evoros.analysis.tables.records import Record, read_record
-from helpers import ROOT, everything, tiny
-from hypothesis import HealthCheck, Phase, given, settings
-from hypothesis import strategies as st
-from lxml import etree
-from matplotlib.text import Text
-from robot_cases import independent, rover, some_mounts
-
 from evoros.base.arrays import Array
-from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
 from evoros.bridge.process import start_process
 from evoros.controller.ardupilot import ArduPilot
@@ -51,6 +50,7 @@ from evoros.sensor.sonar import Sonar
 from evoros.storage.digests import describe_file, write_entries
 from evoros.storage.figure_context import Beam
 from evoros.storage.tables import design_table, gene_table, self_sight_table
+from evoros.terminal.console import DONE, INPUT
 
 OPTIONS = PackageOptions("a_champion", "A B <a.b@example.org>", "MIT", None)
 ROS2 = Path(os.environ.get("EVOROS_ROS2_PYTHON", ROOT / ".ros2" / "bin" / "python"))
@@ -377,7 +377,7 @@ def body(x: float, yaw: float, pitch: float = 0.0, y: float = 0.0) -> MountedSen
 )
 def test_bodies_that_overlap_are_told(other: MountedSensor, depth_mm: float | None) -> None:
     for pair in ((body(0.0, 0.0), other), (other, body(0.0, 0.0))):
-        (line,) = list(list_clashes(pair)) or [None]
+        line = next(iter(list_clashes(pair)), None)
         assert (line is None) == (depth_mm is None)
         if line is not None:
             assert line.endswith(f"overlap; move one of them by {depth_mm:.1f} mm or more")
@@ -529,6 +529,7 @@ def test_a_robot_of_meshes_becomes_a_package_that_loads(record: Record, tmp_path
     root = np.array(robot.sensor_links["base_link"][:3])
     place = urdf.get_transform(sensor.link, "base_link")[:3, 3] + root
     np.testing.assert_allclose(place, sensor.position_m, atol=1e-9)
+    assert champion.centre_m is not None
     np.testing.assert_allclose(champion.centre_m, independent_centre(urdf) + root, atol=1e-6)
 
 
@@ -603,7 +604,9 @@ def test_the_drawing_is_to_scale(record: Record) -> None:
     (axes,) = draw_mounting(plan).axes
     (note,) = (text.get_text() for text in axes.texts if "scale 1:" in text.get_text())
     scale = float(note.split(",")[0].removeprefix("scale 1:"))
-    dots = np.array([line.get_xydata()[0] for line in axes.lines if line.get_marker() == "."])
+    dots = np.array(
+        [np.asarray(line.get_xydata())[0] for line in axes.lines if line.get_marker() == "."]
+    )
     count = len(plan.sensors)
     places = np.array([sensor.place_mm for sensor in plan.sensors])
     for shown, plane in ((dots[:count], (0, 1)), (dots[count:], (0, 2))):

@@ -4,17 +4,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from evoros.analysis.drawing.finish import LETTERS, list_panels
-from evoros.analysis.drawing.style import choose_style, save, use_style
-from evoros.analysis.robot_choice import make_product
-from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS, import_subcommand, parse
-from evoros.analysis.tables.study import Study, load_study
 from figure_checks import find_faults
 from helpers import scored, tiny, vary
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from evoros.base.console import DONE
+from evoros.analysis.drawing.finish import LETTERS, list_panels
+from evoros.analysis.drawing.style import choose_style, save, use_style
+from evoros.analysis.robot_choice import make_product
+from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS, import_subcommand, parse
+from evoros.analysis.tables.study import Study, load_study
+from evoros.terminal.console import DONE
 
 MEASURES = (
     "+measure@descriptors.front=front_coverage",

@@ -7,6 +7,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from helpers import tiny, vary
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import norm
+
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.measures.effect_sizes import (
     MIN_NAMED,
@@ -16,13 +21,8 @@ from evoros.analysis.measures.effect_sizes import (
 )
 from evoros.analysis.measures.factorial import list_contrasts, permute_effects
 from evoros.analysis.measures.statistics import a12
-from helpers import tiny, vary
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.stats import norm
-
 from evoros.base.arrays import Array
-from evoros.base.console import DONE, INPUT
+from evoros.terminal.console import DONE, INPUT
 
 CELLS = list(product("xy", "uv"))
 LEVELS = {name: [cell[i] for cell in CELLS for _ in range(5)] for i, name in enumerate("ab")}
@@ -96,7 +96,7 @@ def test_equal_values_have_no_effect() -> None:
 
 
 def test_differences_are_those_of_the_means() -> None:
-    cells = {
+    cells: dict[tuple[str, ...], Array] = {
         ("x", "u"): np.array([0.0, 2.0]),
         ("y", "u"): np.array([1.0, 3.0, 5.0]),
         ("x", "v"): np.array([4.0, 4.0]),

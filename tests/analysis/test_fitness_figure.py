@@ -2,17 +2,19 @@
 
 import io
 import math
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.figure import Figure
+
 from evoros.analysis.drawing.style import save
 from evoros.analysis.figures.fitness import draw_fitness
 from evoros.analysis.measures.statistics import Interval
 from evoros.analysis.tables.generations import compute_quartiles, select_bests
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PathCollection
-from matplotlib.figure import Figure
 
 NAN = math.nan
 TABLE = pd.DataFrame(
@@ -115,7 +117,7 @@ STUDY = pd.concat(
 
 def test_quartiles_over_the_replicates_are_those_computed_by_hand() -> None:
     """Of 2, 4, 6, 20: 3.5, 5, 9.5 by linear interpolation; with those runs that are there."""
-    table = compute_quartiles(STUDY).set_index(["treatment", "generation"])
+    table: Any = compute_quartiles(STUDY).set_index(["treatment", "generation"])
     calm, later = table.loc[("calm", 0)], table.loc[("calm", 1)]
     assert calm[["recorded_q1", "recorded_median", "recorded_q3"]].tolist() == [3.5, 5.0, 9.5]
     assert calm[["validated_q1", "validated_median", "validated_q3"]].tolist() == [1.5, 3.0, 4.5]

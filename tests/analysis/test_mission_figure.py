@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis.drawing.drift import measure_drift
-from evoros.analysis.drawing.paths import split_by_mode
-from evoros.analysis.figures.mission import draw_missions, make_product
-from evoros.analysis.tables.study import load_study
-from evoros.analysis.tables.tracks import find_champion_mission, load_champion_worlds, read_track
 from helpers import reseal, tiny
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.text import Annotation
 
-from evoros.base.console import DONE
+from evoros.analysis.drawing.drift import measure_drift
+from evoros.analysis.drawing.paths import split_by_mode
+from evoros.analysis.figures.mission import Missions, draw_missions, make_product
+from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.tracks import find_champion_mission, load_champion_worlds, read_track
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run, load_run
+from evoros.terminal.console import DONE
 from evoros.world.model import World
 
 MODES = ("avoiding", "navigating")
@@ -61,7 +61,7 @@ def worlds(run: Run, setting: FigureContext) -> dict[str, World]:
 
 def panel(worlds: dict[str, World], table: pd.DataFrame = TABLE) -> Axes:
     axes: Axes
-    (axes,) = draw_missions(table, {"near": worlds["near"]}, MODES).axes
+    (axes,) = draw_missions(Missions(table, {"near": worlds["near"]}, MODES)).axes
     return axes
 
 
@@ -120,7 +120,7 @@ def test_a_fault_is_drawn_as_what_it_does_to_readings(
     effects = {"silence": "ends", "stuck": "grows"}
     context = replace(setting, failure=replace(setting.failure, effects=effects))
     near = {"near": worlds["near"]}
-    (axes,) = draw_missions(TABLE, near, MODES, robots={"": context}).axes
+    (axes,) = draw_missions(Missions(TABLE, near, MODES, robots={"": context})).axes
     assert marked(axes, "error begins: stuck (sensor)") == [(4.0, 0.0)]
     lines = [item for item in axes.collections if isinstance(item, LineCollection)]
     (band,) = (item for item in lines if item.get_alpha())
@@ -189,7 +189,7 @@ def test_the_mission_is_the_champions_first(run: Run, setting: FigureContext) ->
     for world in setting.courses:
         row, path = find_champion_mission(run, world), read_track(run, setting, world)
         assert row["design"] == run.champion["design"].iloc[0]
-        assert (row["purpose"], row["trial"]) == ("selection", 0)
+        assert (row["purpose"], int(row["trial"])) == ("selection", 0)
         assert path["time_s"].iloc[-1] == row["time_s"]
         assert path["ended"].iloc[-1] == row["ended"]
 
@@ -199,7 +199,7 @@ def test_with_a_confirmation_it_is_the_confirmed_one(run: Run) -> None:
     both = Run(run.path)
     both.__dict__["missions"] = pd.concat([again.assign(trial=7), run.missions])
     chosen = find_champion_mission(both, "near")
-    assert (chosen["purpose"], chosen["trial"]) == ("confirmation", 7)
+    assert (chosen["purpose"], int(chosen["trial"])) == ("confirmation", 7)
 
 
 def test_a_mode_that_the_setting_does_not_know_is_one_line(
@@ -258,7 +258,7 @@ def test_an_estimated_pose_has_its_path_and_its_errors(worlds: dict[str, World])
     assert np.allclose(way, np.cumsum([0.0, 1.0, np.sqrt(2.0), 1.0, np.sqrt(2.0)]))
     assert np.allclose(place, 1.0)
     assert np.allclose(heading, 90.0)
-    above, below, right = draw_missions(table, {"near": worlds["near"]}, MODES).axes
+    above, below, right = draw_missions(Missions(table, {"near": worlds["near"]}, MODES)).axes
     assert [(x, y + 1.0) for x, y in zip(TABLE["x_m"], TABLE["y_m"], strict=True)] in [
         [(float(x), float(y)) for x, y in np.asarray(line.get_xydata())]
         for line in above.get_lines()

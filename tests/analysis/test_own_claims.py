@@ -7,15 +7,15 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from helpers import tiny, vary
+
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.measures import own_claims
 from evoros.analysis.measures.finding import NOT_SUPPORTED, SUPPORTED, UNKNOWN, Finding
 from evoros.analysis.measures.statistics import mean_interval
 from evoros.analysis.tables.claims_file import read_claims
 from evoros.analysis.tables.study import Study, load_study
-from helpers import tiny, vary
-
-from evoros.base.console import DONE, INPUT
+from evoros.terminal.console import DONE, INPUT
 
 NEAR = (0.05, 15.0)
 

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from evoros.analysis.command import evoros_analyze
-from evoros.analysis.figures.course import list_waypoints
-from evoros.analysis.tables.study import load_study
-from evoros.analysis.tables.tracks import load_champion_worlds
 from helpers import tiny
 
-from evoros.base.console import DONE
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.evo_ros_2018.course import list_waypoints
+from evoros.analysis.tables.study import load_study
+from evoros.analysis.tables.tracks import load_champion_worlds
+from evoros.terminal.console import DONE
 
 ALL = {
     5: "regions",

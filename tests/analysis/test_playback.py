@@ -8,6 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import tiny
+from hypothesis import given
+from hypothesis import strategies as st
+
 from evoros.analysis.report.columns import (
     MAX_RECORDS,
     encode_changes,
@@ -17,9 +21,6 @@ from evoros.analysis.report.columns import (
 from evoros.analysis.report.playback import encode_playback, select_playbacks
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study, load_study
-from helpers import tiny
-from hypothesis import given
-from hypothesis import strategies as st
 
 Json = dict[str, Any]
 
@@ -42,7 +43,7 @@ def summed(differences: list[int | None]) -> list[float]:
     ]
 
 
-def filled(pairs: list[list[int]], n: int) -> list[int]:
+def filled(pairs: list[list[Any]], n: int) -> list[int]:
     values = [0] * n
     for first, value in pairs:
         values[first:] = [value] * (n - first)
@@ -119,9 +120,10 @@ def test_a_waypoint_is_reached_where_the_count_of_them_grows(study: Study) -> No
     grows = flown["visited"].diff().fillna(flown["visited"]) > 0
     assert [at for at, _ in mission["reached"]] == pytest.approx(flown["time_s"][grows].tolist())
     course = record.context.courses["near"]
-    for (_, corner), here in zip(mission["reached"], flown[grows].itertuples(), strict=True):
+    places = flown.loc[grows, ["x_m", "y_m"]].to_numpy()
+    for (_, corner), here in zip(mission["reached"], places, strict=True):
         goal = course.waypoints[corner] if corner >= 0 else course.home[:2]
-        assert math.dist((here.x_m, here.y_m), goal) <= course.acceptance_m + 0.1
+        assert math.dist(here, goal) <= course.acceptance_m + 0.1
 
 
 @given(st.integers(1, 50_000))

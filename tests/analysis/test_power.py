@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from evoros.analysis.command import evoros_analyze
-from evoros.analysis.measures.power import Simulation, find_critical, measure_scatter
-from evoros.analysis.measures.statistics import LEVEL, mann_whitney
 from helpers import tiny, vary
 from scipy import stats
 
-from evoros.base.console import DONE, INPUT
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.measures.power import Simulation, find_critical, measure_scatter
+from evoros.analysis.measures.statistics import LEVEL, mann_whitney
+from evoros.terminal.console import DONE, INPUT
 
 
 @pytest.fixture(scope="module")

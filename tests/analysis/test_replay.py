@@ -15,33 +15,34 @@ import av.container
 import numpy as np
 import pandas as pd
 import pytest
+from helpers import ROOT, USER_PARTS, reseal, tiny
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.drawing.faults import GROWN_S
 from evoros.analysis.video.camera import Camera, Pixels, chase_camera, overhead_camera
 from evoros.analysis.video.captions import CLEAR, ERRING, FAILED, NEAR
 from evoros.analysis.video.encoding import encode_gif, encode_mp4
 from evoros.analysis.video.faults import ShownFault, flag_ends, measure_errors
+from evoros.analysis.video.film import film
+from evoros.analysis.video.mission import FilmedMission, OtherRobot
 from evoros.analysis.video.motion import interpolate
 from evoros.analysis.video.render_options import RenderOptions
 from evoros.analysis.video.renderer import CUT_M, cut_obstacles, find_goals
-from evoros.analysis.video.replay import OtherRobot, replay
-from helpers import ROOT, USER_PARTS, reseal, tiny
-from hypothesis import given
-from hypothesis import strategies as st
-from PIL import Image
-
 from evoros.base.arrays import Array
-from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
+from evoros.filter.protocol import ALTERS, ENDS, GROWS
 from evoros.formats.strict_xml import parse
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.footprint import top_height
 from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.simulator.engines.pybullet_library import import_pybullet
 from evoros.simulator.engines.pybullet_viewer import Picture, open_scene
-from evoros.simulator.pybullet import import_pybullet
-from evoros.storage.fault_effects import ALTERS, ENDS, GROWS
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import Run, load_run
+from evoros.terminal.console import DONE, INPUT
 from evoros.world.course import Course
 from evoros.world.model import World
 
@@ -188,7 +189,7 @@ def shown(
     """The picture of these readings, and its camera, which follows."""
     options = RenderOptions(size=SIZE, fps=10.0, speed=1.0, end_s=0.05)
     path = table(readings, readings)
-    (first, *_) = replay(path, urdf, world, setting, options, **more)
+    (first, *_) = film(FilmedMission(path, urdf, world, setting, **more), options)
     return first, chase_camera(1.0, 2.0, 0.0, SIZE)
 
 
@@ -306,7 +307,7 @@ def test_a_fan_is_hidden_behind_an_obstacle(
 
 def test_a_robot_of_another_mission_is_refused(urdf: str, setting: FigureContext) -> None:
     with pytest.raises(InputError, match="sensors 0, 1, 2, 3, 4, 5, 6, which"):
-        list(replay(table([1.0] * 7), urdf, OPEN, setting))
+        list(film(FilmedMission(table([1.0] * 7), urdf, OPEN, setting)))
 
 
 # The world ----------------------------------------------------------------------------------
@@ -417,7 +418,7 @@ def test_as_many_pictures_as_speed_and_rate_say(
 ) -> None:
     path = table(*[[1.0] * 6] * 10)
     options = RenderOptions("above", (64, 64), fps, speed, start, end)
-    pictures = list(replay(path, urdf, OPEN, setting, options))
+    pictures = list(film(FilmedMission(path, urdf, OPEN, setting), options))
     assert [each.shape for each in pictures] == [(64, 64, 3)] * count
 
 
@@ -425,7 +426,7 @@ def test_as_many_pictures_as_speed_and_rate_say(
 def pictures(run: Run, urdf: str, setting: FigureContext) -> list[Pixels]:
     path = run.trajectory("near")
     options = RenderOptions(size=(160, 90), fps=5.0, speed=2.0, end_s=2.0, title="near")
-    return list(replay(path, urdf, OPEN, setting, options))
+    return list(film(FilmedMission(path, urdf, OPEN, setting), options))
 
 
 def test_an_mp4_plays_the_pictures_at_their_rate(pictures: list[Pixels]) -> None:
@@ -469,7 +470,9 @@ def test_another_trajectory_gives_another_video(
     path = run.trajectory("near")
     options = RenderOptions(size=(160, 90), fps=5.0, speed=2.0, end_s=2.0, title="near")
     path["yaw_rad"] += 0.3 * path["time_s"]
-    assert encode_mp4(replay(path, urdf, OPEN, setting, options), 5.0) != encode_mp4(pictures, 5.0)
+    assert encode_mp4(film(FilmedMission(path, urdf, OPEN, setting), options), 5.0) != encode_mp4(
+        pictures, 5.0
+    )
 
 
 def test_the_example_films_another_mission(

@@ -9,6 +9,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from browser import chromium, complaints, requests
+from helpers import TINY, reseal, tiny
+from selenium.webdriver import Chrome, Keys
+from selenium.webdriver.remote.webelement import WebElement
+from selenium.webdriver.support.ui import WebDriverWait
+
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures import fitness as fitness_module
 from evoros.analysis.figures.fitness import draw_fitness
@@ -17,11 +22,6 @@ from evoros.analysis.report.section import render_section
 from evoros.analysis.report.templates import format_table, render
 from evoros.analysis.subcommands import parse
 from evoros.analysis.tables.study import load_study
-from helpers import TINY, reseal, tiny
-from selenium.webdriver import Chrome, Keys
-from selenium.webdriver.remote.webelement import WebElement
-from selenium.webdriver.support.ui import WebDriverWait
-
 from evoros.cli.evaluate import evaluate
 
 EVIL = "<script>document.title='evil'<b>&amp;"

@@ -7,18 +7,18 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from browser import chromium, complaints
+from helpers import tiny
+from selenium.webdriver import Chrome, Keys
+from selenium.webdriver.remote.webelement import WebElement
+
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.report.map_missions import collect_missions
 from evoros.analysis.report.maps import make_maps
 from evoros.analysis.subcommands import parse
 from evoros.analysis.tables.study import load_study
-from helpers import tiny
-from selenium.webdriver import Chrome, Keys
-from selenium.webdriver.remote.webelement import WebElement
-
-from evoros.base.console import DONE
 from evoros.storage.reading import load_run
 from evoros.storage.trajectory_files import trajectory_file
+from evoros.terminal.console import DONE
 
 SEARCH = (
     "optimizer=map_elites",

@@ -2,25 +2,26 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from bag_readers import read_mcap
-from evoros.analysis.figures.mission import draw_missions
+from helpers import tiny
+
+from evoros.analysis.figures.mission import Missions, draw_missions
 from evoros.analysis.product import Product
 from evoros.analysis.report.playback import encode_playback
 from evoros.analysis.robot_choice import make_product
 from evoros.analysis.subcommands import import_subcommand, parse
-from evoros.analysis.tables.agents import select_agent
+from evoros.analysis.tables.agents import list_robots, read_tracks, select_agent
 from evoros.analysis.tables.candidates import read_initial_sensors
 from evoros.analysis.tables.designs import read_champion_sensors
 from evoros.analysis.tables.matching import identify_champion
 from evoros.analysis.tables.readings import group_ranges
 from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study, load_study
-from evoros.analysis.tables.tracks import load_champion_worlds, read_track, read_tracks
-from helpers import tiny
-
+from evoros.analysis.tables.tracks import load_champion_worlds, read_track
 from evoros.base.errors import InputError
 from evoros.storage.tables import AGENT
 
@@ -55,35 +56,38 @@ def test_the_tracks_are_those_that_the_trajectory_has_until_each_robot_ended(
 ) -> None:
     for world in record.context.courses:
         flown = record.run.trajectory(world)
-        for name, prefix in (("", ""), ("oncoming", "oncoming.")):
-            track = read_track(record.run, record.context, world, name)
+        for robot, prefix in zip(list_robots(record), ("", "oncoming."), strict=True):
+            track = read_track(robot.run, robot.context, world)
             for column in ("x_m", "y_m", "yaw_rad", "contact"):
                 expected = flown[f"{prefix}{column}"].to_numpy(float)[: len(track)]
                 np.testing.assert_array_equal(track[column].to_numpy(float), expected)
         start = flown[["oncoming.x_m", "oncoming.y_m", "oncoming.yaw_rad"]].iloc[0]
         np.testing.assert_allclose(start, HOME, atol=1e-9)
     ends = record.run.missions.set_index("world")["oncoming.ended"]
-    tracks = read_tracks(record.run, record.context, "near")
+    tracks = read_tracks(record, "near")
     assert list(dict.fromkeys(tracks[AGENT])) == ["", "oncoming"]
     assert tracks["ended"].iloc[-1] in set(ends["near"])
 
 
 def test_each_robot_has_the_sensors_of_its_rows(record: Record) -> None:
     rows = record.run.champion
-    own = {name: read_champion_sensors(record, name) for name in ("", "oncoming")}
+    own = {robot.agent: read_champion_sensors(robot) for robot in list_robots(record)}
     assert sum(map(len, own.values())) == len(rows) == 12
     for name, sensors in own.items():
         placed = rows[rows[AGENT].fillna("") == name]
         np.testing.assert_allclose(sensors["yaw_deg"], placed["yaw_deg"].to_numpy(float))
     assert len(group_ranges(record.run.trajectory("near"))) == 6
-    assert len({robot for robot, *_ in identify_champion(record)[0]}) == 2
+    champion: Any = identify_champion(record)
+    assert len({robot for robot, *_ in champion[0]}) == 2
 
 
 def test_the_map_has_the_path_of_each_robot_and_how_it_ended(record: Record) -> None:
     context, worlds = record.context, dict(load_champion_worlds(record.run, record.context))
-    tracks = read_tracks(record.run, context, "near")
+    tracks = read_tracks(record, "near")
     robots = {"": context, **context.agents}
-    (axes,) = draw_missions(tracks, {"near": worlds["near"]}, context.modes, robots=robots).axes
+    (axes,) = draw_missions(
+        Missions(tracks, {"near": worlds["near"]}, context.modes, robots=robots)
+    ).axes
     other = tracks[tracks[AGENT] == "oncoming"]
     drawn = [np.asarray(line.get_xydata()) for line in axes.get_lines()]
     assert any(np.array_equal(xy, other[["x_m", "y_m"]].to_numpy()) for xy in drawn)

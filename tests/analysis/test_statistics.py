@@ -6,6 +6,10 @@ from math import comb, nan
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
 from evoros.analysis.measures.statistics import (
     LEVEL,
     Interval,
@@ -20,9 +24,6 @@ from evoros.analysis.measures.statistics import (
     share_interval,
     spearman,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy import stats
 
 SAMPLES = st.lists(st.integers(0, 6).map(float), min_size=1, max_size=6)
 PS = st.lists(st.floats(0, 1), min_size=1, max_size=8)

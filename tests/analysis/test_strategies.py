@@ -2,10 +2,17 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.spatial.distance import cdist
+
 from evoros.analysis.drawing.style import PAGE_IN, letter
 from evoros.analysis.figures.strategies import draw_strategies
 from evoros.analysis.measures.clusters import compare_with_samples, cut_best, find_clusters
@@ -24,12 +31,6 @@ from evoros.analysis.measures.design_features import (
     describe_designs,
 )
 from evoros.analysis.measures.pairs import measure_nearness, paper_rings
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy import stats
-from scipy.cluster.hierarchy import fcluster, linkage
-from scipy.spatial.distance import cdist
-
 from evoros.failure.spatial import SpatialFailure
 from evoros.filter.protocol import Channels
 from evoros.storage.figure_context import Ring
@@ -76,7 +77,7 @@ def test_a_single_ray_counts_for_one_degree() -> None:
     assert seen(ahead) == {0.0: pytest.approx(1 / 5), 20.0: pytest.approx(1 / 5)}
     both = pd.concat([ahead, aside], ignore_index=True)
     assert share_ahead(both).tolist() == [1.0, 0.0]
-    described = describe_designs(both, both).set_index("run")
+    described: Any = describe_designs(both, both).set_index("run")
     assert described.loc["ahead", "strategy"].unique().tolist() == [FRONT]
     assert described.loc["aside", "strategy"].unique().tolist() == [SIDE]
     mixed = ahead.assign(fov_deg=[0.0, 30.0])
@@ -450,7 +451,7 @@ def test_the_picture_shows_the_counts_and_the_means(
     panels = [axes for part in figure.subfigs for axes in part.axes]
     assert [axes.get_title() for axes in panels[:2]] == ["none (n = 8)", "random (n = 6)"]
     assert [text.get_text() for text in panels[2].texts] == ["4 : 4", "0 : 6"]
-    mean = panels[0].get_lines()[-1].get_ydata()
+    mean = np.asarray(panels[0].get_lines()[-1].get_ydata())
     rows = numbers[(numbers.treatment == "none") & (numbers.measure == "coverage")]
     np.testing.assert_allclose(mean, [*rows.value, rows.value.iloc[0]])
 

@@ -8,19 +8,19 @@ from typing import Any
 
 import pytest
 import yaml
+from helpers import TINY, everything, reseal, tiny
+from hypothesis import given
+from hypothesis import strategies as st
+
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.tables.factors import name_part, read_choices
 from evoros.analysis.tables.folders import list_folders, shorten_names
 from evoros.analysis.tables.study import load_study
 from evoros.analysis.tables.treatments import SINGLE, label_treatments
 from evoros.analysis.tables.values import read_values
-from helpers import TINY, everything, reseal, tiny
-from hypothesis import given
-from hypothesis import strategies as st
-
-from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
 from evoros.cli.evaluate import evaluate
+from evoros.terminal.console import DONE, INPUT
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,16 @@ import sys
 from itertools import pairwise
 from math import nan, sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from helpers import scored, texts, tiny
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.figure import Figure
+
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures.ladder import draw_ladder
 from evoros.analysis.figures.transfer import draw_transfer, summarize
@@ -17,13 +23,8 @@ from evoros.analysis.measures.statistics import mean_interval, spearman
 from evoros.analysis.tables.ladder import climb
 from evoros.analysis.tables.paired_scores import pair_scores
 from evoros.analysis.tables.study import load_study
-from helpers import scored, texts, tiny
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection, PathCollection
-from matplotlib.figure import Figure
-
-from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
+from evoros.terminal.console import DONE, INPUT
 
 HEADER = "design,sensor,x_m,y_m,yaw_deg"
 ANGLES = {"a": 0, "b": 20, "c": 40, "d": 60, "e": 80}
@@ -263,16 +264,17 @@ def test_a_ladder_needs_two_rungs_with_the_same_designs(
 
 def test_lines_and_bars_of_a_ladder_are_those_of_its_table(rungs: list[Path]) -> None:
     table = climb(load_study(rungs))
-    figure = draw_ladder(table, summarize(table), lambda row: ("", "5", "1", "0"), "")
+    figure = draw_ladder(table, [("rung", "5", "1", "0")], "")
     (axes,) = figure.axes
-    shown = [np.asarray(each.lines[0].get_ydata()).tolist() for each in axes.containers]
+    bars: Any = axes.containers
+    shown = [np.asarray(each.lines[0].get_ydata()).tolist() for each in bars]
     expected = [
         [step["x_fitness"].iloc[0], *step["y_fitness"]]
         for _, step in table.groupby(["source", "design"], sort=False)
     ]
     assert shown == expected
     (mean,) = (line for line in axes.get_lines() if line.get_label() == "mean")
-    np.testing.assert_allclose(mean.get_ydata(), np.mean(expected, axis=0))
+    np.testing.assert_allclose(np.asarray(mean.get_ydata()), np.mean(expected, axis=0))
     rungs_drawn = [label.get_text() for label in axes.get_xticklabels()]
     assert rungs_drawn == [
         table["x"].iloc[0].replace(", ", "\n"),

@@ -11,6 +11,10 @@ from typing import Any
 import pandas as pd
 import pytest
 import yaml
+from helpers import tiny, vary
+from hypothesis import given
+from hypothesis import strategies as st
+
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.drawing.style import choose_style
 from evoros.analysis.product import Product
@@ -21,12 +25,8 @@ from evoros.analysis.tables.records import Record
 from evoros.analysis.tables.study import Study, load_study
 from evoros.analysis.tables.treatments import SINGLE, label_treatments
 from evoros.analysis.tables.treatments_file import name_treatments, read_treatments
-from helpers import tiny, vary
-from hypothesis import given
-from hypothesis import strategies as st
-
-from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
+from evoros.terminal.console import DONE, INPUT
 
 
 @pytest.fixture(scope="module")
@@ -284,7 +284,7 @@ def test_a_named_record_keeps_all_else(sweep: Path, tmp_path: Path) -> None:
 # Tables -------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass
 class Tables:
     """A subcommand that makes these tables."""
 

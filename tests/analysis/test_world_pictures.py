@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-from evoros.analysis.drawing.worlds import draw_worlds
 from field_cases import areas, field
 
+from evoros.analysis.drawing.worlds import draw_worlds
 from evoros.field.generated import FIXED
 from evoros.geometry.shapes import Body, Pose, Shape
 

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from scipy import stats
+
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.measures.worst_cases import (
     count_sets,
@@ -11,11 +13,9 @@ from evoros.analysis.measures.worst_cases import (
     find_smallest,
     list_cases,
 )
-from scipy import stats
-
-from evoros.base.console import DONE, INPUT
 from evoros.cli.evaluate import evaluate
 from evoros.failure.exhaustive import ExhaustiveFailure
+from evoros.terminal.console import DONE, INPUT
 
 DESIGN = "design,sensor,x_m,y_m,yaw_deg\na,0,0.2,0.05,10\na,1,0.2,-0.05,-10\nb,0,0.2,0.05,30\n"
 

@@ -7,22 +7,23 @@ import numpy as np
 import pytest
 
 from evoros.base.arrays import Array
-from evoros.base.compilation import FILTER, compile_function, compiling
 from evoros.base.rng import Generator, generator
+from evoros.compilation.machine_code import compile_function, compiling
+from evoros.compilation.rules import FILTER
 
 COUNT = 100_000  # some 30 of the normal deviates are in the tails
 NOTHING = np.zeros(0)
 
 
 def draw_normal(
-    parameters: Array, memory: Array, rng: Generator, values: Array, time: float
+    parameters: Array, memory: Array, rng: Generator, source: Array, values: Array, time: float
 ) -> None:
     for i in range(len(values)):
         values[i] = rng.standard_normal()
 
 
 def draw_others(
-    parameters: Array, memory: Array, rng: Generator, values: Array, time: float
+    parameters: Array, memory: Array, rng: Generator, source: Array, values: Array, time: float
 ) -> None:
     for i in range(0, len(values), 5):
         values[i] = rng.normal(1.0, 2.0)
@@ -42,8 +43,8 @@ def test_compiled_draws_are_the_interpreted_ones(rule: object) -> None:
         compiled = compile_function(rule, FILTER, False)
     ours, theirs = generator("a", "part"), generator("a", "part")
     fast, slow = np.empty(COUNT), np.empty(COUNT)
-    compiled(NOTHING, NOTHING, ours, fast, 0.0)
-    compiled.py_func(NOTHING, NOTHING, theirs, slow, 0.0)
+    compiled(NOTHING, NOTHING, ours, NOTHING, fast, 0.0)
+    compiled.py_func(NOTHING, NOTHING, theirs, NOTHING, slow, 0.0)
     assert (fast == slow).all()
     assert ours.bit_generator.state == theirs.bit_generator.state
     (code,) = compiled.inspect_llvm().values()

@@ -3,6 +3,8 @@
 import ast
 import os
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,7 @@ from helpers import ROOT
 from ros_cases import busy_cores
 
 from evoros.bridge.process import start_process
+from evoros.bridge.ros.watched_thread import WatchedThread, tells_places
 
 SCRIPTS = ROOT / "evoros" / "bridge" / "ros"
 RING = ROOT / "tests" / "nodes" / "rest_ring.py"
@@ -50,6 +53,32 @@ def test_a_process_that_hides_in_mid_mission_is_named_in_one_line(where: str) ->
     assert rested == "True"
     assert f"{RING} station" in line
     assert "syscall" in line
+
+
+@pytest.mark.parametrize("places", [True, False])
+@pytest.mark.parametrize(("sleep_s", "waits"), [(3600.0, {True}), (0.0003, {False})])
+def test_a_long_sleep_is_rest_and_a_short_one_is_work(
+    sleep_s: float, waits: set[bool], places: bool
+) -> None:
+    """As in rospy.spin() and in a publisher of rospy, of which the kernel says the same."""
+    done = threading.Event()
+
+    def sleep() -> None:
+        while not done.is_set():
+            time.sleep(sleep_s)
+
+    thread = threading.Thread(target=sleep, daemon=True)
+    thread.start()
+    time.sleep(0.05)
+    assert thread.native_id is not None
+    watched = WatchedThread(os.getpid(), thread.native_id)
+    seen, told = set(), places and tells_places()
+    for _ in range(300):
+        time.sleep(0.0002)
+        seen.add(watched.waits(told))
+    done.set()
+    watched.close()
+    assert seen == waits
 
 
 @pytest.mark.parametrize("script", sorted(SCRIPTS.glob("*.py")), ids=lambda path: path.name)

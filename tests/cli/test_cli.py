@@ -17,9 +17,9 @@ from helpers import (
     wait_for_missions,
 )
 
-from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED
-from evoros.base.resources import bundled_folder
 from evoros.cli.run import evoros
+from evoros.files.resources import bundled_folder
+from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 
 BAD = [
     (["foo=1"], "foo: must be an existing key"),

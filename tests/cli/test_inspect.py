@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 import trimesh
 from documents import files, write
+from helpers import alone
 
-from evoros.base.console import DONE, INPUT
 from evoros.cli.inspect import evoros_inspect
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.route_check import check_routes
 from evoros.filter.bias import Bias
 from evoros.filter.gaussian_noise import GaussianNoise
+from evoros.preflight.routes import check_routes
 from evoros.sensor.bumper import Bumper
 from evoros.sensor.imu import Imu
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import sees
+from evoros.terminal.console import DONE, INPUT
 
 FILES = files("your_robot")
 SCOUT, DEPOT = "theirs/scout.urdf.xacro", "theirs/depot.world"
@@ -244,7 +245,7 @@ def use(output: str) -> Experiment:
     command, option, folder, *words = shlex.split(output.split("to use")[1])
     assert (command, option) == ("evoros", "--config-dir")
     experiment = compose(words, folder).build()
-    assert list(check_routes(experiment)) == []
+    assert list(check_routes(alone(experiment))) == []
     return experiment
 
 

@@ -8,8 +8,8 @@ import pytest
 import yaml
 from helpers import TINY, content, everything
 
-from evoros.base.console import DONE, INPUT, STOPPED
 from evoros.cli.run import evoros
+from evoros.terminal.console import DONE, INPUT, STOPPED
 
 OPTIONS = (*TINY, "executor=serial", "optimizer.generations=2")
 

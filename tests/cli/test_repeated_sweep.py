@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 from helpers import TINY, content, cut, everything, scored, tiny
 
-from evoros.base.console import DONE, INPUT
 from evoros.cli.evaluate import evaluate
 from evoros.cli.run import evoros
 from evoros.cli.status import evoros_status
 from evoros.session.overview import survey
 from evoros.storage.run_folder import RunFolder
 from evoros.storage.seals import seal_json
+from evoros.terminal.console import DONE, INPUT
 
 NAME = "experiment-tiny_executor-serial_generations-2_seed-{}"
 

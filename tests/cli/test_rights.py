@@ -15,7 +15,7 @@ import pytest
 from dask_cases import cluster
 from helpers import TINY, USER_PARTS, content, everything, resume, start, tiny, wait_for_missions
 
-from evoros.base.console import DONE, INPUT, STOPPED
+from evoros.terminal.console import DONE, INPUT, STOPPED
 
 LIMIT_S = 120.0
 DROP_FROM_BOUNDING_SET = 24  # PR_CAPBSET_DROP of prctl

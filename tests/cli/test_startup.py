@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from helpers import TINY, everything, tiny
 
-from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED
-from evoros.base.resources import find_file
 from evoros.cli import run as cli
+from evoros.files.resources import find_file
+from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 
 SLOW = ("pybullet", "matplotlib", "pandas")
 

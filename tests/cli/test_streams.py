@@ -7,16 +7,16 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from evoros.analysis.command import evoros_analyze
 from helpers import TINY, content, everything, resume, tiny
 
-from evoros.base.console import DONE, INPUT
+from evoros.analysis.command import evoros_analyze
 from evoros.cli.compare import evoros_compare
 from evoros.cli.evaluate import evaluate
 from evoros.cli.inspect import evoros_inspect
 from evoros.cli.run import evoros
 from evoros.cli.status import evoros_status
 from evoros.cli.world import evoros_world
+from evoros.terminal.console import DONE, INPUT
 
 OPTIONS = (*TINY, "executor=serial", "optimizer.generations=1")
 NOBODY = "~there_is_no_such_user"
@@ -61,7 +61,7 @@ def test_a_log_that_cannot_be_opened_is_refused(
 def test_a_log_on_a_full_disk_stops_nothing_and_is_told_once(
     run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    from evoros.base.log import LOGGER, log_to_file, log_to_terminal
+    from evoros.terminal.log import LOGGER, log_to_file, log_to_terminal
 
     with log_to_terminal(), log_to_file(Path("/dev/full")):
         LOGGER.info("one")

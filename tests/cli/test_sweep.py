@@ -16,8 +16,19 @@ from typing import Any
 import pytest
 from helpers import TINY, content, tiny
 
-from evoros.base.console import DONE, INPUT, STOPPED
-from evoros.base.log import (
+from evoros.cli.reporting import JobResult
+from evoros.cli.run import evoros
+from evoros.cli.sweep import Sweep, jobs_at_once
+from evoros.cli.sweeping import begin_all
+from evoros.config.jobs import Job
+from evoros.executor.processes import Processes
+from evoros.executor.protocol import Executor, Pool
+from evoros.session.figures import Draw
+from evoros.session.progress import SweepProgress
+from evoros.session.status import Display
+from evoros.session.work import PoolOpener, open_pool
+from evoros.terminal.console import DONE, INPUT, STOPPED
+from evoros.terminal.log import (
     LOGGER,
     attach,
     collect_messages,
@@ -26,16 +37,6 @@ from evoros.base.log import (
     log_for_job,
     log_to_file,
 )
-from evoros.cli.reporting import JobResult
-from evoros.cli.run import evoros
-from evoros.cli.sweep import Sweep, jobs_at_once
-from evoros.cli.sweeping import begin_all
-from evoros.config.jobs import Job
-from evoros.executor.processes import Processes
-from evoros.executor.protocol import Executor, Pool
-from evoros.session.progress import SweepProgress
-from evoros.session.status import Display
-from evoros.session.work import PoolOpener, open_pool
 
 TWO = ("executor=processes", "executor.workers=2", "optimizer.generations=2")
 
@@ -73,7 +74,7 @@ class Fake:
     executor: Executor
     do: Callable[[Pool], object]
 
-    def run(self, display: Display, opener: PoolOpener = open_pool) -> None:
+    def run(self, display: Display, draw: Draw, opener: PoolOpener = open_pool) -> None:
         with opener(self.executor) as pool:
             self.do(pool)
 
@@ -348,7 +349,7 @@ def test_the_line_of_a_sweep_counts_and_promises(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("evoros.session.progress.time.monotonic", lambda: now[0])
     display = SweepProgress(4, shown=False)
     assert display.line(79) == "0 of 4 done | after 0:00:00"
-    flown: Any = type("Flown", (), {"time_s": 30.0})
+    flown: Any = (type("Flown", (), {"time_s": 30.0}),)
     with display.job() as one:
         now[0] += 100.0  # to compile; is no measure of what follows
         one.start(1)

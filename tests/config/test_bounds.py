@@ -9,7 +9,7 @@ import pytest
 from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.config.configuration import Configuration
-from evoros.evolution.preflight import preflight
+from evoros.preflight.preflight import preflight
 
 BASELINE = ["simulator=planar", "world=boxes", "executor.workers=1"]
 OTHERS = (

@@ -10,7 +10,7 @@ from evoros.base.errors import InputError
 from evoros.config.compose import add_config_dir, compose
 from evoros.config.jobs import EVALUATE, Job, Jobs
 from evoros.config.recorded import override_recorded, read_recorded
-from evoros.evolution.dispatch import Dispatcher
+from evoros.dispatch.dispatcher import Dispatcher
 
 
 def test_what_a_run_keeps_composes_to_the_same_experiment(tmp_path: Path) -> None:

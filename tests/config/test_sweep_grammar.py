@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evoros.base.errors import InputError
-from evoros.base.resources import bundled_folder
 from evoros.config.compose import compose_with_hydra
 from evoros.config.jobs import Job, Jobs
+from evoros.files.resources import bundled_folder
 
 FAILURES = sorted(path.stem for path in (bundled_folder("conf") / "failure").glob("*.yaml"))
 

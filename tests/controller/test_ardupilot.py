@@ -28,7 +28,7 @@ from ardupilot_cases import (
     with_fault,
     with_settings,
 )
-from helpers import content
+from helpers import alone, content, with_parts
 from pybullet_cases import box
 
 from evoros.base.errors import InputError, LaunchError, PilotLost
@@ -39,11 +39,11 @@ from evoros.controller.ardupilot_parameters import derive_parameters
 from evoros.controller.protocol import Briefing
 from evoros.design.genes import replace_values
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.preflight import preflight
-from evoros.evolution.told_check import check_told
 from evoros.filter.delay import Delay
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
+from evoros.preflight.preflight import preflight
+from evoros.preflight.told import check_told
 
 SHORT_S = 4.0
 LAST_TICK = round(SHORT_S / PERIOD_S) - 1
@@ -79,7 +79,7 @@ def among_boxes(experiment: Experiment) -> Scenario:
 
 
 def digest(scenario: Scenario) -> str:
-    outcome, track = run_mission(scenario, mission())
+    (outcome,), track = run_mission(scenario, mission())
     return sha256(track.tobytes() + repr(outcome).encode()).hexdigest()
 
 
@@ -91,13 +91,13 @@ def reference(among_boxes: Scenario) -> str:
 @pytest.mark.parametrize("simulator", ["planar", "pybullet"])
 def test_all_ten_waypoints_count_in_the_open(binary: Path, simulator: str) -> None:
     scenario = open_field(compose_experiment(binary, f"simulator={simulator}"))
-    outcome, _ = run_mission(scenario, mission())
+    (outcome,), _ = run_mission(scenario, mission())
     assert (outcome.visited, outcome.ended, outcome.collisions) == (10, "completed", 0)
     assert outcome.avoiding == 0.0
 
 
 def test_it_avoids_and_goes_on_with_its_route(among_boxes: Scenario) -> None:
-    outcome, track = run_mission(among_boxes, mission())
+    (outcome,), track = run_mission(among_boxes, mission())
     modes = track[:, 6]
     changes = modes[np.flatnonzero(np.diff(modes, prepend=0.0))].tolist()
     assert changes[:3] == [2.0, 1.0, 2.0]
@@ -107,8 +107,9 @@ def test_it_avoids_and_goes_on_with_its_route(among_boxes: Scenario) -> None:
 
 
 def test_a_parameter_may_evolve(short: Scenario) -> None:
-    slower = replace_values(short, {"controller.parameters.WP_SPEED": 0.2})
-    slow, fast = (run_mission(scenario, mission())[0] for scenario in (slower, short))
+    slow_member = replace_values(short.members[0], {"controller.parameters.WP_SPEED": 0.2})
+    slower = replace(short, members=(slow_member,))
+    (slow,), (fast,) = (run_mission(scenario, mission())[0] for scenario in (slower, short))
     assert slow.max_speed_mps < 0.25 < fast.max_speed_mps
 
 
@@ -116,7 +117,7 @@ def test_a_parameter_may_evolve(short: Scenario) -> None:
 def test_a_robot_without_steering_is_a_car_to_it(binary: Path, robot: str) -> None:
     choices = ["simulator=planar", f"robot={robot}", "design=around", "robot.mount=null"]
     scenario = open_field(compose_experiment(binary, *choices), 60.0)
-    outcome, _ = run_mission(scenario, mission(0))
+    (outcome,), _ = run_mission(scenario, mission(0))
     assert outcome.visited >= 1
 
 
@@ -202,9 +203,9 @@ def test_a_stopped_autopilot_is_lost_at_its_time(short: Scenario, tick: int) -> 
 
 
 def interrupted(scenario: Scenario, tick: int, number: signal.Signals) -> Scenario:
-    inner = cast(ArduPilot, scenario.controller)
+    inner = cast(ArduPilot, scenario.members[0].controller)
     settings = {field.name: getattr(inner, field.name) for field in fields(inner)}
-    return replace(scenario, controller=Interrupted(**settings, tick=tick, number=number))
+    return with_parts(scenario, controller=Interrupted(**settings, tick=tick, number=number))
 
 
 @of_the_peer
@@ -244,14 +245,14 @@ def test_a_lost_autopilot_is_told_with_time_status_and_last_words(
 def test_what_cannot_be_used_fails_the_simulation_at_its_time(
     short: Scenario, fault: str, message: str
 ) -> None:
-    outcome, _ = run_mission(with_fault(short, fault), mission())
+    (outcome,), _ = run_mission(with_fault(short, fault), mission())
     assert outcome.ended == "simulation_failure"
     assert message in outcome.reason
 
 
 @of_the_peer
 def test_a_servo_without_pulse_leaves_the_last_command(short: Scenario) -> None:
-    outcome, track = run_mission(with_fault(short, "steering@auto+51:0"), mission())
+    (outcome,), track = run_mission(with_fault(short, "steering@auto+51:0"), mission())
     assert outcome.ended == "time_limit"
     assert set(track[:, 6].tolist()) <= {0.0, 2.0}
 
@@ -265,7 +266,7 @@ def test_one_that_is_never_ready_is_refused_with_what_it_said(short: Scenario) -
 
 @of_the_peer
 def test_one_that_does_not_arm_is_refused_with_its_reason(short: Scenario) -> None:
-    controller = cast(ArduPilot, short.controller)
+    controller = cast(ArduPilot, short.members[0].controller)
     parameters = {**controller.parameters, "SCHED_LOOP_RATE": 200}
     eager = with_settings(short, parameters=parameters, warm_up_s=6.0)
     with pytest.raises(InputError, match=r"must arm within 6 .*Main loop slow \(50Hz < 200Hz\)"):
@@ -287,7 +288,7 @@ def test_what_it_cannot_start_with_is_told(
 
 
 def test_an_unknown_parameter_is_refused_by_its_name(short: Scenario) -> None:
-    controller = cast(ArduPilot, short.controller)
+    controller = cast(ArduPilot, short.members[0].controller)
     misspelt = with_settings(short, parameters={**controller.parameters, "WP_SPED": 0.3})
     with pytest.raises(InputError, match=r"controller\.parameters\.WP_SPED: must be a parameter"):
         run_mission(misspelt, mission())
@@ -330,7 +331,7 @@ def test_without_pymavlink_its_installation_is_told(
 
 
 def test_parameters_follow_from_the_robot_and_the_mission(short: Scenario) -> None:
-    robot = short.with_design(mission(7).design).robot
+    robot = short.members[0].with_design(mission(7).design).robot
     robot = replace(robot, mounts=robot.mounts[::-1])  # the first one looks to the left
     route, drive = np.zeros((1, 2)), robot.drive
     briefing = Briefing(robot, (0.0, 0.0, 0.0, 0.0), route, 1.0, 10.0, 0)
@@ -353,7 +354,7 @@ def test_parameters_follow_from_the_robot_and_the_mission(short: Scenario) -> No
 
 @of_the_peer
 def test_the_version_is_that_of_the_binary(short: Scenario) -> None:
-    controller = cast(ArduPilot, short.controller)
+    controller = cast(ArduPilot, short.members[0].controller)
     assert controller.version == VERSION
     assert controller.files == (controller.binary,)
 
@@ -361,7 +362,7 @@ def test_the_version_is_that_of_the_binary(short: Scenario) -> None:
 def test_more_than_six_sonars_are_said_once_before_the_run(
     experiment: Experiment, binary: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    assert list(check_told(experiment)) == []
+    assert list(check_told(alone(experiment))) == []
     caplog.set_level("INFO", "evoros")
     preflight(compose_experiment(binary, "simulator=planar", "design.number=4"))
     told = [line for line in caplog.messages if "sensors are told" in line]

@@ -13,10 +13,10 @@ from hydra.utils import instantiate
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
+from evoros.base.arrays import DRIVE_SPEED, STEERING
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
-from evoros.controller.l1 import CROSSTRACK, INTEGRAL, L1
+from evoros.controller.l1 import L1, Memory, Parameters
 from evoros.controller.rover import Rover
 from evoros.controller.weighted_voting import WeightedVoting
 from evoros.filter.delay import Delay
@@ -30,7 +30,7 @@ PERIOD = 0.1
 AXLE = 0.0  # [m]: the pose is that of the rear axle
 
 
-def started(law: L1) -> tuple[Array, Array]:
+def started(law: L1) -> tuple[Parameters, Memory]:
     robot = cast(
         "Robot",
         SimpleNamespace(drive=SimpleNamespace(steering_limit=FULL_LOCK, rear_axle_x_m=AXLE)),
@@ -60,8 +60,8 @@ class Call:
         self.time += wait
         command = np.full(2, math.inf)
         state = np.array([x, y, yaw, speed, yaw_rate, 0.0])
-        arguments = self.parameters, self.memory, state, np.array(leg), np.zeros(0), self.time
-        if not self.law.rule(*arguments, command):
+        named = self.parameters, self.memory
+        if not self.law.rule(*named, state, np.array(leg), self.time, command):
             assert np.isposinf(command).all()
             return math.nan
         assert command[DRIVE_SPEED] == self.law.speed_mps
@@ -149,7 +149,7 @@ def test_the_integral_grows_with_the_error_of_the_yaw_rate_up_to_its_limit(
     error = math.degrees(rate) / reckoned
     integral = -min(15.0, 0.2 * 0.75 * 45.0 * error / reckoned * PERIOD * calls)
     damping = -4.0 * 0.005 * error
-    assert call.memory[INTEGRAL] == pytest.approx(integral)
+    assert call.memory.integral[0] == pytest.approx(integral)
     assert turn == pytest.approx((integral + damping) / 45.0 * FULL_LOCK)
 
 
@@ -160,9 +160,9 @@ def test_at_full_lock_the_integral_winds_no_further(side: int) -> None:
         assert call(yaw=-side * 1.5) == side * FULL_LOCK
     first = Call(L1(p=9.0, i=0.02))
     first(yaw=-side * 1.5)
-    assert call.memory[INTEGRAL] == first.memory[INTEGRAL] != 0.0
+    assert call.memory.integral[0] == first.memory.integral[0] != 0.0
     call(yaw=-side * 1.5, yaw_rate=side * 2.0)  # turning faster than demanded
-    assert abs(call.memory[INTEGRAL] - first.memory[INTEGRAL]) > 1.0
+    assert abs(call.memory.integral[0] - first.memory.integral[0]) > 1.0
 
 
 def test_the_crosstrack_integral_is_slow_limited_and_only_near_the_leg() -> None:
@@ -170,13 +170,13 @@ def test_the_crosstrack_integral_is_slow_limited_and_only_near_the_leg() -> None
     for _ in range(50):
         call(y=-0.02)
     eta = math.asin(0.02 / (0.75 * 6 * 0.29 / math.pi))
-    assert call.memory[CROSSTRACK] == pytest.approx(0.02 * eta * PERIOD * 50)
+    assert call.memory.crosstrack[0] == pytest.approx(0.02 * eta * PERIOD * 50)
     for _ in range(3000):
         call(y=-0.02)
-    assert call.memory[CROSSTRACK] == 0.1
+    assert call.memory.crosstrack[0] == 0.1
     far = Call()
     far(y=-0.2)
-    assert far.memory[CROSSTRACK] == 0.0
+    assert far.memory.crosstrack[0] == 0.0
 
 
 def test_after_an_interruption_it_starts_afresh() -> None:
@@ -190,11 +190,11 @@ def test_after_an_interruption_it_starts_afresh() -> None:
 def test_a_silent_pose_leaves_the_command_and_the_memory() -> None:
     call = Call()
     call(y=-0.03, yaw_rate=0.1)
-    before = call.memory.copy()
+    before = [array.copy() for array in call.memory]
     for silent in range(4):
         x, y, yaw, speed = (math.nan if i == silent else 0.2 for i in range(4))
         assert math.isnan(call(x, y, yaw, speed))
-    assert (call.memory == before).all()
+    assert list(call.memory) == before
 
 
 def test_every_bad_value_is_refused_in_one_line() -> None:

@@ -14,19 +14,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evoros.base.arrays import DRIVE_SPEED, STEERING, Array
-from evoros.base.console import DONE
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.config.compose import compose
 from evoros.controller.network import list_weights, share_sectors
 from evoros.controller.neural import Neural
 from evoros.design.genes import Gene
-from evoros.evolution.declared_genes import find_declared_genes
 from evoros.evolution.experiment import Experiment
 from evoros.mission.compiled_loop import prepare_interpreted
+from evoros.mission.declared_genes import find_declared_genes
+from evoros.mission.live_layers import start_layers
 from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
+from evoros.terminal.console import DONE
 
 NEURAL = ["controller=neural", "simulator=planar", "executor=serial"]
 CRUISE = 0.29  # of conf/controller/neural.yaml
@@ -51,7 +52,7 @@ class Drive:
 
     def __init__(self, network: Neural, yaws_deg: list[float]) -> None:
         with network.open(robot(yaws_deg), lambda name: generator("seed", name)) as layers:
-            self.layers = list(layers)
+            self.layers = start_layers(layers)
 
     def __call__(
         self, readings: list[float], bearing: float, yaw: float = 0.0, speed: float = CRUISE
@@ -223,7 +224,7 @@ def test_the_genes_of_a_design_reach_the_network() -> None:
     experiment = EXPERIMENT
     genome = np.random.default_rng(1).random(experiment.space.size)
     design = experiment.space.decode(genome)
-    controller = experiment.scenario.with_design(design).controller
+    controller = experiment.members[0].with_design(design).controller
     assert isinstance(controller, Neural)
     assert list(controller.weights or ()) == list(design.values.values())
 
@@ -284,12 +285,12 @@ def test_every_mission_has_the_price_of_the_sensors_of_its_design() -> None:
     for genome in rng.random((6, experiment.space.size)):
         design = experiment.space.decode(genome)
         (mission,) = experiment.plan.evaluation(0, 0, design)
-        outcome, _ = run_mission(experiment.scenario, mission)
+        (outcome,), _ = run_mission(experiment.scenario, mission)
         assert outcome.sensors == len(design.mounts)
         assert outcome.price == sum(prices[mount.sensor] for mount in design.mounts)
         types |= {mount.sensor for mount in design.mounts}
         refused = replace(design, values={"controller.gain": -1.0})
-        failed, _ = run_mission(experiment.scenario, replace(mission, design=refused))
+        (failed,), _ = run_mission(experiment.scenario, replace(mission, design=refused))
         assert (failed.ended, failed.price) == ("refused", outcome.price)
     assert types == set(prices)
 
@@ -306,8 +307,7 @@ def test_prices_do_not_evolve() -> None:
 def test_a_robot_with_a_design_of_its_own_has_weights_of_its_own() -> None:
     shared = experiment_of("agents=oncoming", "world=boxes")
     design = shared.space.decode(np.full(shared.space.size, 0.9))
-    team = shared.scenario.equip(design)
-    first, other = (each.controller for each in team.values())
+    first, other = (each.controller for each in shared.scenario.equip(design))
     assert isinstance(first, Neural)
     assert isinstance(other, Neural)
     assert first.weights == other.weights != Neural().weights

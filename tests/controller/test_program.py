@@ -12,21 +12,21 @@ from typing import Any
 import numpy as np
 import pytest
 from executor_calls import wait_until
-from helpers import ROOT, content, start, wait_for_missions
+from helpers import ROOT, content, start, wait_for_missions, with_parts
 
 from evoros.base.errors import InputError, PilotLost, RunStopped
 from evoros.cli.run import evoros
 from evoros.config.compose import compose
 from evoros.controller.program import Program
-from evoros.evolution.dispatch import Dispatcher
+from evoros.dispatch.dispatcher import Dispatcher
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.preflight import preflight
 from evoros.executor.processes import Processes
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import LOST, SIMULATION_FAILURE
 from evoros.mission.plan import STOP, WORST
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
+from evoros.preflight.preflight import preflight
 
 PROGRAMS = ROOT / "tests" / "programs"
 FAULTY, RULES = PROGRAMS / "faulty.py", PROGRAMS / "rules.py"
@@ -54,7 +54,7 @@ def faulty(experiment: Experiment, fault: str, tally: Path, **changes: Any) -> S
     command = [sys.executable, "-I", "-S", str(FAULTY), fault, str(tally)]
     limit = 0.5 if fault.startswith(SILENT) else 60.0
     program = Program(command=command, **{"answer_limit_s": limit, **changes})
-    return replace(experiment.scenario, controller=program)
+    return with_parts(experiment.scenario, controller=program)
 
 
 # ---- conformance
@@ -68,17 +68,17 @@ def test_the_rover_s_own_rules_outside_give_its_trajectory(simulator: str, limit
     chosen = [f"simulator={simulator}", "world=maze", limit, *EARLY, "controller=rover_l1"]
     experiment = compose(chosen).build()
     inside = experiment.scenario
-    outside = replace(
+    outside = with_parts(
         inside,
         controller=Program(
             command=[sys.executable, str(RULES)],
             modes=MODES,
-            localization=inside.controller.localization,
+            localization=inside.members[0].controller.localization,
         ),
     )
     for place in (0.1, 0.4):
         expected, track = run_mission(inside, mission(experiment, place))
-        outcome, flown = run_mission(outside, mission(experiment, place))
+        (outcome,), flown = run_mission(outside, mission(experiment, place))
         assert repr(outcome) == repr(expected)
         assert flown.tobytes() == track.tobytes()
         assert np.isnan(track[:, -6:]).any(), "a sensor has failed"
@@ -216,7 +216,7 @@ def test_an_unusable_answer_is_a_failure_with_its_time(
     experiment: Experiment, fault: str, tick: int, tmp_path: Path
 ) -> None:
     scenario = faulty(experiment, f"{fault}@{tick}", tmp_path / "tally")
-    outcome, track = run_mission(scenario, mission(experiment))
+    (outcome,), track = run_mission(scenario, mission(experiment))
     assert (outcome.ended, len(track)) == (SIMULATION_FAILURE, 0)
     assert re.search(ANSWERS[fault].format(f"{tick / 10:g}"), outcome.reason)
 
@@ -241,7 +241,7 @@ def test_a_fault_at_the_start_is_one_line_before_the_run(
     limit = 3.0 if fault in SILENT else 60.0  # Python has to start first
     scenario = faulty(experiment, f"{fault}@start", tmp_path / "tally", start_limit_s=limit)
     with pytest.raises(InputError, match=rf"^controller: python\S*:? {STARTS[fault]}") as caught:
-        preflight(replace(experiment, controller=scenario.controller))
+        preflight(replace(experiment, controller=scenario.members[0].controller))
     assert "\n" not in str(caught.value)
 
 
@@ -257,7 +257,7 @@ def test_a_lost_mission_is_flown_as_often_as_the_executor_says(
         assert (tmp_path / "tally").read_text().count("started") == 3 * len(missions)
         assert {lost.key: "these are the\nlast words\n" for lost in missions} == logs
         reason = r"ended by signal 9 \(Killed\) at 0.5 simulated s; its last words"
-        for _, outcome in results:
+        for _, (outcome,) in results:
             assert outcome.ended == LOST
             assert re.search(reason, outcome.reason)
         stop = Dispatcher(pool, STOP)

@@ -19,8 +19,6 @@ from evoros.base.arrays import (
     COMMAND_SIZE,
     DRIVE_SPEED,
     LEG_SIZE,
-    NO_MEMORY,
-    NO_PARAMETERS,
     STATE_SIZE,
     STEERING,
     YAW,
@@ -28,8 +26,9 @@ from evoros.base.arrays import (
 )
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
+from evoros.compilation.named_rules import bind
 from evoros.controller.blind import Blind
-from evoros.controller.protocol import Controller, Layer, LayerRule, StartedLayer
+from evoros.controller.protocol import LAYER_ARGUMENTS, Controller, Layer, StartedLayer
 from evoros.controller.rover import Rover
 from evoros.controller.serpentine import Serpentine
 from evoros.controller.weighted_voting import WeightedVoting
@@ -86,11 +85,9 @@ def decide(
     seed: str = "seed",
 ) -> Array | None:
     """The command of a freshly started layer, None where it does not decide."""
-    parameters, memory = layer.start(robot(*yaws_deg), 0.1, generator(seed, "layer"))
+    started = layer.start(robot(*yaws_deg), 0.1, generator(seed, "layer"))
     command = np.array([math.inf, math.inf])
-    taken = layer.rule(
-        parameters,
-        memory,
+    taken = bind(layer.rule, LAYER_ARGUMENTS, started)(
         np.zeros(STATE_SIZE) if state is None else state,
         np.array([0.0, 0.0, 5.0, 0.0]) if leg is None else leg,
         np.array(readings, dtype=float),
@@ -259,7 +256,7 @@ def test_the_serpentine_repeats_after_its_period_and_mirrors_after_half(
 
 
 def test_the_phase_is_drawn_for_each_mission_and_covers_the_circle() -> None:
-    starts = [Serpentine().start(robot(), 0.1, generator(f"{i}", "x"))[0][3] for i in range(200)]
+    starts = [Serpentine().start(robot(), 0.1, generator(f"{i}", "x")).phase for i in range(200)]
     assert len(set(starts)) == 200
     assert np.histogram(starts, 4, (0, 2 * math.pi))[0].min() > 25
 
@@ -281,11 +278,10 @@ def test_avoidance_comes_first_and_each_layer_draws_from_its_own_generator() -> 
     rover = Rover(WeightedVoting(), Serpentine())
     assert rover.modes == ("avoiding", "navigating")
     with rover.open(robot(0.0), rng) as layers:
-        phase = layers[1].parameters[3]
+        phase = cast("Serpentine.Parameters", layers[1].started).phase
     assert phase == rng("navigation").uniform(0.0, 2.0 * math.pi)
     with Rover(Blind(), Serpentine()).open(robot(), rng) as others:
-        assert others[1].parameters[3] == phase
-        assert others[1].parameters is not layers[1].parameters
+        assert cast("Serpentine.Parameters", others[1].started).phase == phase
 
 
 @given(sensors)
@@ -344,16 +340,7 @@ class Autopilot:
         self.running = True
         self.ticks = 0
 
-    def steer(
-        self,
-        parameters: Array,
-        memory: Array,
-        state: Array,
-        leg: Array,
-        readings: Array,
-        time: float,
-        command: Array,
-    ) -> bool:
+    def steer(self, command: Array) -> bool:
         assert self.running
         self.ticks += 1
         command[:] = 0.2, 0.01 * self.ticks
@@ -375,9 +362,8 @@ class External:
     ) -> Iterator[Sequence[StartedLayer]]:
         autopilot = Autopilot()
         self.started.append(autopilot)
-        rule: LayerRule = autopilot.steer
         try:
-            yield [StartedLayer(rule, NO_PARAMETERS, NO_MEMORY)]
+            yield [StartedLayer(autopilot.steer, None)]
         finally:
             autopilot.running = False
 
@@ -390,7 +376,7 @@ def drive(controller: Controller, seconds: float, crash: bool = False) -> Array:
             inputs = np.zeros(STATE_SIZE), np.zeros(LEG_SIZE), np.full(1, 4.5)
             for layer in layers:
                 time = tick * controller.period_s
-                if layer.rule(layer.parameters, layer.memory, *inputs, time, command):
+                if bind(layer.rule, LAYER_ARGUMENTS, layer.started)(*inputs, time, command):
                     break
         if crash:
             raise RuntimeError("the mission failed")
@@ -419,9 +405,5 @@ def test_a_sensor_that_sees_nothing_casts_no_vote(reach: float, fits: bool) -> N
         with pytest.raises(InputError, match=r"range_m: must be at most .* 1\.99"):
             WeightedVoting(range_m=2.0).start(carrier, 0.1, generator("seed", "layer"))
         return
-    parameters, memory = WeightedVoting(range_m=2.0).start(carrier, 0.1, generator("s", "l"))
-    command = np.zeros(COMMAND_SIZE)
-    rule = WeightedVoting().rule
-    assert not rule(
-        parameters, memory, np.zeros(STATE_SIZE), np.zeros(4), np.array([reach]), 0.0, command
-    )
+    parameters = WeightedVoting(range_m=2.0).start(carrier, 0.1, generator("s", "l"))
+    assert not WeightedVoting.rule(parameters, np.array([reach]), np.zeros(COMMAND_SIZE))

@@ -32,7 +32,8 @@ def quick(overrides: list[str]) -> Experiment:
 def run_once(experiment: Experiment) -> tuple[Outcome, Array]:
     design = experiment.space.decode(np.linspace(0.1, 0.9, experiment.space.size))
     mission = Mission(0, 0, design, "yard", 0, "evaluation", "a key of draws")
-    return run_mission(experiment.scenario, mission)
+    (outcome,), track = run_mission(experiment.scenario, mission)
+    return outcome, track
 
 
 @pytest.fixture(scope="module")

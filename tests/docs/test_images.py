@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from documents import DOCS
-from evoros.analysis.drawing.png import VISIBLE, save_png
 from helpers import ROOT
 from PIL import Image
+
+from evoros.analysis.drawing.png import VISIBLE, save_png
 
 LARGEST = 3_000_000
 

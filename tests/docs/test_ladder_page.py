@@ -5,8 +5,9 @@ import shlex
 import subprocess
 
 from documents import text
-from evoros.analysis.subcommands import parse
 from helpers import ROOT
+
+from evoros.analysis.subcommands import parse
 
 PAGE = text("ladder")
 OWN = {"designs", "hydra", "world", "seed", "trials", "figures"}  # no groups, or checked elsewhere

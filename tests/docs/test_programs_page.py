@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from documents import commands, text, write
 from examples import composed
+from helpers import with_parts
 
 from evoros.base.arrays import Array
 from evoros.base.errors import LaunchError
@@ -56,9 +57,11 @@ def experiments(mine: Path) -> list[Experiment]:
 def run_once(experiment: Experiment, **changes: Any) -> tuple[Outcome, Array]:
     """A mission with other values of the controller."""
     design = experiment.space.decode(np.linspace(0.1, 0.9, experiment.space.size))
-    scenario = experiment.scenario
-    changed = replace(scenario, controller=replace(cast(Program, scenario.controller), **changes))
-    return run_mission(changed, Mission(0, 0, design, "maze", 0, "evaluation", "a key of draws"))
+    controller = replace(cast(Program, experiment.controller), **changes)
+    changed = with_parts(experiment.scenario, controller=controller)
+    mission = Mission(0, 0, design, "maze", 0, "evaluation", "a key of draws")
+    (outcome,), track = run_mission(changed, mission)
+    return outcome, track
 
 
 def test_the_programs_give_the_same_bytes_in_every_language(experiments: list[Experiment]) -> None:

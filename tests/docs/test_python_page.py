@@ -13,7 +13,7 @@ from documents import code, table, text
 from examples import SMALL
 
 import evoros
-import evoros.session.api
+import evoros.api
 from evoros.base.arrays import Array
 from evoros.config.compose import compose
 from evoros.config.configuration import Configuration
@@ -70,7 +70,7 @@ def test_the_examples_in_python_run(
         fast = ["simulator=kinematic", "executor=serial", "figures=[]", *worlds, *small]
         return compose([*overrides, *fast], "mine")
 
-    monkeypatch.setattr(evoros.session.api, "_compose", quicker)
+    monkeypatch.setattr(evoros.api, "_compose", quicker)
     for block in code("python"):
         shorter = block.replace("range(10)", "range(1)").replace("generations=5", "generations=3")
         exec(shorter, {"__name__": "__main__"})

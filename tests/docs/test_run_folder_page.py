@@ -15,12 +15,13 @@ from evoros.storage.tables import (
     DESIGN_COLUMNS,
     GENE_COLUMNS,
     MEASURED_COLUMNS,
-    MISSIONS_HEADER,
+    MISSION_COLUMNS,
+    OUTCOME_COLUMNS,
 )
 
 
 def test_the_columns_of_missions_are_documented_in_order() -> None:
-    assert tuple(documented("missions.csv")) == (*MISSIONS_HEADER, DIGEST)
+    assert tuple(documented("missions.csv")) == (*MISSION_COLUMNS, *OUTCOME_COLUMNS, DIGEST)
 
 
 def test_the_columns_of_generations_are_documented_in_order() -> None:

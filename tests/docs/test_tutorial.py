@@ -6,24 +6,29 @@ import runpy
 import shlex
 import struct
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import nbformat
 import pytest
-from evoros.analysis.command import evoros_analyze
-from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS
 from helpers import ROOT
 from nbclient import NotebookClient
 
-from evoros.base.console import DONE
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.subcommands import EXPORTS, SUBCOMMANDS
 from evoros.cli.evaluate import evaluate
 from evoros.cli.run import evoros
+from evoros.terminal.console import DONE
 
 pytestmark = pytest.mark.slow
 
 TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text()
-COMMANDS = {"evoros": evoros, "evoros-evaluate": evaluate, "evoros-analyze": evoros_analyze}
+COMMANDS: dict[str, Callable[[list[str]], int]] = {
+    "evoros": evoros,
+    "evoros-evaluate": evaluate,
+    "evoros-analyze": evoros_analyze,
+}
 SHORT = ["course.time_limit_s=25", "executor=serial"]
 SMALL = {
     "evoros": [

@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 import yaml
 from documents import files, text, write
-from evoros.analysis.command import evoros_analyze
 from helpers import ROOT
 
-from evoros.base.console import DONE
+from evoros.analysis.command import evoros_analyze
 from evoros.cli.evaluate import evaluate
 from evoros.cli.inspect import evoros_inspect
 from evoros.cli.run import evoros
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import load_run
+from evoros.terminal.console import DONE
 
 PAGE = text("your_robot")
 COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {  # in the order of the page

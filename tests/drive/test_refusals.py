@@ -123,8 +123,8 @@ def test_friction_along_rollers_is_told(caplog: pytest.LogCaptureFixture) -> Non
         ("<mu1>-0.5</mu1>", "<mu1> of robot 'r' must be at least 0, not -0.5"),
         ('<mu2 value="-1"/>', "<mu2> of robot 'r' must be at least 0, not -1"),
         ("<collision><surface><friction><ode><mu>x</mu></ode></friction></surface></collision>",
-         "<mu> of robot 'r' must hold 1 finite number, not 'x'"),
-        ("<fdir1>1 0</fdir1>", "<fdir1> of robot 'r' must hold 3 finite numbers, not '1 0'"),
+         "<mu> of robot 'r' must have 1 finite number, not 'x'"),
+        ("<fdir1>1 0</fdir1>", "<fdir1> of robot 'r' must have 3 finite numbers, not '1 0'"),
     ],
 )  # fmt: skip
 def test_friction_that_is_none_is_refused(content: str, problem: str) -> None:

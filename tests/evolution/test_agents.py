@@ -1,5 +1,6 @@
 """Several robots in one experiment: their missions, their fitness, their files."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -10,21 +11,20 @@ import pandas as pd
 import pytest
 
 import evoros
-from evoros.base.console import DONE
 from evoros.base.errors import EvorosError, InputError
 from evoros.cli.evaluate import evaluate
 from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.preflight import preflight
-from evoros.fitness.team import TeamFitness
+from evoros.fitness.scoring import Scoring
 from evoros.geometry.footprint import distances, project_bodies
 from evoros.mission.compiled_loop import prepare_interpreted
 from evoros.mission.mission import Mission
-from evoros.mission.outcome import TRAJECTORY
 from evoros.mission.rollout import run_mission
-from evoros.robot.model import Robot
+from evoros.preflight.preflight import preflight
 from evoros.sensor.protocol import Mount
+from evoros.simulator.protocol import PlacedRobot
+from evoros.terminal.console import DONE
 from evoros.world.model import World
 
 SHORT = ["experiment=two_rovers", "course.time_limit_s=60", "executor=serial", "trials=1"]
@@ -45,12 +45,12 @@ def test_a_robot_out_of_sight_changes_nothing_for_the_first() -> None:
     """The first robot's draws, readings and motion are those of its mission alone, to the bit."""
     together = build("agents.oncoming.home=[60,60,0]", "agents.oncoming.scored=false")
     alone = replace(together, agents={})
-    outcome, track = run_mission(together.scenario, middle_mission(together))
-    own_outcome, own_track = run_mission(alone.scenario, middle_mission(alone))
-    assert repr(replace(outcome, others=())) == repr(own_outcome)
+    outcomes, track = run_mission(together.scenario, middle_mission(together))
+    own_outcomes, own_track = run_mission(alone.scenario, middle_mission(alone))
+    assert repr(outcomes[:1]) == repr(own_outcomes)
     assert track[:, : own_track.shape[1]].tobytes() == own_track.tobytes()
     assert track.shape[1] == 2 * own_track.shape[1] - 1
-    assert len(outcome.others) == 1
+    assert len(outcomes) == 2
 
 
 def test_the_compiled_mission_of_two_is_the_interpreted_one() -> None:
@@ -66,8 +66,7 @@ def test_a_mission_waits_for_the_robots_that_are_scored(awaited: bool) -> None:
     """The first one's route is complete at once, the other one's is not."""
     here = ["course.acceptance_m=8", "agents.oncoming.route=[[60,60]]"]
     experiment = build(*here, f"agents.oncoming.scored={str(awaited).lower()}")
-    outcome, track = run_mission(experiment.scenario, middle_mission(experiment))
-    (other,) = outcome.others
+    (outcome, other), track = run_mission(experiment.scenario, middle_mission(experiment))
     assert outcome.completed
     if awaited:
         assert other.ended in ("time_limit", "collision")
@@ -75,7 +74,7 @@ def test_a_mission_waits_for_the_robots_that_are_scored(awaited: bool) -> None:
     else:
         assert other.ended == "mission_over"
         assert other.time_s == outcome.time_s
-    columns = [*TRAJECTORY, *experiment.scenario.name_columns(middle_mission(experiment).design)]
+    columns = experiment.scenario.name_columns(middle_mission(experiment).design)
     table = pd.DataFrame(track, columns=columns)
     assert table["time_s"].iloc[-1] == max(outcome.time_s, other.time_s)
     ended = table[table["time_s"] > outcome.time_s + 1.0]
@@ -106,12 +105,12 @@ def test_robots_that_meet_in_a_mission_see_and_touch_each_other(simulator: str) 
     front = Mount("sonar", "base_link", 0.25, 0.0, 0.166, 0.0, 12.5)
     design = Design((front,))
     mission = replace(middle_mission(experiment), design=design)
-    outcome, track = run_mission(experiment.scenario, mission)
+    outcomes, track = run_mission(experiment.scenario, mission)
     again = run_mission(experiment.scenario, mission)
-    assert repr(outcome) == repr(again[0])
+    assert repr(outcomes) == repr(again[0])
     assert track.tobytes() == again[1].tobytes()
-    table = pd.DataFrame(track, columns=[*TRAJECTORY, *experiment.scenario.name_columns(design)])
-    (other,) = outcome.others
+    table = pd.DataFrame(track, columns=experiment.scenario.name_columns(design))
+    outcome, other = outcomes
     assert outcome.ended == other.ended == "collision"
     assert outcome.time_s == other.time_s == table["time_s"].iloc[-1]
     gap = (table["oncoming.x_m"] - table["x_m"] - 2 * 0.25).to_numpy()
@@ -131,7 +130,9 @@ DRAWN = ["world=generated", "world.generated.renew=true"]
 
 def test_worlds_that_are_drawn_for_a_mission_leave_room_to_all_robots() -> None:
     experiment = build(*DRAWN, "agents.oncoming.home=[2,-3,0]", "agents.oncoming.route=[[-3,1]]")
-    first, other = (each.world["generated"] for each in experiment.members.values())
+    first, other = (
+        experiment.scenario.place_worlds(member)["generated"] for member in experiment.members
+    )
     places = np.array([[2.0, -3.0], [-3.0, 1.0], *first.course.waypoints])
     worlds = [first.at(f"{number}") for number in range(3)]
     for number, world in enumerate(worlds):
@@ -141,8 +142,8 @@ def test_worlds_that_are_drawn_for_a_mission_leave_room_to_all_robots() -> None:
         assert min(distances(area, places).min() for area in areas) >= 1.0  # clearing_m
     assert len({world.source_sha256 for world in worlds}) == 3
     mission = middle_mission(experiment)
-    outcome, track = run_mission(experiment.scenario, mission)
-    assert outcome.others[0].distance_m > 1.0
+    (_, outcome), track = run_mission(experiment.scenario, mission)
+    assert outcome.distance_m > 1.0
     start = 1 + track.shape[1] // 2
     assert track[0, start : start + 2] == pytest.approx([2.0, -3.0])
 
@@ -185,12 +186,13 @@ def test_designs_of_their_own_are_genes_side_by_side() -> None:
 
 def test_the_fitness_is_the_mean_over_the_robots_that_are_scored() -> None:
     experiment = build()
-    outcome, _ = run_mission(experiment.scenario, middle_mission(experiment))
+    outcomes, _ = run_mission(experiment.scenario, middle_mission(experiment))
     alone = experiment.fitness
-    first, other = alone.score([outcome]), alone.score(outcome.others)
-    assert experiment.scoring.score([outcome]) == (first + other) / 2
-    assert TeamFitness(alone, ()).score([outcome]) == first
-    assert experiment.scoring.worst([outcome]) == alone.worst([outcome])
+    scores = [alone.score([outcome]) for outcome in outcomes]
+    assert experiment.scoring.score_trial([outcomes]) == sum(scores) / 2
+    assert Scoring(alone, (0,)).score_trial([outcomes]) == scores[0]
+    lost = tuple(replace(outcome, ended="lost") for outcome in outcomes)
+    assert experiment.scoring.score_trial([lost]) == alone.worst(lost[:1])
 
 
 BAD = [
@@ -231,12 +233,12 @@ class Lonely:
     time_step = 0.02
     packages = ()
 
-    def open(self, robot: Robot, world: World) -> Any:
+    def open(self, robots: Sequence[PlacedRobot], world: World) -> Any:
         raise NotImplementedError
 
 
 def test_a_simulator_of_one_robot_is_refused() -> None:
-    with pytest.raises(InputError, match="agents: must be empty with a simulator of one robot"):
+    with pytest.raises(InputError, match="agents: must be at most 0 with Lonely"):
         _ = replace(build(), simulator=Lonely())
 
 
@@ -279,9 +281,9 @@ def test_a_champion_of_a_team_can_be_read_scored_and_replayed(
     assert (finished / "champion" / "agents" / "oncoming" / "robot.urdf").is_file()
     row = run.missions.iloc[0]
     key: Any = (row["generation"], row["design"], row["world"], row["trial"])
-    outcome, track = evoros.replay(finished, *key)
-    assert outcome.others[0].ended == row["oncoming.ended"]
-    assert outcome.others[0].distance_m == row["oncoming.distance_m"]
+    (_, outcome), track = evoros.replay(finished, *key)
+    assert outcome.ended == row["oncoming.ended"]
+    assert outcome.distance_m == row["oncoming.distance_m"]
     assert {"oncoming.x_m", "oncoming.mode"} <= set(track.columns)
     again = tmp_path / "again"
     places = [f"designs={finished}", f"hydra.run.dir={again}"]

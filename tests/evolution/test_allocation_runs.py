@@ -8,10 +8,10 @@ import pytest
 from helpers import USER_PARTS, content, copied, cut, resume, tiny
 
 from evoros import load_run, replay
-from evoros.base.console import DONE
 from evoros.mission.plan import POLICIES
 from evoros.session.replay import replay_designs
 from evoros.session.run import rebuild_experiment
+from evoros.terminal.console import DONE
 
 ALLOCATIONS = ("lifelong", "racing", "halving", "successive_rejects")
 PLACE = ["generation", "design", "world", "trial"]
@@ -78,7 +78,7 @@ def test_designs_and_missions_of_later_rounds_are_replayed(run: Path) -> None:
     selection = loaded.missions[loaded.missions.purpose == "selection"]
     later = selection.loc[selection.groupby("design").generation.idxmax()]
     row = later.sort_values("trial").iloc[-1]
-    outcome, _ = replay(
+    (outcome,), _ = replay(
         run, int(row.generation), int(row.design), str(row.world), int(row.trial), USER_PARTS
     )
     assert (outcome.ended, outcome.time_s) == (row.ended, row.time_s)

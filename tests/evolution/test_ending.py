@@ -8,8 +8,8 @@ import pytest
 from helpers import USER_PARTS, content, copied, cut, resume, tiny
 
 from evoros import load_run, replay
-from evoros.base.console import DONE, INPUT
 from evoros.cli.summary import summarize_run
+from evoros.terminal.console import DONE, INPUT
 
 FINAL = ("final_choice=halving", "final_choice.finalists=5", "final_choice.method.budget=4")
 PRECISE = ("validation.precision=0.4", "validation.first=3", "validation.max_trials=12")
@@ -149,7 +149,7 @@ def test_a_mission_of_the_final_choice_is_replayed(run: Path) -> None:
     missions: Any = load_run(run).missions
     row = missions[missions.purpose == "final"].iloc[-1]
     place = int(row.generation), int(row.design), str(row.world), int(row.trial)
-    outcome, _ = replay(run, *place, USER_PARTS)
+    (outcome,), _ = replay(run, *place, USER_PARTS)
     assert (outcome.ended, outcome.time_s) == (row.ended, row.time_s)
 
 

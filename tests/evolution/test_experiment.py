@@ -7,18 +7,17 @@ import numpy as np
 import pytest
 from helpers import USER_PARTS, content, resume, tiny
 
-from evoros.base.console import DONE
 from evoros.base.errors import InputError
 from evoros.cli.run import evoros
 from evoros.config.compose import compose
 from evoros.design.genes import MAX_EXHAUSTIVE, Gene, enumerate_corners
 from evoros.evolution.experiment import Experiment
-from evoros.fitness.scoring import compute_fitness
 from evoros.mission.outcome import TRAJECTORY, Outcome
 from evoros.mission.rollout import run_mission
 from evoros.optimizer.protocol import Score
 from evoros.storage.reading import load_run
 from evoros.storage.tables import read_mission
+from evoros.terminal.console import DONE
 
 
 @pytest.mark.parametrize(("draws", "workers"), [("generation", 3), ("individual", 2), ("run", 1)])
@@ -60,7 +59,7 @@ def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
     from evoros.storage.run_folder import RunFolder
 
     with RunFolder(run) as folder:
-        outcomes = {key: outcome for key, _, outcome in folder.read_missions(read_mission)}
+        outcomes = {key: outcome for key, _, outcome in folder.table.read(read_mission)}
     table = load_run(run).generations
     search = experiment.start_search()
     for number in range(experiment.optimizer.generations):
@@ -69,7 +68,7 @@ def test_the_tables_tell_the_run_again(tmp_path: Path) -> None:
         for one in asked:
             design = experiment.space.decode(one.genome)
             missions = experiment.plan.selection(number, one.id, design)
-            scores[one.id] = Score(compute_fitness(experiment.fitness, missions, outcomes))
+            scores[one.id] = Score(experiment.scoring.compute_fitness(missions, outcomes))
         candidates = search.tell(scores)
         rows = table[table["generation"] == number]
         assert list(rows["id"]) == [candidate.individual.id for candidate in candidates]
@@ -128,10 +127,10 @@ def outcomes(*overrides: str) -> list[Outcome]:
     middle = experiment.space.decode(np.full(experiment.space.size, 0.5))
     scenario = replace(experiment.scenario, world=short)
     flown = [run_mission(scenario, mission) for mission in experiment.plan.selection(0, 0, middle)]
-    for outcome, track in flown:
+    for (outcome,), track in flown:
         assert (outcome.ended, outcome.time_s) == ("time_limit", 2.0)
         assert track.shape[1] == len(TRAJECTORY) + len(middle.mounts)
-    return [outcome for outcome, _ in flown]
+    return [outcome for (outcome,), _ in flown]
 
 
 @pytest.mark.parametrize("name", ["quickstart", "case_study", "free_placement", "as_run"])

@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evoros.allocation.successive_rejects import SuccessiveRejects
-from evoros.evolution.final_choice import FinalChoice
-from evoros.evolution.ledger import Ledger
-from evoros.evolution.number_log import NumberLog
+from evoros.certificate.final_choice import FinalChoice
+from evoros.evolution.ledger import Ledger, NumberLog
 from evoros.optimizer.protocol import Individual
 
 NUMBERS = st.floats(allow_nan=False)

@@ -9,21 +9,21 @@ from helpers import USER_PARTS, tiny
 
 from evoros import load_run
 from evoros.base.arrays import Array
-from evoros.base.console import DONE
 from evoros.config.compose import compose
-from evoros.evolution.dispatch import MissionResult
+from evoros.dispatch.record import MissionResult
 from evoros.evolution.journal import Champion, Champions, Generation
 from evoros.evolution.loop import evolve
 from evoros.mission.mission import Mission, MissionKey
-from evoros.mission.outcome import Outcome
+from evoros.mission.outcome import Outcomes
 from evoros.mission.scenario import Scenario
+from evoros.terminal.console import DONE
 
 
 @dataclass
 class Memory:
     """A journal and an observer in memory, with all that happened in order."""
 
-    outcomes: dict[MissionKey, Outcome] = field(default_factory=dict)
+    outcomes: dict[MissionKey, Outcomes] = field(default_factory=dict)
     generations: list[Generation] = field(default_factory=list)
     champion: Champion | None = None
     tracks: Mapping[str, Array] = field(default_factory=dict)
@@ -33,7 +33,7 @@ class Memory:
     def has(self, mission: Mission) -> bool:
         return mission.key in self.outcomes
 
-    def find(self, mission: Mission) -> Outcome | None:
+    def find(self, mission: Mission) -> Outcomes | None:
         return self.outcomes.get(mission.key)
 
     def record(self, results: Sequence[MissionResult]) -> None:
@@ -69,8 +69,8 @@ class Memory:
     def begin(self, generation: int, missions: int, known: int) -> None:
         self.events.append(f"{known} of {missions} known")
 
-    def mission(self, mission: Mission, outcome: Outcome) -> None:
-        assert self.outcomes[mission.key] is outcome
+    def mission(self, mission: Mission, outcomes: Outcomes) -> None:
+        assert self.outcomes[mission.key] is outcomes
 
     def generation(self, generation: Generation) -> None:
         assert self.generations[-1] is generation

@@ -1,17 +1,21 @@
 """A dask cluster under real faults: workers killed, stopped, added and unfit; a dead scheduler."""
 
 import os
+import pickle
 import signal
 import socket
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from dask_cases import Cluster, cluster, freeze
+from distributed import Client
 from executor_calls import (
     alive,
+    kill_companion,
     kill_worker,
     noted,
     process_id,
@@ -22,11 +26,15 @@ from executor_calls import (
 )
 from helpers import TINY, content, resume, start, tiny, wait_for_missions
 
-from evoros.base.console import DONE, STOPPED
 from evoros.base.errors import InputError, RunStopped, WorkerLost
-from evoros.base.threads import ONE_THREAD
+from evoros.executor.attempts import Limits
+from evoros.executor.companion import Request
 from evoros.executor.dask import Dask
+from evoros.executor.dask_cluster import connect
 from evoros.executor.environment import describe_environment
+from evoros.executor.payload import pack_call
+from evoros.executor.threads import ONE_THREAD
+from evoros.terminal.console import DONE, STOPPED
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="stops processes by signals")
 
@@ -183,6 +191,42 @@ def test_a_call_that_kills_its_workers_is_found_and_costs_no_other(tmp_path: Pat
             assert pool.submit(square, 5).result(LIMIT_S) == 25
     assert "\n" not in str(loss.value)
     assert 8 <= len(noted(tally)) <= 16
+
+
+def test_a_call_that_kills_the_process_beside_its_worker_is_lost_and_the_worker_goes_on(
+    started: Cluster, tmp_path: Path
+) -> None:
+    tally = str(tmp_path / "tally")
+    with Dask(started.address).open() as pool:
+        with pytest.raises(WorkerLost, match="kill_companion: lost 2 times") as loss:
+            pool.submit(kill_companion, tally).result(LIMIT_S)
+        assert [pool.submit(square, n).result(LIMIT_S) for n in range(4)] == [0, 1, 4, 9]
+    assert "\n" not in str(loss.value)
+    assert len(noted(tally)) == 2
+    assert wait_until(lambda: not any(map(alive, noted(tally))), LIMIT_S)
+
+
+def test_a_call_for_workers_that_have_all_left_runs_in_one_that_joins(tmp_path: Path) -> None:
+    """dask itself leaves it waiting, although it allows other workers."""
+    gone, request = "tcp://127.0.0.1:9", pickle.dumps(pack_request(pow, 3, 2))
+    wanted = dict(describe_environment())
+    with (
+        cluster(tmp_path, workers=0) as empty,
+        Client(empty.address, set_as_default=False) as client,  # type: ignore[no-untyped-call]
+        connect(empty.address) as transport,
+    ):
+        dasks = client.submit(pow, 3, 2, workers=[gone], allow_other_workers=True)
+        ours = transport.send("square", wanted, request, gone)
+        time.sleep(2.0)
+        empty.add_worker()
+        _, content, _, _ = ours.result(LIMIT_S)
+        assert pickle.loads(content) == 9
+        assert dasks.status == "pending"
+
+
+def pack_request(function: Callable[..., Any], *args: object) -> Request:
+    call = pack_call(function, args)
+    return Request("pool", Limits(60.0, 1, None), None, call.name, call.payload, ())
 
 
 def test_the_number_of_workers_follows_the_cluster(tmp_path: Path) -> None:

@@ -11,11 +11,11 @@ from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
 from evoros.base.errors import InputError
-from evoros.base.resources import bundled_folder
-from evoros.base.threads import ONE_THREAD
 from evoros.executor.processes import Processes, available_cores
 from evoros.executor.protocol import Executor, Pool
 from evoros.executor.serial import Serial
+from evoros.executor.threads import ONE_THREAD
+from evoros.files.resources import bundled_folder
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
 

@@ -11,10 +11,10 @@ from executor_calls import alive, noted, wait_until
 from helpers import TINY, content, resume, start, tiny, wait_for_missions
 from mpi_cases import start_job
 
-from evoros.base.console import DONE, STOPPED
 from evoros.base.errors import InputError
 from evoros.executor.mpi import Mpi
 from evoros.executor.mpi_heartbeat import FIRST_S, SILENT_S, WARN_S, Silences
+from evoros.terminal.console import DONE, STOPPED
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
 

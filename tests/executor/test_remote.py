@@ -1,6 +1,7 @@
 """What travels to workers elsewhere, and how often; which workers fit."""
 
 import json
+import math
 import os
 import pickle
 import subprocess
@@ -12,18 +13,22 @@ from types import ModuleType
 
 import pytest
 from executor_calls import square
+from numba.np.random import _constants
 
 from evoros.base.errors import InputError, RunStopped
 from evoros.executor import modules
 from evoros.executor.attempts import Limits
+from evoros.executor.companion import Request
 from evoros.executor.environment import (
+    ARITHMETIC,
     LIBRARY,
     describe_environment,
+    draw_deviates,
     has_library,
     list_differences,
 )
 from evoros.executor.modules import UserModules, unpack_modules
-from evoros.executor.node import REFUSED, Request
+from evoros.executor.node import REFUSED
 from evoros.executor.payload import KEPT, MISSING, RETURNED, Kept, MissingError, Shared, unpack_call
 from evoros.executor.remote import RawAnswer, RemotePool
 
@@ -220,6 +225,31 @@ def test_an_equal_environment_has_no_differences_and_each_difference_is_named() 
         assert has_library({**here, name: "other"}) == (name != LIBRARY)
         if name in ("pybullet", "mujoco-core"):
             assert list_differences({**here, name: ""}) == []
+
+
+def test_the_digest_of_arithmetic_includes_the_tails_of_the_generator() -> None:
+    normal, exponential = draw_deviates()
+    assert sum(abs(normal) > _constants.ziggurat_nor_r) > 1
+    assert sum(exponential > _constants.ziggurat_exp_r) > 1
+
+
+@pytest.mark.parametrize(
+    "name", ["evoros.base.ziggurat.log1p", "evoros.executor.environment.UNARY"]
+)
+def test_another_function_of_evoros_is_another_arithmetic(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = describe_environment()[ARITHMETIC]
+    monkeypatch.setattr(name, nearly_log1p if name.endswith("log1p") else (nearly_log1p,))
+    describe_environment.cache_clear()
+    try:
+        assert describe_environment()[ARITHMETIC] != before
+    finally:
+        describe_environment.cache_clear()
+
+
+def nearly_log1p(x: float) -> float:
+    return math.nextafter(math.log1p(x), math.inf)
 
 
 def test_the_environment_of_another_process_is_the_same() -> None:

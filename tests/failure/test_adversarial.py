@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import evoros
-from evoros.base.console import DONE
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.cli.run import evoros as command
@@ -17,6 +16,7 @@ from evoros.failure.case import Case
 from evoros.failure.combined import CombinedFailure
 from evoros.failure.exhaustive import ExhaustiveFailure
 from evoros.failure.protocol import AdaptiveFailure
+from evoros.terminal.console import DONE
 
 ADVERSARIAL = ["failure=adversarial", "failure.fame=1", "trials=4"]
 
@@ -99,6 +99,6 @@ def test_a_recorded_mission_is_replayed_under_its_case(run: Path) -> None:
     missions = evoros.load_run(run).missions
     row = missions[missions["failed_sensors"].notna()].iloc[-1].to_dict()
     key = (int(row["generation"]), int(row["design"]), str(row["world"]), int(row["trial"]))
-    outcome, _ = evoros.replay(run, *key, config_dir=USER_PARTS)
+    (outcome,), _ = evoros.replay(run, *key, config_dir=USER_PARTS)
     assert list(outcome.failed_sensors) == [int(float(row["failed_sensors"]))]
     assert outcome.progress == row["progress"]

@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from evoros.base import resources as assets
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
@@ -22,6 +21,7 @@ from evoros.failure.none import NoFailure
 from evoros.failure.protocol import Failure, Fault
 from evoros.failure.random import RandomFailure
 from evoros.failure.spatial import SpatialFailure
+from evoros.files import resources as assets
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Channels
 from evoros.filter.silence import Silence

@@ -7,10 +7,10 @@ import pytest
 from field_cases import CRATES, field, fields, noted
 from hypothesis import given, settings
 
-from evoros.base.resources import bundled_folder
 from evoros.config.compose import compose
 from evoros.field.generated import FIXED, Field
 from evoros.field.kinds import Box
+from evoros.files.resources import bundled_folder
 from evoros.formats.sdf.reader import read_sdf
 from evoros.world.model import World
 

@@ -12,9 +12,10 @@ from hydra.utils import instantiate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evoros.base import resources as assets
-from evoros.base.arrays import POSE_SIZE, Array
+from evoros.base.arrays import NO_VALUES, POSE_SIZE, Array
 from evoros.base.errors import InputError
+from evoros.compilation.named_rules import bind
+from evoros.files import resources as assets
 from evoros.filter.bias import Bias
 from evoros.filter.delay import Delay
 from evoros.filter.drift import Drift
@@ -22,7 +23,7 @@ from evoros.filter.dropout import Dropout
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.hold import Hold
 from evoros.filter.pose_noise import PoseNoise
-from evoros.filter.protocol import Channels, Filter
+from evoros.filter.protocol import EFFECTS, FILTER_ARGUMENTS, Channels, Filter
 from evoros.filter.silence import Silence
 from evoros.filter.stuck import Stuck
 
@@ -63,10 +64,11 @@ def play(
     ticks, n = recording.shape
     channels = channels or sonars(n)
     rng = np.random.default_rng(seed)
-    parameters, memory = filter_.start(channels, np.zeros(n) if onset is None else onset, rng)
+    started = filter_.start(channels, np.zeros(n) if onset is None else onset, rng)
+    rule = bind(filter_.rule, FILTER_ARGUMENTS, started)
     output = recording.copy()
     for k in range(ticks):
-        filter_.rule(parameters, memory, rng, output[k], k * channels.period)
+        rule(rng, NO_VALUES, output[k], k * channels.period)
     return output
 
 
@@ -108,13 +110,7 @@ def test_every_filter_module_has_a_configuration_of_its_name() -> None:
 
 def test_configured_filter_keeps_the_protocol(any_filter: Filter) -> None:
     assert isinstance(any_filter, Filter)
-    parameters, memory = any_filter.start(
-        takes(any_filter), np.zeros(POSE_SIZE), np.random.default_rng(0)
-    )
-    for array in (parameters, memory):
-        assert array.dtype == np.float64
-        assert array.ndim == 1
-        assert array.flags.c_contiguous
+    assert any_filter.effect in EFFECTS
 
 
 def scenario(seed: int) -> Array:
@@ -166,10 +162,13 @@ def test_two_missions_share_nothing(any_filter: Filter) -> None:
     alone = play(any_filter, recording, seed=2, channels=channels)
     mixed, other = recording.copy(), scenario(10)
     rngs = np.random.default_rng(2), np.random.default_rng(3)
-    arrays = [any_filter.start(channels, onset, rng) for rng in rngs]
+    rules = [
+        bind(any_filter.rule, FILTER_ARGUMENTS, any_filter.start(channels, onset, rng))
+        for rng in rngs
+    ]
     for k in range(len(recording)):
-        any_filter.rule(*arrays[1], rngs[1], other[k], k * PERIOD)
-        any_filter.rule(*arrays[0], rngs[0], mixed[k], k * PERIOD)
+        rules[1](rngs[1], NO_VALUES, other[k], k * PERIOD)
+        rules[0](rngs[0], NO_VALUES, mixed[k], k * PERIOD)
     assert same(mixed, alone)
 
 

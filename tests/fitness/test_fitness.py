@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from evoros.design.design import Design
 from evoros.fitness.equation_one import EquationOne, equation_one
 from evoros.fitness.protocol import Fitness
-from evoros.fitness.scoring import compute_fitness
+from evoros.fitness.scoring import Scoring
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import COMPLETED, LOST, NOT_RUN, REFUSED, TIME_LIMIT, Outcome
 
@@ -76,15 +76,17 @@ def test_a_trial_with_a_mission_that_was_not_run_is_the_worst(
     outcomes = [outcome_of(each, time=0.0, sensors=sensors) for each in done]
     nothing = [outcome_of(0.0, sensors=sensors) for _ in done]
     outcomes[0] = Outcome.failure(ended, "why", LIMIT, sensors)
-    known = dict(zip([mission.key for mission in missions], outcomes, strict=True))
-    assert compute_fitness(fitness, missions, known) == pytest.approx(fitness.score(nothing))
+    known = dict(zip([mission.key for mission in missions], zip(outcomes), strict=True))
+    assert Scoring(fitness).compute_fitness(missions, known) == pytest.approx(
+        fitness.score(nothing)
+    )
 
 
 def test_other_trials_of_such_a_design_still_count() -> None:
     missions = [Mission(0, 0, Design(()), "a", trial, "selection", "a") for trial in range(2)]
     outcomes = [Outcome.failure(LOST, "why", LIMIT, 0), outcome_of(1.0, time=0.0)]
-    known = dict(zip([mission.key for mission in missions], outcomes, strict=True))
-    assert compute_fitness(EquationOne(), missions, known) == (1 + 8) / 2
+    known = dict(zip([mission.key for mission in missions], zip(outcomes), strict=True))
+    assert Scoring(EquationOne()).compute_fitness(missions, known) == (1 + 8) / 2
 
 
 def test_a_fitness_must_say_what_is_worst() -> None:

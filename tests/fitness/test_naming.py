@@ -9,7 +9,7 @@ import pytest
 from evoros.fitness.equation_one import EquationOne
 from evoros.fitness.naming import FitnessName, name_fitness
 from evoros.fitness.protocol import Fitness
-from evoros.fitness.team import TeamFitness
+from evoros.fitness.scoring import Scoring
 from evoros.fitness.worst_case import WorstCase
 from evoros.mission.outcome import Outcome
 
@@ -38,11 +38,15 @@ class Distance(CarefulURDFDriver2):
         (EquationOne(sensor_penalty=0.3), "fitness (Eq. 1 less penalties)"),
         (EquationOne(price_weight=0.1), "fitness (Eq. 1 less penalties)"),
         (WorstCase(Distance(), 0.25), "distance driven, mean of the lowest 25 % [m]"),
-        (TeamFitness(Distance(), (0,)), "distance driven, mean of the robots [m]"),
     ],
 )
 def test_the_label_has_title_and_unit(fitness: Fitness, label: str) -> None:
     assert name_fitness(fitness).label == label
+    assert Scoring(fitness).name.label == label
+
+
+def test_the_label_of_several_robots_names_their_mean() -> None:
+    assert Scoring(Distance(), (0, 2)).name.label == "distance driven, mean of the robots [m]"
 
 
 @pytest.mark.parametrize("fitness", [Distance(), CarefulURDFDriver2(), WorstCase(Distance())])

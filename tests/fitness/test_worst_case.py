@@ -13,16 +13,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evoros.base.combining import mean
-from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
+from evoros.certificate.bootstrap import count_better, count_decisive, resample
+from evoros.certificate.validation import Validation
 from evoros.cli.evaluate import evaluate
-from evoros.evolution.bootstrap import count_better, count_decisive, resample
-from evoros.evolution.validation import Validation
 from evoros.fitness.equation_one import EquationOne
-from evoros.fitness.scoring import choose_combine
-from evoros.fitness.team import TeamFitness
+from evoros.fitness.scoring import Scoring
 from evoros.fitness.worst_case import WorstCase
 from evoros.storage.reading import load_run
+from evoros.terminal.console import DONE, INPUT
 
 SCORES = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=40)
 
@@ -51,8 +50,8 @@ def test_the_share_is_rounded_up() -> None:
 
 def test_a_team_has_the_combination_of_its_fitness() -> None:
     worst = WorstCase(EquationOne(), 0.5)
-    assert choose_combine(TeamFitness(worst, (0,)))([1.0, 3.0]) == 1.0
-    assert choose_combine(TeamFitness(EquationOne(), (0,))) is mean
+    assert Scoring(worst).combine([1.0, 3.0]) == 1.0
+    assert Scoring(EquationOne()).combine is mean
 
 
 def test_what_hangs_on_single_trials_has_no_interval() -> None:

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.design.design import Design
-from evoros.evolution.measure_check import check_measures
 from evoros.evolution.measuring import Measuring, equip_robots, list_values, read_score
 from evoros.fitness.equation_one import EquationOne
+from evoros.fitness.scoring import Scoring
 from evoros.measure.cost import Cost
 from evoros.measure.coverage import Coverage
 from evoros.measure.function import Function
@@ -29,6 +29,7 @@ from evoros.measure.worst_failure import WorstFailure
 from evoros.measure.worst_world import WorstWorld
 from evoros.mission.outcome import Outcome
 from evoros.optimizer.protocol import Score
+from evoros.preflight.measures import check_measures
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import Mount, Sensor
 from evoros.sensor.sonar import Sonar
@@ -45,7 +46,9 @@ def evaluated(
     mounts: Sequence[Mount], trials: Sequence[Sequence[Outcome]] = (), fitness: float = 0.0
 ) -> Evaluated:
     robot = EXPERIMENT.robot.with_sensors(mounts, TYPES)
-    return Evaluated(Design(tuple(mounts)), {"": robot}, trials, fitness, EquationOne().score)
+    of_robots = [[(outcome,) for outcome in trial] for trial in trials]
+    score = Scoring(EquationOne()).score_trial
+    return Evaluated(Design(tuple(mounts)), {"": robot}, of_robots, fitness, score)
 
 
 def at_middle(yaws: Sequence[float], kind: str = "sonar") -> Evaluated:
@@ -176,7 +179,9 @@ def test_the_worst_world_and_the_worst_failures_are_those_of_equation_one() -> N
 
 def test_a_team_counts_the_sensors_of_all_and_covers_by_one() -> None:
     one, two = (at_middle(yaws).robots[""] for yaws in ([0.0], [0.0, 90.0]))
-    team = Evaluated(Design(()), {"": one, "other": two}, (), 0.0, EquationOne().score)
+    team = Evaluated(
+        Design(()), {"": one, "other": two}, (), 0.0, Scoring(EquationOne()).score_trial
+    )
     assert SensorNumber().compute(team) == 3
     assert Coverage().compute(team) == 30 / 360
     assert Coverage(robot="other").compute(team) == 60 / 360

@@ -9,29 +9,30 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pytest
 from helpers import content
 from numpy.random import Generator
 
-from evoros.base import compilation as compiled
-from evoros.base.arrays import NO_PARAMETERS, Array, RuleArrays
-from evoros.base.compilation import FILTER, LAYER, CompiledRule, NotCompilable
+from evoros.base.arrays import NO_VALUES, Array
 from evoros.base.errors import InputError
-from evoros.base.resources import PACKAGE
 from evoros.base.rng import generator
 from evoros.cli.run import evoros
+from evoros.compilation import machine_code
+from evoros.compilation.named_rules import NamedRule, Started
+from evoros.compilation.rules import FILTER, CompiledRule, NotCompilable, compile_rule
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
-from evoros.evolution.preflight import preflight
-from evoros.filter.protocol import Channels, FilterRule
+from evoros.files.resources import PACKAGE
+from evoros.filter.protocol import ALTERS, FILTER_ARGUMENTS, Channels
 from evoros.mission.compiled_loop import prepare, prepare_interpreted
 from evoros.mission.loop import LoopInputs, run_loop
 from evoros.mission.loop_inputs import collect_inputs
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
+from evoros.preflight.preflight import preflight
 from evoros.simulator.engines.planar_rules import advance, observe
 from evoros.simulator.engines.planar_sensing import sense
 from evoros.simulator.protocol import RuleSimulation, SimulationRules
@@ -94,7 +95,7 @@ def test_bodies_of_all_kinds_and_bumps_are_compiled_alike() -> None:
     bumps = 0
     for mission in missions(experiment, 2):
         whole = run_mission(experiment.scenario, mission)
-        bumps += whole[0].collisions
+        bumps += whole[0][0].collisions
         assert same(whole, run_mission(experiment.scenario, mission, prepare_interpreted))
     assert bumps > 0
 
@@ -117,41 +118,46 @@ def test_bundled_parts_are_compiled_from_start_to_end() -> None:
     assert run_loop not in loops
 
 
+class Memory(NamedTuple):
+    before: Array
+
+
 @dataclass(frozen=True)
 class Smooth:
     """A user's filter: the mean of the value and the one before, by a rule of some kind."""
 
-    rule: FilterRule
+    rule: Callable[..., None]
     name: ClassVar[str] = "Smooth"
+    effect: ClassVar[str] = ALTERS
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
-        return NO_PARAMETERS, np.full(channels.size, math.nan)
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:
+        return None, Memory(np.full(channels.size, math.nan))
 
 
-def smooth(p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+def smooth(memory: Memory, values: Array) -> None:
     for i in range(len(values)):
         new = values[i]
-        if not math.isnan(memory[i]):
-            values[i] = 0.5 * (new + memory[i])
-        memory[i] = new
+        if not math.isnan(memory.before[i]):
+            values[i] = 0.5 * (new + memory.before[i])
+        memory.before[i] = new
 
 
-def smooth_in_python(p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+def smooth_in_python(memory: Memory, values: Array) -> None:
     """As ``smooth``, with what numba does not know."""
     kept = {"i": sys.maxsize}
     for kept["i"] in range(len(values)):
         new = values[kept["i"]]
-        if not math.isnan(memory[kept["i"]]):
-            values[kept["i"]] = 0.5 * (new + memory[kept["i"]])
-        memory[kept["i"]] = new
+        if not math.isnan(memory.before[kept["i"]]):
+            values[kept["i"]] = 0.5 * (new + memory.before[kept["i"]])
+        memory.before[kept["i"]] = new
     assert list(map(str, sorted(kept))) == ["i"]
 
 
 class Live:
     """An object whose method is a rule."""
 
-    def smooth(self, p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
-        smooth(p, memory, rng, values, time)
+    def smooth(self, values: Array, memory: Memory) -> None:
+        smooth(memory, values)
 
 
 class Called:
@@ -159,14 +165,14 @@ class Called:
 
     __hash__ = None  # type: ignore[assignment]
 
-    def __call__(self, *args: Any) -> None:
-        smooth(*args)
+    def __call__(self, memory: Memory, values: Array) -> None:
+        smooth(memory, values)
 
 
-def with_filter(rule: FilterRule) -> Experiment:
+def with_filter(rule: Callable[..., None], kind: type[Smooth] = Smooth) -> Experiment:
     experiment = experiment_of()
     sonar = experiment.design.sensors["sonar"]
-    filters = {**sonar.filters, "smooth": Smooth(rule)}
+    filters = {**sonar.filters, "smooth": kind(rule)}
     sensors = {"sonar": replace(sonar, filters=filters)}  # type: ignore[type-var]
     return replace(experiment, design=replace(experiment.design, sensors=sensors))
 
@@ -182,7 +188,7 @@ def with_filter(rule: FilterRule) -> Experiment:
     ids=["python", "method", "object", "partial"],
 )
 def test_a_plain_python_rule_works_and_is_named(
-    rule: FilterRule, name: str, caplog: pytest.LogCaptureFixture
+    rule: Callable[..., None], name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     """It gives the bits of the same rule compiled, and a line says that it is slower."""
     compilable, interpreted = with_filter(smooth), with_filter(rule)
@@ -201,23 +207,58 @@ def test_a_plain_python_rule_works_and_is_named(
         assert seen[1][0] is run_loop
 
 
-@pytest.mark.parametrize(
-    "memory",
-    [np.zeros(6, dtype=np.int64), np.zeros((2, 3)), np.zeros(12)[::2], [0.0] * 6],
-    ids=["integers", "matrix", "view", "list"],
-)
-def test_other_arrays_than_rules_work_on_are_refused(memory: Any) -> None:
-    class Careless(Smooth):
-        def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
-            return NO_PARAMETERS, memory
+def before_and_after(memory: Memory, values: Array) -> None:
+    values[0] = memory.after[0]  # type: ignore[attr-defined]
 
-    experiment = experiment_of()
-    sonar = experiment.design.sensors["sonar"]
-    filters = {**sonar.filters, "careless": Careless(smooth)}
-    sensors = {"sonar": replace(sonar, filters=filters)}  # type: ignore[type-var]
-    careless = replace(experiment, design=replace(experiment.design, sensors=sensors))
-    with pytest.raises(InputError, match=r"memory.*contiguous and writeable array of one dim"):
-        preflight(careless)
+
+def with_state(state: Array) -> None:
+    pass
+
+
+@dataclass(frozen=True)
+class Forgetful(Smooth):
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:
+        return None
+
+
+@dataclass(frozen=True)
+class Listed(Smooth):
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:
+        return [0.0] * 6  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class Flat(Smooth):
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:
+        return None, Memory(np.zeros((2, 3)))
+
+
+@dataclass(frozen=True)
+class Vague(Smooth):
+    effect: ClassVar[str] = "worsens"
+
+
+@pytest.mark.parametrize(
+    ("rule", "kind", "message"),
+    [
+        (
+            before_and_after,
+            Smooth,
+            r"before_and_after: must use fields of Memory \(before\), not after",
+        ),
+        (with_state, Smooth, "with_state: must take arguments of parameters, .* time, not state"),
+        (smooth, Forgetful, "smooth: must not take memory, because its start returns none"),
+        (smooth, Listed, r"smooth: its start must return the parameters as a named tuple.*\[0"),
+        (smooth, Flat, r"Memory\.before: must be an array of one dimension of float64"),
+        (smooth, Vague, r"Vague\.effect: must be one of ends, alters, grows, not 'worsens'"),
+    ],
+)
+def test_a_wrong_rule_is_refused_in_one_line(
+    rule: Callable[..., None], kind: type[Smooth], message: str
+) -> None:
+    with pytest.raises(InputError, match=message) as error:
+        preflight(with_filter(rule, kind))
+    assert "\n" not in str(error.value)
 
 
 def test_so_are_those_of_a_simulation() -> None:
@@ -227,7 +268,7 @@ def test_so_are_those_of_a_simulation() -> None:
         collect_inputs(careless, ())
 
 
-def divide(p: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+def divide(values: Array, time: float) -> None:
     """Infinite, NaN, and then what was reached only if nothing was raised."""
     values[0] = values[3] / (time - time)
     values[1] = (time - time) / (time - time)
@@ -236,18 +277,18 @@ def divide(p: Array, memory: Array, rng: Generator, values: Array, time: float) 
 
 def test_a_division_by_zero_is_not_lost_in_compiled_code() -> None:
     values = np.array([0.0, 0.0, 0.0, 1.0])
-    rule = compiled.compile_rule(divide, FILTER)
-    rule(np.zeros(0), np.zeros(0), generator("", ""), values, 3.0)
+    rule = compile_rule(NamedRule(divide, FILTER_ARGUMENTS), FILTER)
+    rule(NO_VALUES, NO_VALUES, generator("", ""), NO_VALUES, values, 3.0)
     assert values[0] == math.inf
     assert math.isnan(values[1])
     assert values[2] == 1.0
 
 
 def test_why_a_rule_cannot_be_compiled_is_said() -> None:
-    def inner(p: Array, m: Array, rng: Generator, values: Array, time: float) -> None:
+    def inner(values: Array) -> None:
         values[0] = offset
 
-    def local(p: Array, m: Array, rng: Generator, values: Array, time: float) -> None:
+    def local(values: Array) -> None:
         values[0] = 0.0
 
     offset = float(os.getpid())
@@ -257,25 +298,26 @@ def test_why_a_rule_cannot_be_compiled_is_said() -> None:
         (Live().smooth, "plain function"),
     ):
         with pytest.raises(NotCompilable, match=reason):
-            compiled.compile_rule(rule, FILTER)
+            compile_rule(NamedRule(rule, FILTER_ARGUMENTS), FILTER)
     with pytest.raises(NotCompilable):
-        compiled.compile_rule(smooth, LAYER)  # five arguments, seven wanted
-    assert isinstance(compiled.compile_rule(smooth, FILTER), CompiledRule)
+        compile_rule(observe, FILTER)  # three arguments, six wanted
+    plain = NamedRule(smooth, FILTER_ARGUMENTS, memory=Memory)
+    assert isinstance(compile_rule(plain, FILTER), CompiledRule)
 
 
-def raising(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+def raising(time: float) -> None:
     if time > 3.0:
         raise ValueError("my own trouble")
 
 
-def asserting(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+def asserting(time: float) -> None:
     assert time <= 3.0
 
 
 @pytest.mark.parametrize("rule", [raising, asserting])
 def test_a_rule_that_raises_is_interpreted_so_that_its_error_is_not_lost(rule: Any) -> None:
     with pytest.raises(NotCompilable, match="raises errors"):
-        compiled.compile_rule(rule, FILTER)
+        compile_rule(NamedRule(rule, FILTER_ARGUMENTS), FILTER)
 
 
 WARM = """
@@ -327,20 +369,22 @@ def increase(value: float) -> float:
 PROBE = """
 from evoros.geometry.increase import increase
 
-def probe(parameters, memory, rng, values, time):
+def probe(values):
     values[0] = increase(values[0])
 """
 
 RUN_PROBE = """
 import numpy as np
 from numba.core import event
-from evoros.base.compilation import FILTER, compile_rule
+from evoros.compilation.rules import FILTER, compile_rule
 from evoros.base.rng import generator
+from evoros.compilation.named_rules import NamedRule
 from evoros.filter.probe import probe
+from evoros.filter.protocol import FILTER_ARGUMENTS
 with event.install_recorder("numba:compile") as compiles:
-    rule = compile_rule(probe, FILTER)
+    rule = compile_rule(NamedRule(probe, FILTER_ARGUMENTS), FILTER)
 values, empty = np.zeros(1), np.zeros(0)
-rule(empty, empty, generator("", ""), values, 0.0)
+rule(empty, empty, generator("", ""), empty, values, 0.0)
 print(values[0], len(compiles.buffer) > 0)
 """
 
@@ -372,9 +416,9 @@ def test_a_change_of_any_source_selects_another_folder_for_compiled_code(
     """Tried with one source of each folder of the package."""
     package = tmp_path / "evoros"
     shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("*.pyc"))
-    monkeypatch.setattr(compiled, "PACKAGE", package)
+    monkeypatch.setattr(machine_code, "PACKAGE", package)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    find_folder = compiled._cache_folder.__wrapped__
+    find_folder = machine_code._cache_folder.__wrapped__
     first = find_folder()
     sources = list({source.parent: source for source in package.rglob("*.py")}.values())
     assert {"base", "mission", "engines", "urdf"} <= {source.parent.name for source in sources}
@@ -391,10 +435,13 @@ def test_a_change_of_any_source_selects_another_folder_for_compiled_code(
 
 
 ANYWHERE = """
-from evoros.base import compilation
+from evoros.compilation import machine_code, rules
+from evoros.compilation.named_rules import NamedRule
+from evoros.filter.protocol import FILTER_ARGUMENTS
 from evoros.filter.silence import Silence
-print(compilation._cache_folder())
-compilation.compile_rule(Silence().rule, compilation.FILTER)
+print(machine_code._cache_folder())
+rule = NamedRule(Silence.rule, FILTER_ARGUMENTS, Silence.Parameters)
+rules.compile_rule(rule, rules.FILTER)
 """
 
 
@@ -433,7 +480,7 @@ def test_code_that_others_could_have_written_is_not_run(
     def folder(umask: int) -> Path:
         before = os.umask(umask)
         try:
-            found = compiled._cache_folder.__wrapped__()
+            found = machine_code._cache_folder.__wrapped__()
         finally:
             os.umask(before)
         assert found is not None

@@ -4,7 +4,7 @@ import gc
 import signal
 import sys
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -23,8 +23,8 @@ from evoros.mission.mission import Mission
 from evoros.mission.outcome import SIMULATION_FAILURE
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
-from evoros.robot.model import Robot
 from evoros.sensor.protocol import RANGE
+from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
 
@@ -65,7 +65,7 @@ class Engine:
     measures = (RANGE,)
 
     @contextmanager
-    def open(self, robot: Robot, world: World) -> Iterator[Any]:
+    def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[Any]:
         yield self.wreck
 
 
@@ -95,8 +95,8 @@ def test_a_mission_has_the_bits_of_the_interpreted_one(engine: str) -> None:
         loops.append(prepare(inputs))
         return loops[-1]
 
-    outcome, whole = run_mission(experiment.scenario, mission, watch)
-    stepped, track = run_mission(experiment.scenario, mission, prepare_interpreted)
+    (outcome,), whole = run_mission(experiment.scenario, mission, watch)
+    (stepped,), track = run_mission(experiment.scenario, mission, prepare_interpreted)
     assert loops[0][0] is not run_loop
     assert repr(outcome) == repr(stepped)
     assert whole.tobytes() == track.tobytes()
@@ -111,7 +111,7 @@ def test_an_error_of_the_engine_ends_the_mission_as_in_the_interpreted_loop(
     for loop in (prepare, prepare_interpreted):
         wreck = Wreck(call, count)
         scenario, mission = with_engine(wreck)
-        outcome, rows = run_mission(scenario, mission, loop)
+        (outcome,), rows = run_mission(scenario, mission, loop)
         said.append((outcome, len(rows), wreck.calls))
         assert outcome.ended == SIMULATION_FAILURE
         assert wreck.calls.count(call) == count

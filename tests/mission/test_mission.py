@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pytest
@@ -15,13 +15,11 @@ from numpy.random import Generator
 from evoros.base.arrays import (
     CONTACT,
     DRIVE_SPEED,
-    NO_MEMORY,
     SPEED,
     TO_X,
     TO_Y,
     YAW,
     Array,
-    RuleArrays,
     X,
     Y,
 )
@@ -33,7 +31,7 @@ from evoros.controller.rover import Rover
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.filter.gaussian_noise import GaussianNoise
-from evoros.filter.protocol import Channels
+from evoros.filter.protocol import ALTERS, Channels
 from evoros.mission import outcome as result
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import HEADING, MODE, TIME, TRAJECTORY
@@ -42,40 +40,34 @@ from evoros.mission.scenario import Scenario
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
-from evoros.simulator.protocol import Simulation
+from evoros.simulator.protocol import PlacedRobot, Simulation
 from evoros.world.course import Course
 from evoros.world.model import World
 
 PACE = 0.5  # [m/s]
 
 
-def head(
-    parameters: Array,
-    memory: Array,
-    state: Array,
-    leg: Array,
-    readings: Array,
-    time: float,
-    command: Array,
-) -> bool:
+class Head:
     """Straight to the goal: the point turns on the spot. Counts its calls."""
-    memory[0] += 1.0
-    command[DRIVE_SPEED] = parameters[0]
-    command[1] = math.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
-    return True
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def __call__(self, state: Array, leg: Array, command: Array) -> bool:
+        self.calls += 1
+        command[DRIVE_SPEED] = PACE
+        command[1] = math.atan2(leg[TO_Y] - state[Y], leg[TO_X] - state[X])
+        return True
 
 
-def shy(
-    parameters: Array,
-    memory: Array,
-    state: Array,
-    leg: Array,
-    readings: Array,
-    time: float,
-    command: Array,
-) -> bool:
-    """Takes the decision from parameters[0] until parameters[1] s, and stands."""
-    if parameters[0] <= time < parameters[1]:
+class Break(NamedTuple):
+    first: float  # [s]
+    last: float  # [s]
+
+
+def shy(parameters: Break, time: float, command: Array) -> bool:
+    """Takes the decision during a break, and stands."""
+    if parameters.first <= time < parameters.last:
         command[DRIVE_SPEED] = 0.0
         return True
     return False
@@ -89,14 +81,14 @@ class Pilot:
     stands: tuple[float, float] = (math.inf, math.inf)
     localization: Mapping[str, Any] = field(default_factory=dict)
     modes: Sequence[str] = ("avoiding", "navigating")
-    calls: list[Array] = field(default_factory=list)
+    heads: list[Head] = field(default_factory=list)
 
     @contextmanager
     def open(self, robot: Robot, rng: Any) -> Iterator[Sequence[StartedLayer]]:
-        self.calls.append(np.zeros(1))
+        self.heads.append(Head())
         yield [
-            StartedLayer(shy, np.array(self.stands), NO_MEMORY),
-            StartedLayer(head, np.array([PACE]), self.calls[-1]),
+            StartedLayer(shy, Break(*self.stands)),
+            StartedLayer(self.heads[-1], None),
         ]
 
 
@@ -143,7 +135,7 @@ class Plane:
     packages = ()
 
     @contextmanager
-    def open(self, robot: Robot, world: World) -> Iterator[Simulation]:
+    def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[Simulation]:
         self.opened.append(Point(self.time_step, self.wall, self.sick_after))
         yield self.opened[-1]
 
@@ -172,13 +164,13 @@ def scenario(
     values |= {"home_x_m": 0.0, "home_y_m": 0.0, "home_z_m": 0.0, "home_yaw_rad": 0.0} | course
     ground = tuple(body for body in old.bodies if body.is_ground)
     world = replace(old, name="open", bodies=ground, course=Course(**values))
-    return replace(
-        experiment.scenario,
-        world={"open": world},
-        simulator=simulator or Plane(),
+    member = replace(
+        experiment.members[0],
         controller=controller or Pilot(),
-        design=replace(experiment.scenario.design, sensors=sensors or {"sonar": Sonar()}),
+        design=replace(experiment.design, sensors=sensors or {"sonar": Sonar()}),
     )
+    simulator = simulator or Plane()
+    return Scenario((member,), {"open": world}, experiment.failure, simulator)
 
 
 def mission(*kinds: str, draws: str = "key") -> Mission:
@@ -191,7 +183,7 @@ def mission(*kinds: str, draws: str = "key") -> Mission:
 
 def test_a_mission_that_is_completed(experiment: Experiment) -> None:
     """3 m to the first circle, then back and forth between the circles: 2 m each."""
-    outcome, rows = run_mission(scenario(experiment), mission("sonar"))
+    (outcome,), rows = run_mission(scenario(experiment), mission("sonar"))
     assert outcome.ended == "completed"
     assert outcome.completed
     assert outcome.progress == 1.0
@@ -210,7 +202,7 @@ def test_a_mission_that_is_completed(experiment: Experiment) -> None:
 
 
 def test_a_mission_that_runs_to_its_limit(experiment: Experiment) -> None:
-    outcome, rows = run_mission(scenario(experiment, time_limit_s=5.0), mission("sonar"))
+    (outcome,), rows = run_mission(scenario(experiment, time_limit_s=5.0), mission("sonar"))
     assert outcome.ended == "time_limit"
     assert outcome.time_s == pytest.approx(5.0)
     assert rows[-1, 1] == pytest.approx(2.5)
@@ -222,12 +214,12 @@ def test_a_mission_that_runs_to_its_limit(experiment: Experiment) -> None:
 def test_progress_is_shared_by_the_way_that_is_left(
     experiment: Experiment, limit: float, left: float
 ) -> None:
-    outcome, _ = run_mission(scenario(experiment, time_limit_s=limit), mission("sonar"))
+    (outcome,), _ = run_mission(scenario(experiment, time_limit_s=limit), mission("sonar"))
     assert outcome.progress == pytest.approx(1 / left / 4)
 
 
 def test_a_collision_ends_the_mission(experiment: Experiment) -> None:
-    outcome, _ = run_mission(scenario(experiment, Plane(wall=(1.99, 9.0))), mission("sonar"))
+    (outcome,), _ = run_mission(scenario(experiment, Plane(wall=(1.99, 9.0))), mission("sonar"))
     assert outcome.ended == "collision"
     assert outcome.time_s == outcome.first_collision_s == pytest.approx(4.0)
     assert outcome.collisions == 1
@@ -237,7 +229,7 @@ def test_a_collision_ends_the_mission(experiment: Experiment) -> None:
 def test_a_collision_that_lasts_counts_once_and_need_not_end_it(experiment: Experiment) -> None:
     """The wall is passed on each of the four legs."""
     flown = scenario(experiment, Plane(wall=(1.99, 2.51)), end_on_collision=False)
-    outcome, rows = run_mission(flown, mission("sonar"))
+    (outcome,), rows = run_mission(flown, mission("sonar"))
     assert outcome.ended == "completed"
     assert outcome.collisions == 4
     assert outcome.first_collision_s == pytest.approx(4.0)
@@ -245,7 +237,7 @@ def test_a_collision_that_lasts_counts_once_and_need_not_end_it(experiment: Expe
 
 
 def test_the_last_waypoint_counts_even_if_it_is_touched(experiment: Experiment) -> None:
-    outcome, _ = run_mission(
+    (outcome,), _ = run_mission(
         scenario(experiment, Plane(wall=(-1.0, 9.0)), end_on_collision=True, acceptance_m=9.0),
         mission("sonar"),
     )
@@ -255,7 +247,7 @@ def test_the_last_waypoint_counts_even_if_it_is_touched(experiment: Experiment) 
 
 def test_the_share_of_avoiding(experiment: Experiment) -> None:
     flown = scenario(experiment, controller=Pilot(stands=(1.0, 3.0)), time_limit_s=8.0)
-    outcome, rows = run_mission(flown, mission("sonar"))
+    (outcome,), rows = run_mission(flown, mission("sonar"))
     assert outcome.avoiding == pytest.approx(2.0 / 8.0, abs=1e-9)
     assert outcome.distance_m == pytest.approx(PACE * 6.0)
     assert outcome.mean_speed_mps == pytest.approx(PACE * 6.0 / 8.0)
@@ -263,7 +255,7 @@ def test_the_share_of_avoiding(experiment: Experiment) -> None:
 
 
 def test_a_state_that_is_not_finite_is_an_outcome(experiment: Experiment) -> None:
-    outcome, rows = run_mission(scenario(experiment, Plane(sick_after=30)), mission("sonar"))
+    (outcome,), rows = run_mission(scenario(experiment, Plane(sick_after=30)), mission("sonar"))
     assert outcome.ended == result.SIMULATION_FAILURE
     assert "not finite after 3.1 s" in outcome.reason
     assert outcome.progress == 0.0
@@ -288,11 +280,11 @@ def test_each_part_runs_at_its_own_period(
     flown = scenario(
         experiment, simulator, pilot, {"sonar": Sonar(period_s=sense)}, time_limit_s=limit
     )
-    outcome, _ = run_mission(flown, mission("sonar"))
+    (outcome,), _ = run_mission(flown, mission("sonar"))
     end = outcome.time_s
     assert end == pytest.approx(limit)
     assert simulator.opened[-1].sensed == math.ceil(round(end / sense, 6))
-    assert pilot.calls[-1][0] == math.ceil(round(end / decide, 6))
+    assert pilot.heads[-1].calls == math.ceil(round(end / decide, 6))
 
 
 def test_sensor_types_publish_at_their_own_periods(experiment: Experiment) -> None:
@@ -336,16 +328,16 @@ class Spy:
     """A filter that notes what it could have drawn, and draws ``extra`` numbers first."""
 
     name: ClassVar[str] = "Spy"
+    effect: ClassVar[str] = ALTERS
     noted: list[float] = field(default_factory=list)
     extra: int = 0
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> None:
         rng.random(self.extra)
         self.noted.append(rng.random())
-        return NO_MEMORY, NO_MEMORY
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule(rng: Generator) -> None:
         """Only draws."""
         rng.random()
 

@@ -49,8 +49,8 @@ def heard(experiment: Experiment, failure: Failure, seconds: float = 3.0) -> Arr
     chain = start_sensor_filters(robot, faults, raw, readings, 0.1, draws)
     rows = []
     for tick in range(round(10 * seconds)):
-        for _, rule, parameters, memory, rng, values, _ in chain:
-            rule(parameters, memory, rng, values, 0.1 * tick)
+        for stage in chain:
+            stage.rule(*stage[2:7], 0.1 * tick)
         rows.append(readings.copy())
     return np.array(rows)
 

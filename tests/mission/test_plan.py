@@ -6,7 +6,7 @@ import pytest
 
 from evoros.base.errors import InputError
 from evoros.design.design import Design
-from evoros.fitness.scoring import compute_fitness
+from evoros.fitness.scoring import Scoring
 from evoros.mission.outcome import LOST, Outcome
 from evoros.mission.plan import (
     CONFIRMATION,
@@ -40,25 +40,25 @@ def outcome(progress: float) -> Outcome:
 
 def test_fitness_is_the_mean_over_trials_of_the_score_over_worlds() -> None:
     missions = Plan(0, WORLDS, 3, 0, "generation").selection(0, 0, DESIGN)
-    values = {m.key: outcome(10.0**m.trial * (1 + (m.world == "b"))) for m in missions}
-    assert compute_fitness(ByTrial(), missions, values) == pytest.approx(3 * 111 / 3)
+    values = {m.key: (outcome(10.0**m.trial * (1 + (m.world == "b"))),) for m in missions}
+    assert Scoring(ByTrial()).compute_fitness(missions, values) == pytest.approx(3 * 111 / 3)
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf")])
 def test_a_score_that_is_no_number_is_refused(bad: float) -> None:
     missions = Plan(0, WORLDS, 1, 0, "generation").selection(0, 0, DESIGN)
-    values = {mission.key: outcome(bad) for mission in missions}
+    values = {mission.key: (outcome(bad),) for mission in missions}
     with pytest.raises(InputError, match="ByTrial"):
-        compute_fitness(ByTrial(), missions, values)
+        Scoring(ByTrial()).compute_fitness(missions, values)
 
 
 def test_what_was_not_flown_never_reaches_the_score() -> None:
     """It is NaN where nothing was measured, and would make the fitness NaN for ever."""
     missions = Plan(0, WORLDS, 2, 0, "generation").selection(0, 0, DESIGN)
-    values = {mission.key: outcome(3.0) for mission in missions}
+    values = {mission.key: (outcome(3.0),) for mission in missions}
     lost = replace(Outcome.failure(LOST, "why", 10.0, 0), progress=float("nan"))
-    values[missions[0].key] = lost
-    assert compute_fitness(ByTrial(), missions, values) == (-2.0 + 6.0) / 2
+    values[missions[0].key] = (lost,)
+    assert Scoring(ByTrial()).compute_fitness(missions, values) == (-2.0 + 6.0) / 2
 
 
 def test_who_meets_the_same_draws() -> None:

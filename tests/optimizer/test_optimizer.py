@@ -13,7 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.base.resources import bundled_folder
+from evoros.files.resources import bundled_folder
 from evoros.optimizer.ga import GeneticAlgorithm
 from evoros.optimizer.protocol import (
     Aspect,

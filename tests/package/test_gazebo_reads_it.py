@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from evoros.base.resources import bundled_folder
 from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
+from evoros.files.resources import bundled_folder
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.world.model import World
 
@@ -54,7 +54,7 @@ def middle_design(experiment: Experiment) -> Design:
 def test_it_keeps_every_sensor_of_a_robot(name: str, tmp_path: Path) -> None:
     design = "six_sonars" if name in FITTING else "around"
     experiment = build(f"robot={name}", f"design={design}")
-    robot = experiment.scenario.with_design(middle_design(experiment)).robot
+    robot = experiment.members[0].with_design(middle_design(experiment)).robot
     file = tmp_path / "robot.urdf"
     file.write_text(robot.urdf)
     assert ign("-k", file).strip() == "Valid."

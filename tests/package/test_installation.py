@@ -1,4 +1,4 @@
-"""Every way to get evoros works: a clone, ``pip install .``, ``pip install -e .`` and the wheel.
+"""Every way to get evoros works: a clone, ``pip install -e .`` and the wheel, with the same names.
 
 No environment gets more than what evoros requires: it is linked from the one that runs the tests,
 so that only the build backend is downloaded. All paths have spaces.
@@ -11,13 +11,15 @@ import subprocess
 import sys
 import tomllib
 import venv
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.metadata import Distribution, distribution
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 from helpers import ROOT, USER_PARTS
+from own_modules import ONE_NAME, write_own_modules
 from packaging.requirements import Requirement
 
 pytestmark = [pytest.mark.timeout(900), pytest.mark.slow]
@@ -72,9 +74,9 @@ def copy_source(folder: Path) -> Path:
     """A clone as git would make it; changes that are not committed yet are a commit of it."""
     listed = execute(["git", "ls-files", "--cached", "--others", "--exclude-standard"], ROOT)
     for name in listed.splitlines():
-        if (ROOT / name).is_file():
+        if (ROOT / name).exists():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes((ROOT / name).read_bytes())
+            shutil.copy(ROOT / name, folder / name, follow_symlinks=False)
     execute(["git", "init", "-q"], folder)
     execute(["git", "add", "-A"], folder)
     identity = ["-c", "user.name=Nobody", "-c", "user.email=nobody@example.org"]
@@ -129,21 +131,13 @@ class Way:
     python: Path
     package: Path
     commit: str  # that it was made from
-    root: Path | None = None  # of the clone, if there is one
+    root: Path  # of the clone
     search_path: str = ""  # PYTHONPATH outside of the clone
 
-    def check(self, folder: Path, run: Path, *code: str | Path) -> Path:
-        """Use the whole interface in a current folder; returns where evoros was found.
-
-        ``code`` are Python's arguments that make it run CHECK.
-        """
+    def execute(self, folder: Path, code: str, *arguments: Path) -> str:
+        """Run Python code in a current folder, and return the last line that it prints."""
         variables = {"PYTHONPATH": self.search_path} if self.search_path else {}
-        printed = execute([self.python, *code, USER_PARTS, run], folder, **variables)
-        found, state, missions, figures, origin = json.loads(printed.splitlines()[-1])
-        assert (state, figures) == ("finished", FIGURES)
-        assert missions > 0
-        assert origin == [self.commit, False]
-        return Path(found).parent
+        return execute([self.python, "-c", code, *arguments], folder, **variables).splitlines()[-1]
 
 
 def make_environment(folder: Path, libraries: Path) -> Path:
@@ -169,70 +163,65 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel that is built from the source distribution; all source is deleted.
-
-    Its commit is in the file ``commit`` beside it.
-    """
+def wheel(tmp_path_factory: pytest.TempPathFactory, clone: Path) -> Path:
+    """The wheel that is built from the source distribution, which is deleted."""
     folder = tmp_path_factory.mktemp("a build")
-    source = copy_source(folder / "source")
-    (folder / "commit").write_text(read_commit(source))
-    execute([sys.executable, "-m", "build", "--outdir", folder, source], folder)
-    left = execute(["git", "status", "--porcelain", "--ignored"], source).splitlines()
+    execute([sys.executable, "-m", "build", "--outdir", folder, clone], folder)
+    left = execute(["git", "status", "--porcelain", "--ignored"], clone).splitlines()
     assert [name for name in left if "__pycache__" not in name] == []
-    shutil.rmtree(source)
     (sdist,) = folder.glob("*.tar.gz")
     sdist.unlink()
     (wheel,) = folder.glob("*.whl")
     return wheel
 
 
-@pytest.fixture(scope="module", params=["clone", "install", "editable", "wheel"])
+@pytest.fixture(scope="module", params=["clone", "editable", "wheel"])
 def way(
     request: pytest.FixtureRequest,
+    clone: Path,
     libraries: Path,
     tmp_path_factory: pytest.TempPathFactory,
-) -> Iterator[Way]:
+) -> Way:
     python = make_environment(tmp_path_factory.mktemp(f"an environment {request.param}"), libraries)
-    if request.param == "wheel":
-        wheel: Path = request.getfixturevalue("wheel")
-        yield Way(python, install(python, wheel), wheel.with_name("commit").read_text())
-        return
-    root: Path = request.getfixturevalue("clone")
-    commit = read_commit(root)
+    commit = read_commit(clone)
     if request.param == "clone":
-        yield Way(python, root / "evoros", commit, root, str(root))
-    elif request.param == "install":
-        yield Way(python, install(python, root), commit, root)
-    else:
-        yield Way(python, install(python, "-e", root), commit, root)
+        return Way(python, clone / "evoros", commit, clone, str(clone))
+    what: list[str | Path] = ["-e", clone]
+    if request.param == "wheel":
+        what = [request.getfixturevalue("wheel")]
+    return Way(python, install(python, *what), commit, clone)
 
 
 def test_the_interface_works_from_elsewhere(way: Way, tmp_path: Path) -> None:
     elsewhere = tmp_path / "some where"
     elsewhere.mkdir()
-    assert way.check(elsewhere, tmp_path / "a run", "-c", CHECK) == way.package
+    printed = way.execute(elsewhere, CHECK, USER_PARTS, tmp_path / "a run")
+    found, state, missions, figures, origin = json.loads(printed)
+    assert (state, figures) == ("finished", FIGURES)
+    assert missions > 0
+    assert origin == [way.commit, False]
+    assert Path(found).parent == way.package
+    assert str(ROOT) not in (tmp_path / "a run" / "manifest.json").read_text()
 
 
-def test_a_script_in_the_root_of_the_clone_works(way: Way, tmp_path: Path) -> None:
-    """Python finds the clone's own package there first, as in notebooks, which are saved there."""
-    if way.root is None:
-        pytest.skip("there is no clone")
-    script = way.root / "a_study.py"  # it is no part of evoros, which therefore is not changed
-    script.write_text(CHECK)
+def test_each_module_has_one_name_and_hides_none_of_a_users(way: Way, tmp_path: Path) -> None:
+    """Python finds the clone's own package in its root, as in notebooks, which are saved there."""
+    mine = write_own_modules(tmp_path / "of my own")
+    script = way.root / "a_study.py"
+    script.write_text(ONE_NAME)
     try:
-        assert way.check(tmp_path, tmp_path / "a run", script) == way.root / "evoros"
+        in_root = execute([way.python, script, mine], tmp_path)
     finally:
         script.unlink()
-    code = "import evoros, evoros.analysis.command; evoros.compose([]); print(evoros.__file__)"
-    found = execute([way.python, "-c", code], way.root)
-    assert Path(found.strip()).parent == way.root / "evoros"
+    assert Path(in_root.strip()).parent == way.root / "evoros"
+    assert Path(way.execute(way.root, ONE_NAME, mine)).parent == way.root / "evoros"
+    assert Path(way.execute(tmp_path, ONE_NAME, mine)).parent == way.package
 
 
 def test_pytest_works_in_the_root_of_the_clone(way: Way, testing: Path, tmp_path: Path) -> None:
     """By ``pytest``, which finds what is installed, and ``python -m pytest``, which the clone."""
-    if way.root is None or way.search_path:
-        pytest.skip("there is no clone, or nothing is installed")
+    if way.search_path:
+        pytest.skip("nothing is installed")
     for option, package in ((["-P"], way.package), ([], way.root / "evoros")):
         file = way.root / "test_mine.py"
         file.write_text(OWN_TEST % str(package))
@@ -254,61 +243,39 @@ def test_pytest_works_in_the_root_of_the_clone(way: Way, testing: Path, tmp_path
 def test_the_commands_work_everywhere(way: Way, tmp_path: Path) -> None:
     if way.search_path:
         pytest.skip("nothing is installed")
-    for folder in (tmp_path, way.root or tmp_path):
+    for folder in (tmp_path, way.root):
         printed = execute([way.python.with_name("evoros"), "--cfg", "job"], folder)
         assert "_target_: evoros.evolution.experiment.Experiment" in printed
         assert "report" in execute([way.python.with_name("evoros-analyze"), "--help"], folder)
         assert way.commit[:10] in execute([way.python, "-m", "evoros", "--version"], folder)
 
 
-def test_where_the_package_is(way: Way) -> None:
-    installed = way.root is None or way.root not in way.package.parents
-    assert installed == ("site-packages" in way.package.parts)
-    if installed:
-        folders = ("conf", "robots", "worlds", "analysis/report/web")
-        for folder in folders:
-            assert files(ROOT / folder) == files(way.package / folder), folder
-        names = ("conf", "robots", "worlds", "analysis", "tests", "benchmarks")
-        assert not any((way.package.parent / name).exists() for name in names)
+def test_the_wheel_has_everything_once_and_nothing_else(wheel: Path) -> None:
+    with ZipFile(wheel) as archive:
+        names = [name for name in archive.namelist() if ".dist-info/" not in name]
+    assert len(names) == len(set(names))
+    assert {name.partition("/")[0] for name in names} == {"evoros"}
+    for folder in ("analysis", "conf", "robots", "worlds"):
+        packed = {name for name in names if name.startswith(f"evoros/{folder}/")}
+        assert packed == {f"evoros/{folder}/{file}" for file in files(ROOT / folder)}, folder
 
 
 def test_the_wheel_of_the_source_distribution_is_that_of_the_clone(
-    wheel: Path, clone: Path, libraries: Path, tmp_path: Path
+    wheel: Path, clone: Path, tmp_path: Path
 ) -> None:
-    packages = []
-    for name, what in (("from wheel", wheel), ("from clone", clone)):
-        python = make_environment(tmp_path / name, libraries)
-        packages.append(install(python, what))
-    first, second = (
-        {str(file): (package / file).read_bytes() for file in files(package)}
-        for package in packages
-    )
-    assert first == second
+    execute([sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", tmp_path, clone], clone)
+    (direct,) = tmp_path.glob("*.whl")
+    assert contents(direct) == contents(wheel)
+
+
+def contents(wheel: Path) -> dict[str, bytes]:
+    """The files of the package; the list of all files is in the order of the build."""
+    with ZipFile(wheel) as archive:
+        names = [name for name in archive.namelist() if ".dist-info/" not in name]
+        return {name: archive.read(name) for name in names}
 
 
 def files(folder: Path) -> set[Path]:
     """Relative paths, without what Python has compiled."""
     found = (path.relative_to(folder) for path in folder.rglob("*.*") if path.is_file())
     return {path for path in found if "__pycache__" not in path.parts}
-
-
-def test_a_run_from_any_folder_uses_only_the_wheel(
-    wheel: Path, libraries: Path, tmp_path: Path
-) -> None:
-    python = make_environment(tmp_path / "environment", libraries)
-    install(python, wheel)
-    printed = execute(
-        [
-            python.with_name("evoros"),
-            "experiment=quickstart",
-            "world=blocks",
-            "optimizer.population_size=2",
-            "optimizer.generations=1",
-            "hydra.run.dir=here",
-        ],
-        tmp_path,
-    )
-    assert "best fitness" in printed
-    assert "here/champion" in printed
-    assert (tmp_path / "here" / "champion" / "trajectory_blocks.csv").is_file()
-    assert str(ROOT) not in (tmp_path / "here" / "manifest.json").read_text()

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.compilation.named_rules import bind
 from evoros.controller.l1 import L1
+from evoros.controller.protocol import LAYER_ARGUMENTS
 from evoros.controller.weighted_voting import WeightedVoting
 from evoros.sensor.protocol import RANGE
 
@@ -36,7 +38,7 @@ robot: Any = SimpleNamespace(
 )
 rng = np.random.default_rng(mission["seed"])
 layers = [
-    (layer.rule, *layer.start(robot, mission["period_s"], rng))
+    bind(layer.rule, LAYER_ARGUMENTS, layer.start(robot, mission["period_s"], rng))
     for layer in (WeightedVoting(), L1())
 ]
 command = np.zeros(2)
@@ -45,8 +47,8 @@ for line in lines:
     time, state, leg, readings = json.loads(line)
     state, leg, readings = map(to_array, (state, leg, readings))
     mode = 0
-    for number, (rule, parameters, memory) in enumerate(layers, 1):
-        if rule(parameters, memory, state, leg, readings, time, command):
+    for number, decide in enumerate(layers, 1):
+        if decide(state, leg, readings, time, command):
             mode = number
             break
     answers.write(json.dumps([mode, *command.tolist()]) + "\n")

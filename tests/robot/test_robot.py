@@ -24,9 +24,9 @@ from robot_cases import (
 )
 
 from evoros.base.arrays import YAW_RATE, Array
-from evoros.evolution.trial_drive import find_turning_point
 from evoros.formats.urdf.tree import read_tree
 from evoros.geometry.shapes import Pose
+from evoros.preflight.trial_drive import find_turning_point
 from evoros.sensor.sonar import Sonar
 from evoros.simulator.planar import Planar
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from planar_cases import experiment, rover
+from planar_cases import experiment, put, rover
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
@@ -35,6 +35,7 @@ from evoros.sensor.protocol import (
 )
 from evoros.simulator.engines.rays import sensor_beams
 from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import open_alone
 
 FAR_M = 3.0
 
@@ -145,8 +146,8 @@ def test_a_beam_of_many_reads_as_a_sensor_that_faces_its_way() -> None:
     for _ in range(200):
         pose = rng.uniform((-8, -8, -3), (8, 8, 3))
         for robot, ranges in ((comb, together), (apart, separate)):
-            with Planar().open(robot, world) as simulation:
-                simulation.memory[:3] = pose
+            with open_alone(Planar().open, robot, world) as simulation:
+                put(simulation, *pose)
                 simulation.sense(ranges)
         assert np.allclose(together, separate, rtol=0, atol=1e-9)
         seen += int((together < FAR_M).sum())
@@ -162,10 +163,8 @@ def test_a_failure_silences_all_channels_of_a_sensor_and_no_other() -> None:
         faults = failure.draw(describe_sensors(robot), generator(f"{seed}", "failure"))
         assert len(faults[0].onset) == 3
         ranges, readings = np.arange(1.0, 8.0), np.zeros(7)
-        for _, rule, parameters, memory, rng, values, _ in start_sensor_filters(
-            robot, faults, ranges, readings, 0.1, draws
-        ):
-            rule(parameters, memory, rng, values, 2.0)
+        for stage in start_sensor_filters(robot, faults, ranges, readings, 0.1, draws):
+            stage.rule(*stage[2:7], 2.0)
         (failed,) = np.flatnonzero(np.isfinite(faults[0].onset))
         silent = np.zeros(7, dtype=bool)
         silent[robot.layout[failed]] = True
@@ -177,11 +176,8 @@ def test_a_failure_silences_all_channels_of_a_sensor_and_no_other() -> None:
 
 def vote(robot: Robot, readings: Sequence[float]) -> float | None:
     """The share of full lock, or None without a decision."""
-    layer = WeightedVoting()
-    parameters, memory = layer.start(robot, 0.1, generator("", ""))
-    command, nothing = np.zeros(2), np.zeros(6)
-    seen = np.array(readings, dtype=float)
-    decided = layer.rule(parameters, memory, nothing, nothing, seen, 0.0, command)
+    parameters, command = WeightedVoting().start(robot, 0.1, generator("", "")), np.zeros(2)
+    decided = WeightedVoting.rule(parameters, np.array(readings, dtype=float), command)
     return float(command[1]) / robot.drive.steering_limit if decided else None
 
 

@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planar_cases import experiment, rover, start, world_of
+from planar_cases import experiment, put, rover, start, world_of
 
-from analysis.report.playback import MAX_SECTORS
-from analysis.tables.readings import find_nearest, group_ranges, merge_sectors
-from analysis.video.fans import Fan, _reach_at
+from evoros.analysis.report.playback import MAX_SECTORS
+from evoros.analysis.tables.readings import find_nearest, group_ranges, merge_sectors
+from evoros.analysis.video.fans import Fan, _reach_at
 from evoros.base.arrays import Array
 from evoros.config.compose import compose
 from evoros.filter.growing_noise import GrowingNoise
@@ -21,9 +21,10 @@ from evoros.robot.model import Robot
 from evoros.sensor.infrared import Infrared
 from evoros.sensor.lidar import Lidar
 from evoros.sensor.protocol import Mount, sensor_bearings
-from evoros.simulator.engines.planar_beams import GROUP_SIZE, SPACING
-from evoros.simulator.engines.planar_layout import GROUPS, block
+from evoros.simulator.engines.planar_beams import SPACING
+from evoros.simulator.engines.planar_layout import sight_of
 from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import open_alone
 from evoros.storage.figure_context import describe_experiment
 
 
@@ -56,13 +57,12 @@ def test_a_scan_is_that_of_beams_computed_one_by_one(yaw: float, fov: float, tur
     scans, spacings = [], []
     pose = (*rng.uniform(-6.0, 6.0, 2), turn)
     for robot in robots:
-        with Planar().open(robot, world) as simulation:
-            simulation.memory[:3] = pose
+        with open_alone(Planar().open, robot, world) as simulation:
+            put(simulation, *pose)
             ranges = np.zeros(90)
             simulation.sense(ranges)
             scans.append(ranges)
-            groups = block(simulation.parameters, GROUPS).reshape(-1, GROUP_SIZE)
-            spacings.append(float(groups[0, SPACING]))
+            spacings.append(float(sight_of(simulation.parameters, 0).groups[0, SPACING]))
     assert spacings[0] > 0.0 == spacings[1]
     assert np.array_equal(scans[0], scans[1])
 
@@ -82,7 +82,6 @@ def test_a_scan_of_a_wall_has_the_distances_of_geometry() -> None:
     lidar = Lidar(fov_deg=120.0, beams=61, range_max_m=3.0)
     wall = Shape("box", (1.0, 40.0, 2.0)), Pose((2.6, 0.0, 0.5))
     simulation = start(world_of(wall), equip(lidar))
-    simulation.memory[:3] = 0.0
     ranges = np.zeros(61)
     simulation.sense(ranges)
     expected = np.minimum(2.0 / np.cos(sensor_bearings(lidar)), 3.0)
@@ -100,10 +99,10 @@ def test_an_infrared_sees_what_is_in_its_cone_and_is_noisier_far_away() -> None:
     channels = Channels(*limits, np.zeros((count, 3)), 0.1)
     for distance in (0.2, 0.6):
         rng, values = np.random.default_rng(0), np.full(count, distance)
-        noise.rule(*noise.start(channels, np.zeros(count), rng), rng, values, 0.0)
+        noise.rule(noise.start(channels, np.zeros(count), rng), rng, values, 0.0)
         assert values.std() == pytest.approx(0.001 + 0.05 * distance**2, rel=0.05)
     nothing = np.full(count, 0.8)
-    noise.rule(*noise.start(channels, np.zeros(count), rng), rng, nothing, 0.0)
+    noise.rule(noise.start(channels, np.zeros(count), rng), rng, nothing, 0.0)
     assert (nothing == 0.8).all()
 
 
@@ -112,7 +111,7 @@ def test_the_example_evolves_a_field_of_view_and_describes_its_bearings() -> Non
     fields = []
     for share in (0.0, 1.0):
         design = example.space.decode(np.full(example.space.size, share))
-        robot = example.scenario.with_design(design).robot
+        robot = example.members[0].with_design(design).robot
         lidar = robot.sensors["lidar"]
         assert isinstance(lidar, Lidar)
         fields.append(lidar.fov_deg)

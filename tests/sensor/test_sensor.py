@@ -12,12 +12,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 
-from evoros.base import resources as assets
 from evoros.base.errors import InputError
+from evoros.base.rng import generator
+from evoros.compilation.named_rules import bind
+from evoros.files import resources as assets
 from evoros.filter.gaussian_noise import GaussianNoise
 from evoros.filter.protocol import Filter
 from evoros.filter.silence import Silence
-from evoros.sensor.protocol import RangeSensor, Sensor, SignalSensor, sees
+from evoros.sensor.protocol import (
+    SENSOR_ARGUMENTS,
+    SIGNAL_SIZES,
+    RangeSensor,
+    Sensor,
+    SignalSensor,
+    sees,
+)
 from evoros.sensor.sonar import Sonar
 
 KINDS = sorted(path.stem for path in assets.bundled_folder("conf").glob("sensor/*.yaml"))
@@ -49,7 +58,10 @@ def test_configured_sensor_keeps_the_protocol(kind: str) -> None:
         assert element.get("name") == f"{kind}_1"
     if not sees(sensor):
         assert isinstance(sensor, SignalSensor)
-        assert sensor.memory_size >= 1
+        values = np.full(len(sensor.channels), np.nan)
+        rule = bind(sensor.rule, SENSOR_ARGUMENTS, sensor.start())
+        rule(generator("", ""), np.zeros(SIGNAL_SIZES[sensor.measures]), values, 0.0)
+        assert np.isfinite(values).all()
         return
     assert isinstance(sensor, RangeSensor)
     assert 0 <= sensor.range_min_m < sensor.range_max_m < math.inf

@@ -8,9 +8,9 @@ import pytest
 from helpers import USER_PARTS, content, tiny
 
 import evoros
+from evoros import api
 from evoros.base.arrays import Array
-from evoros.base.console import DONE
-from evoros.session import api
+from evoros.terminal.console import DONE
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ import pandas as pd
 import pytest
 from helpers import TINY, everything, resume, tiny
 
-from evoros.base.console import DONE
 from evoros.cli.evaluate import evaluate
 from evoros.storage.reading import load_run
 from evoros.storage.trajectory_files import robot_file, trajectory_file
+from evoros.terminal.console import DONE
 
 SEARCH = (
     "optimizer=map_elites",

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from helpers import content, copied, cut, everything, reseal, resume, scored, tiny
 
-from evoros.base.console import DONE, INPUT
 from evoros.cli.compare import DIFFERENT, evoros_compare
 from evoros.session.file_differences import find_difference
+from evoros.terminal.console import DONE, INPUT
 
 ALL = ("record=all", "optimizer.generations=2")
 
@@ -219,7 +219,7 @@ def test_an_unfinished_run_lacks_missions(
 
 
 @pytest.mark.parametrize(
-    "names", [["nix", "nix"], ["."], [".", ".", "."], [".", "."], ["RUN", ".."]]
+    "names", [[], ["nix", "nix"], ["."], [".", ".", "."], [".", "."], ["RUN", ".."]]
 )
 def test_what_cannot_be_compared_is_one_line(
     names: list[str],
@@ -237,5 +237,4 @@ def test_what_cannot_be_compared_is_one_line(
 
 def test_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     assert evoros_compare(["--help"]) == DONE
-    assert evoros_compare([]) == INPUT
-    assert capsys.readouterr().out.count("evoros-compare A B") == 2
+    assert "evoros-compare [-h] [--version] A B" in capsys.readouterr().out

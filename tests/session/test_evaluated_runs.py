@@ -11,7 +11,6 @@ import pytest
 from helpers import ROOT
 
 import evoros
-from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
 from evoros.cli.evaluate import evaluate
 from evoros.config.compose import compose
@@ -21,6 +20,7 @@ from evoros.mission.rollout import run_mission
 from evoros.session.given_designs import read_given
 from evoros.session.status import NoDisplay
 from evoros.storage.tables import OUTCOME_COLUMNS, cell, outcome_cells
+from evoros.terminal.console import DONE, INPUT
 
 EXPERIMENTS = sorted(path.stem for path in (ROOT / "conf" / "experiment").glob("*.yaml"))
 SMALL = [
@@ -93,8 +93,8 @@ def require_same_missions(run: Path, overrides: Sequence[str]) -> None:
             row["draws"],
             Case.parse(row["case"]) if row.get("case") else None,
         )
-        outcome, _ = run_mission(experiment.scenario_for(mission.purpose), mission)
-        assert [cell(value) for value in outcome_cells(outcome)] == row[columns].tolist()
+        outcomes, _ = run_mission(experiment.scenario_for(mission.purpose), mission)
+        assert [cell(value) for value in outcome_cells(outcomes)] == row[columns].tolist()
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
@@ -210,7 +210,9 @@ def test_a_robot_without_sensors_can_be_left_out(
 def test_designs_of_python_are_completed_likewise() -> None:
     """One that is made by hand for a robot has no sensors for the other."""
     config = compose([*TEAM, *BLIND])
-    design = config.build().own_space.decode(np.full(config.build().own_space.size, 0.5))
+    design = (
+        config.build().members[0].space.decode(np.full(config.build().members[0].space.size, 0.5))
+    )
     with evoros.Evaluator(config, NoDisplay()) as evaluator:
         (sensors,) = evaluator.missions([design])["oncoming.sensors"]
         assert sensors == 0

@@ -24,14 +24,13 @@ from helpers import (
 from helpers import resume as resume_run
 
 import evoros
-from evoros.base.console import DONE, INPUT, INTERRUPTED, STOPPED
 from evoros.base.errors import InputError
 from evoros.cli.evaluate import evaluate
 from evoros.config.compose import compose
 from evoros.config.jobs import Job, Jobs
 from evoros.config.options import parse_options
 from evoros.design.design import Design
-from evoros.evolution import dispatch
+from evoros.dispatch import dispatcher
 from evoros.evolution.experiment import Experiment
 from evoros.mission.mission import Mission
 from evoros.mission.outcome import Outcome
@@ -39,6 +38,7 @@ from evoros.session import evaluation
 from evoros.session.given_designs import read_given
 from evoros.storage.creation import create_folder
 from evoros.storage.tables import DESIGN_COLUMNS, design_table
+from evoros.terminal.console import DONE, INPUT, INTERRUPTED, STOPPED
 
 HEADER = "design,sensor,x_m,y_m,yaw_deg"
 TWO = f"{HEADER}\nb,0,0.2,0,0\nb,1,0.2,0.05,30\n7,0,0.1,0,-60\n"
@@ -367,18 +367,18 @@ def test_memory_does_not_grow_with_the_missions(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Outcomes are kept for the designs in work alone."""
-    outcome = Outcome.failure("time_limit", "", 20.0, 1)
+    outcomes: tuple[Outcome, ...] = (Outcome.failure("time_limit", "", 20.0, 1),)
 
     def instant(
         dispatcher: object, scenario: object, missions: Iterable[Mission]
-    ) -> Iterator[list[tuple[Mission, Outcome]]]:
-        yield from ([(mission, outcome)] for mission in missions)
+    ) -> Iterator[list[tuple[Mission, tuple[Outcome, ...]]]]:
+        yield from ([(mission, outcomes)] for mission in missions)
 
     def create(path: Path, files: Mapping[str, str]) -> None:
         create_folder(path, files)
         tracemalloc.start()  # of what is allocated from now on
 
-    monkeypatch.setattr(dispatch.Dispatcher, "run", instant)
+    monkeypatch.setattr(dispatcher.Dispatcher, "run", instant)
     monkeypatch.setattr(evaluation, "create_folder", create)
     rows = "\n".join(f"{i},0,0.1,0,{i}" for i in range(40))
     (tmp_path / "forty.csv").write_text(f"{HEADER}\n{rows}\n")

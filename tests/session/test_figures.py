@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from helpers import content, everything, resume, tiny
 
-from evoros.base.console import DONE, INPUT
+from evoros.terminal.console import DONE, INPUT
 
 WANTED = "figures=[overlay,fitness,mission]"
 PICTURES = {"overlay.pdf", "fitness.pdf", "mission.pdf"}

@@ -12,10 +12,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from bag_readers import channels, read_mcap
-from evoros.analysis.bags.messages import list_messages
-from evoros.analysis.bags.missions import list_rows, read_mission
-from evoros.analysis.command import evoros_analyze
-from evoros.analysis.tables.records import read_record
 from helpers import (
     TINY,
     content,
@@ -30,15 +26,19 @@ from helpers import (
 )
 
 import evoros
-from evoros.base.console import DONE, INPUT
+from evoros.analysis.bags.messages import list_messages
+from evoros.analysis.bags.missions import list_rows, read_mission
+from evoros.analysis.command import evoros_analyze
+from evoros.analysis.tables.records import read_record
 from evoros.config.compose import compose
-from evoros.evolution.dispatch import Dispatcher
+from evoros.dispatch.dispatcher import Dispatcher
 from evoros.mission.outcome import TRAJECTORY
 from evoros.storage.creation import create_folder
 from evoros.storage.mission_log import MissionLog
 from evoros.storage.mission_table import begin_table
 from evoros.storage.tables import trajectory_table
 from evoros.storage.trajectory_files import TrajectoryFiles, trajectory_file, world_file
+from evoros.terminal.console import DONE, INPUT
 
 ALL = ("record=all", "optimizer.generations=1", "failure.latest_s=3.0")
 
@@ -244,4 +244,4 @@ def test_a_table_read_back_is_written_the_same(run: Path) -> None:
         table = pd.read_csv(path)
         readings = [str(name) for name in list(table)[len(TRAJECTORY) :]]
         assert readings == [f"range_{number}_m" for number in range(len(readings))]
-        assert trajectory_table(table.to_numpy(float), readings) == path.read_text()
+        assert trajectory_table(table.to_numpy(float), list(map(str, table))) == path.read_text()

@@ -17,8 +17,8 @@ from dask_cases import cluster
 from helpers import everything
 from mpi_cases import start_job
 
-from evoros.base.console import DONE
 from evoros.session.comparison import compare
+from evoros.terminal.console import DONE
 
 SMALL = ("simulator=planar", "executor.workers=1", "figures=[]", "record=all")
 WORKERS = ["executor.workers=2"]

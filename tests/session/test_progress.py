@@ -22,13 +22,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import evoros
-from evoros.base.activity import announce
-from evoros.base.console import DONE, INTERRUPTED
-from evoros.base.screen import SEPARATOR, Line, Notebook, Pipe, Screen, fit, open_screen
 from evoros.mission.outcome import Outcome
 from evoros.session.progress import Progress, SweepProgress
+from evoros.session.screen import SEPARATOR, Line, Notebook, Pipe, Screen, Surface, fit, open_screen
+from evoros.terminal.activity import announce
+from evoros.terminal.console import DONE, INTERRUPTED
 
-FLOWN: Any = Outcome.failure("time_limit", "", 10.0, 0)
+FLOWN: Any = (Outcome.failure("time_limit", "", 10.0, 0),)
 
 
 def after(generations: int, flown: int, monkeypatch: pytest.MonkeyPatch) -> str:
@@ -185,7 +185,7 @@ def test_no_line_of_progress_is_wider_than_its_place(
 
 
 @dataclass
-class Wall:
+class Wall(Surface):
     """A surface that notes when it is written on."""
 
     first_s: float = 0.0

@@ -6,8 +6,8 @@ import pytest
 from helpers import USER_PARTS, tiny
 
 from evoros import load_run, replay
-from evoros.base.console import DONE
 from evoros.base.errors import InputError
+from evoros.terminal.console import DONE
 
 
 def in_a_fresh_process(code: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
@@ -25,11 +25,13 @@ def test_users_parts_are_found_again_in_a_fresh_process(tmp_path: Path) -> None:
     assert tiny(run, "optimizer.generations=2") == DONE
     row = load_run(run).missions.iloc[-1]
     place = f"{row.generation}, {row.design}, {row.world!r}, {row.trial}"
-    flown = f"outcome, track = evoros.replay({str(run)!r}, {place}, config_dir={str(USER_PARTS)!r})"
+    flown = (
+        f"outcomes, track = evoros.replay({str(run)!r}, {place}, config_dir={str(USER_PARTS)!r})"
+    )
     longer = (
         f"evoros.resume({str(run)!r}, ['optimizer.generations=3'], config_dir={str(USER_PARTS)!r})"
     )
-    printed = "print(outcome.time_s, len(track))"
+    printed = "print(outcomes[0].time_s, len(track))"
     done = in_a_fresh_process(f"{flown}\n{printed}\n{longer}", tmp_path)
     assert done.returncode == 0, done.stderr
     assert float(done.stdout.split()[0]) == row.time_s
@@ -42,7 +44,7 @@ def test_every_mission_of_a_run_is_replayed_as_recorded(tmp_path: Path) -> None:
     run = tmp_path / "run"
     assert tiny(run, "simulator.fault=fail", "optimizer.generations=1") == DONE
     for row in load_run(run).missions.itertuples():
-        outcome, track = replay(run, row.generation, row.design, row.world, row.trial)  # type: ignore[arg-type]
+        (outcome,), track = replay(run, row.generation, row.design, row.world, row.trial)  # type: ignore[arg-type]
         assert (outcome.ended, outcome.time_s) == (row.ended, row.time_s)
         assert track.empty == (row.ended == "simulation_failure")
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from helpers import USER_PARTS, copied, cut, everything, reseal, resume, scored, tiny
 
-from evoros.base.console import DONE, INPUT
 from evoros.cli.reproduce import DIFFERENT, evoros_reproduce
+from evoros.terminal.console import DONE, INPUT
 
 OWN = ("--config-dir", str(USER_PARTS))
 SAME = "made with the same packages, commit, processor and operating system\n"

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from evoros.analysis.command import evoros_analyze
 from helpers import USER_PARTS, tiny
 
-from evoros.base.console import DONE, INPUT
+from evoros.analysis.command import evoros_analyze
 from evoros.cli.evaluate import evaluate
 from evoros.failure.case import Case
-from evoros.storage.worst_cases import write_command
+from evoros.storage.reading import read_overrides
+from evoros.terminal.console import DONE, INPUT
+from evoros.worst_cases.summary import write_command
 
 DESIGN = "design,sensor,x_m,y_m,yaw_deg\na,0,0.2,0.05,10\na,1,0.2,-0.05,-10\n"
 PARTS = ["--config-dir", str(USER_PARTS), "simulator=bicycle", "world=plains", "failure=random"]
@@ -90,7 +91,7 @@ def test_two_workers_and_a_resumed_search_give_the_same_bytes(
 def test_the_printed_command_repeats_the_missions_of_a_case(whole: Path, tmp_path: Path) -> None:
     case = Case((0, 1), (0.0, 0.0))
     (source,) = {row["source"] for row in read(whole, "missions.csv")}
-    words = shlex.split(write_command(whole, source, case, 3))
+    words = shlex.split(write_command(read_overrides(whole), source, case, 3))
     assert words[0] == "evoros-evaluate"
     assert not any("worst_cases" in word or "hydra" in word for word in words)
     config = ["--config-dir", str(USER_PARTS), f"hydra.run.dir={tmp_path / 'again'}"]

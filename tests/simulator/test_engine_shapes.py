@@ -14,12 +14,13 @@ from rigid_cases import RIGID, Rigid, attitude, probe, ranges
 
 from evoros.base.arrays import CONTACT, STATE_SIZE, YAW, X, Y
 from evoros.base.errors import InputError
-from evoros.evolution.confirmation import Confirmation
+from evoros.certificate.confirmation import Confirmation
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.inertia import joint_moments
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import open_alone
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.floors import ground_height
 from evoros.world.model import World
@@ -99,7 +100,7 @@ def test_a_floor_of_a_mesh_is_seen_where_it_is(engine: type[Rigid]) -> None:
     assert ranges(Planar(), robot, world) == pytest.approx([expected])
     assert ranges(engine(), robot, world) == pytest.approx([expected], abs=0.003)
     state = np.zeros(STATE_SIZE)
-    with engine().open(experiment().robot, world) as simulation:
+    with open_alone(engine().open, experiment().robot, world) as simulation:
         for _ in range(20):
             simulation.advance(np.array([0.3, 0.3]), 0.5)
             simulation.observe(state)
@@ -113,7 +114,7 @@ def test_a_polyhedron_stops_the_robot(simulator: Planar | Rigid) -> None:
     """The front is 0.25 m ahead of the base frame, the block 1 m."""
     block = Body("block", Pose((1.5, 0.0, 0.5)), (corners_of_box(1.0, 1.0, 1.0),))
     state, touched = np.zeros(STATE_SIZE), []
-    with simulator.open(experiment().robot, level(experiment(), block)) as simulation:
+    with open_alone(simulator.open, experiment().robot, level(experiment(), block)) as simulation:
         for _ in range(40):
             simulation.advance(np.array([0.3, 0.0]), 0.1)
             simulation.observe(state)
@@ -127,7 +128,7 @@ def test_a_polyhedron_weighs_as_the_box_that_it_is(engine: type[Rigid]) -> None:
     """PyBullet alone would take the moments of the box around the shape, with its margin."""
     solid = replace(corners_of_box(0.3, 0.4, 0.2), pose=Pose((0.0, 0.0, 0.0)))
     body = Body("block", Pose((2.0, 0.0, 0.1)), (solid,), mass=3.0)
-    with engine().open(experiment().robot, level(experiment(), body)) as simulation:
+    with open_alone(engine().open, experiment().robot, level(experiment(), body)) as simulation:
         moments = probe(simulation).moments()
     expected = (3 / 12 * (0.16 + 0.04), 3 / 12 * (0.09 + 0.04), 3 / 12 * (0.09 + 0.16))
     assert moments == pytest.approx(expected, rel=1e-6)
@@ -160,7 +161,7 @@ def test_a_height_field_is_where_its_heights_are(
     """Row i from -y, column j from -x: every grid point, whatever the mean of the heights."""
     body = hills(np.random.default_rng(3), x, y, yaw)
     (field,) = body.shapes
-    with engine().open(experiment().robot, uneven(body)) as simulation:
+    with open_alone(engine().open, experiment().robot, uneven(body)) as simulation:
         for i, row in enumerate(field.heights):
             for j, height in enumerate(row):
                 inside = 0.999999  # the outermost points are on the edge
@@ -173,7 +174,7 @@ def test_a_robot_is_set_down_on_a_slope_and_stays(engine: type[Rigid]) -> None:
     """A plane that rises by 0.1 rad along x: the robot stands on it, tilted as it is."""
     slope = Body("slope", Pose.from_rpy((0.0, 0.0, 0.0), 0.0, -0.1, 0.0), level_plane())
     state, tilt = np.zeros(STATE_SIZE), -math.degrees(0.1)
-    with engine().open(experiment().robot, uneven(slope)) as simulation:
+    with open_alone(engine().open, experiment().robot, uneven(slope)) as simulation:
         assert attitude(simulation)[2] == pytest.approx(tilt, abs=1e-4)
         simulation.advance(np.zeros(2), 1.0)
         assert attitude(simulation)[2] == pytest.approx(tilt, abs=0.6)
@@ -192,7 +193,9 @@ def test_a_robot_drives_over_a_height_field(engine: type[Rigid]) -> None:
     edge = 4.0 * math.tan(0.1)
     field = Shape("heightfield", (8.0, 6.0), heights=((-edge, edge), (-edge, edge)))
     state = np.zeros(STATE_SIZE)
-    with engine().open(experiment().robot, uneven(Body("f", Pose(), (field,)))) as simulation:
+    with open_alone(
+        engine().open, experiment().robot, uneven(Body("f", Pose(), (field,)))
+    ) as simulation:
         simulation.advance(np.array([0.3, 0.0]), 3.0)
         simulation.observe(state)
         z, _, _ = attitude(simulation)
@@ -207,7 +210,7 @@ def test_a_robot_climbs_a_ramp_made_of_a_body(engine: type[Rigid]) -> None:
     corners = tuple((x, y, z) for y in (-1.0, 1.0) for x, z in ((0.5, 0), (2.5, 0), (2.5, top)))
     ramp = Body("ramp", Pose(), (Shape("convex", (), corners=corners),), floor=True)
     state = np.zeros(STATE_SIZE)
-    with engine().open(experiment().robot, level(experiment(), ramp)) as simulation:
+    with open_alone(engine().open, experiment().robot, level(experiment(), ramp)) as simulation:
         simulation.advance(np.array([0.3, 0.0]), 5.0)
         simulation.observe(state)
         z, _, tilt = attitude(simulation)
@@ -230,7 +233,7 @@ def test_a_robot_passes_under_a_table_that_is_high_enough(
     robot = mount_sensors(experiment(), beam(), (0.2, 0.0, 0.18, 0.0, 0.0))
     assert ranges(simulator, robot, world) == pytest.approx([ahead], abs=1e-3)
     state = np.zeros(STATE_SIZE)
-    with simulator.open(robot, world) as simulation:
+    with open_alone(simulator.open, robot, world) as simulation:
         simulation.advance(np.array([0.3, 0.0]), 8.0)
         simulation.observe(state)
     assert bool(state[CONTACT]) == (clear < 0.19)

@@ -16,6 +16,7 @@ from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
 from evoros.robot.mounting import MountDefaults
 from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import open_alone
 from evoros.world.model import World
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
@@ -77,7 +78,7 @@ def world_with(*bodies: Body) -> World:
 
 def drive_on(robot: Robot, world: World, simulator: Planar | Rigid) -> list[tuple[float, bool]]:
     state, seen = np.zeros(STATE_SIZE), []
-    with simulator.open(robot, world) as simulation:
+    with open_alone(simulator.open, robot, world) as simulation:
         for _ in range(40):
             simulation.advance(np.array([0.3, 0.0]), 0.1)
             simulation.observe(state)
@@ -123,7 +124,7 @@ def test_a_joint_that_nothing_drives_turns_freely(engine: type[Rigid], buggy: Ro
     The engine gets the description of the file, in which the joint is not held yet.
     """
     described = replace(buggy, engine_urdf=None)
-    with engine().open(described, world_with()) as simulation:
+    with open_alone(engine().open, described, world_with()) as simulation:
         simulation.advance(np.zeros(2), 0.2)
         assert probe(simulation).angle("flap_joint") > 0.3
 

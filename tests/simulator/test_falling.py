@@ -11,6 +11,7 @@ from rigid_cases import RIGID, Rigid, probe
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import open_alone
 from evoros.simulator.pybullet import PyBullet
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
@@ -37,7 +38,7 @@ def test_a_body_falls_as_long_as_gravity_says(
     """From 2 m: sqrt(2 h / g). PyBullet damps motion by 4 % per second."""
     world = replace(level(experiment, crate("crate", 3.0, 2.2)), gravity_mps2=gravity)
     wanted = math.sqrt(2 * 2.0 / gravity)
-    with engine(time_step=0.005).open(experiment.robot, world) as simulation:
+    with open_alone(engine(time_step=0.005).open, experiment.robot, world) as simulation:
         assert heights(simulation) == pytest.approx([2.2], abs=1e-6)
         steps = 0
         while heights(simulation)[0] > 0.21 and steps < 1000:
@@ -51,7 +52,7 @@ def test_a_body_falls_as_long_as_gravity_says(
 def test_every_mission_begins_before_the_fall(engine: type[Rigid], experiment: Experiment) -> None:
     world, seen = level(experiment, crate("crate", 3.0, 2.2)), []
     for _ in range(3):
-        with engine().open(experiment.robot, world) as simulation:
+        with open_alone(engine().open, experiment.robot, world) as simulation:
             seen += heights(simulation)
             simulation.advance(np.zeros(2), 0.5)
             seen += heights(simulation)
@@ -68,7 +69,7 @@ def test_what_stands_stays_asleep(experiment: Experiment) -> None:
         crate("on the ground", -3.0, 0.2),
         crate("leaning", 2.3, 0.5),  # beside the table, whose side it touches
     )
-    with PyBullet().open(experiment.robot, level(experiment, *bodies)) as simulation:
+    with open_alone(PyBullet().open, experiment.robot, level(experiment, *bodies)) as simulation:
         movable = list(simulation._model.movable)
         assert [movable.index(number) for number in simulation._model.falling] == [3]
         simulation.advance(np.zeros(2), 1.0)
@@ -90,7 +91,7 @@ def test_bodies_stand_on_parts_of_meshes_and_on_height_fields(experiment: Experi
         crate("above the field", -6.0, 0.5),
     )
     world = replace(level(experiment), bodies=bodies)
-    with PyBullet().open(experiment.robot, world) as simulation:
+    with open_alone(PyBullet().open, experiment.robot, world) as simulation:
         movable = list(simulation._model.movable)
         assert [movable.index(number) for number in simulation._model.falling] == [2]
 
@@ -102,10 +103,10 @@ def test_all_simulators_agree_where_a_body_ends(
     world = level(experiment, crate("crate", 2.2, 1.5))
     robot = mount_sensors(experiment, beam(), (0.2, 0.0, 0.15, 0.0, 0.0))
     readings = np.zeros(1)
-    with Planar().open(robot, world) as simulation:
+    with open_alone(Planar().open, robot, world) as simulation:
         simulation.sense(readings)
         assert readings == pytest.approx([1.8])
-    with engine().open(robot, world) as physical:
+    with open_alone(engine().open, robot, world) as physical:
         physical.sense(readings)
         assert readings == pytest.approx([4.5])
         physical.advance(np.zeros(2), 2.0)

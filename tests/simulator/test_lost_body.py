@@ -12,6 +12,7 @@ from evoros.drive.automatic import AutomaticDescription
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.robot.loading import load_robot
 from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import open_alone
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
 
@@ -46,7 +47,7 @@ def test_a_post_between_the_wheels_stops_it(simulator: Planar | Rigid, tmp_path:
     robot = load_robot(str(file), AutomaticDescription(), missing="box")
     post = Body("post", Pose((0.5, 0.0, 0.5)), (Shape("box", (0.04, 0.04, 1.0)),))
     state, places = np.zeros(STATE_SIZE), []
-    with simulator.open(robot, level(short_experiment(), post)) as simulation:
+    with open_alone(simulator.open, robot, level(short_experiment(), post)) as simulation:
         for _ in range(40):
             simulation.advance(np.array([0.3, 0.0]), 0.1)
             simulation.observe(state)

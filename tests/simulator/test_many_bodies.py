@@ -45,8 +45,8 @@ def crowd(simulator: Simulator, count: int, mass: float | None = None) -> Scenar
 def test_twenty_thousand_obstacles_far_away_change_nothing(simulator: Simulator) -> None:
     alone, crowded = crowd(simulator, 0), crowd(simulator, 20_000)
     wanted = mission(short_experiment(), next(iter(alone.world)))
-    outcome, track = run_mission(crowded, wanted)
-    expected, reference = run_mission(alone, wanted)
+    (outcome,), track = run_mission(crowded, wanted)
+    (expected,), reference = run_mission(alone, wanted)
     assert outcome.ended == expected.ended
     assert outcome.ended not in NOT_RUN
     # Engines of rigid bodies sum over contacts in another order.
@@ -55,7 +55,9 @@ def test_twenty_thousand_obstacles_far_away_change_nothing(simulator: Simulator)
 
 def test_mujoco_simulates_thousands_of_movable_bodies() -> None:
     scenario = crowd(Mujoco(), 3000, 1.0)
-    outcome, track = run_mission(scenario, mission(short_experiment(), next(iter(scenario.world))))
+    (outcome,), track = run_mission(
+        scenario, mission(short_experiment(), next(iter(scenario.world)))
+    )
     assert outcome.ended not in NOT_RUN, outcome.reason
     assert len(track) > 1
 

@@ -15,6 +15,7 @@ from evoros.base.errors import InputError
 from evoros.evolution.experiment import Experiment
 from evoros.mission.rollout import run_mission
 from evoros.simulator.mujoco import Mujoco, forget_models
+from evoros.simulator.protocol import open_alone
 from evoros.world.model import World
 
 DIGEST = """
@@ -30,7 +31,7 @@ def digest_of_missions() -> str:
     experiment, digest = short_experiment(), hashlib.sha256()
     scenario = replace(experiment.scenario, simulator=Mujoco())
     for world in [*experiment.world, *experiment.world]:
-        outcome, track = run_mission(scenario, mission(experiment, world))
+        (outcome,), track = run_mission(scenario, mission(experiment, world))
         digest.update(track.tobytes() + repr(outcome).encode())
     return digest.hexdigest()
 
@@ -69,7 +70,7 @@ def test_a_disturbed_world_is_whole_again_in_the_next_mission(experiment: Experi
     ahead = replace(box, pose=replace(box.pose, position=(0.6, 0.0, 0.0715)))
     world, states = level(experiment, ahead), []
     for _ in range(2):
-        with Mujoco().open(experiment.robot, world) as simulation:
+        with open_alone(Mujoco().open, experiment.robot, world) as simulation:
             state = np.zeros(STATE_SIZE)
             simulation.advance(np.array([0.3, 0.1]), 4.0)
             simulation.observe(state)
@@ -81,7 +82,9 @@ def test_another_drive_or_home_on_the_same_model_is_obeyed(experiment: Experimen
     world, state = level(experiment), np.zeros(STATE_SIZE)
     for limit in (0.397, 0.2):
         slow = replace(experiment.robot.drive, max_speed_mps=limit)  # type: ignore[type-var]
-        with Mujoco().open(replace(experiment.robot, drive=slow), at(world, limit)) as simulation:
+        with open_alone(
+            Mujoco().open, replace(experiment.robot, drive=slow), at(world, limit)
+        ) as simulation:
             simulation.observe(state)
             assert state[:3] == pytest.approx([limit, 0.0, limit])
             simulation.advance(np.array([1.0, 0.0]), 3.0)

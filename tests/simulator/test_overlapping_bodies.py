@@ -13,6 +13,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.geometry.footprint import top_height
 from evoros.geometry.shapes import Body, Pose, Shape
 from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import open_alone
 from evoros.world.embedded import free_bodies
 from evoros.world.model import World
 
@@ -40,7 +41,7 @@ def top_speed(
 ) -> float:
     """The highest speed [m/s] of a movable body within a second, all of which are awake."""
     highest = 0.0
-    with engine(time_step=step).open(experiment.robot, world) as simulation:
+    with open_alone(engine(time_step=step).open, experiment.robot, world) as simulation:
         probe(simulation).wake()
         for _ in range(round(1.0 / step)):
             simulation.advance(np.zeros(2), step)
@@ -85,11 +86,11 @@ def test_all_simulators_see_the_same_world(engine: type[Rigid], experiment: Expe
     world = load(experiment, *pair)
     (body,) = world.obstacles
     robot, command = experiment.robot, np.array([0.3, 0.0])
-    with engine().open(robot, world) as rigid:
+    with open_alone(engine().open, robot, world) as rigid:
         rigid.advance(command, 4.0)
         (pose,) = probe(rigid).movable()
     state = np.zeros(16)
-    with Planar().open(robot, world) as planar:
+    with open_alone(Planar().open, robot, world) as planar:
         planar.advance(command, 4.0)
         planar.observe(state)
     assert pose.position[0] > body.pose.position[0] + 0.2

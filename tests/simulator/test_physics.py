@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from helpers import everything, resume, tiny
 
-from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.physics import physics
 from evoros.simulator.pybullet import PyBullet
+from evoros.terminal.console import DONE, INPUT
 
 
 def without(*missing: str) -> Callable[[str], object]:

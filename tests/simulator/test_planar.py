@@ -12,6 +12,7 @@ from planar_cases import (
     calm,
     experiment,
     project_obstacles,
+    put,
     rover,
     speeds,
     start,
@@ -21,7 +22,7 @@ from planar_cases import (
 )
 
 from evoros.base.arrays import CONTACT, SPEED, YAW, YAW_RATE, X, Y
-from evoros.base.compilation import ADVANCE, compile_rule
+from evoros.compilation.rules import ADVANCE, compile_rule
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.shapes import Pose, Shape
 from evoros.simulator.engines.planar_rules import advance
@@ -136,7 +137,7 @@ def test_contact_is_that_of_the_outlines() -> None:
     assert 50 < expected.sum() < 350
     simulation = start(world, robot)
     for pose, touches in zip(poses, expected, strict=True):
-        simulation.memory[[X, Y, YAW]] = pose
+        put(simulation, *pose)
         simulation.advance(np.zeros(2), 0.02)
         assert bool(state_of(simulation)[CONTACT]) == touches
 

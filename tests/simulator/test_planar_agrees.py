@@ -18,7 +18,7 @@ from evoros.geometry.footprint import project_bodies
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import sees
 from evoros.simulator.planar import Planar
-from evoros.simulator.protocol import Simulator
+from evoros.simulator.protocol import Simulator, open_alone
 from evoros.simulator.pybullet import PyBullet, close_engines
 from evoros.world.model import World
 
@@ -54,7 +54,7 @@ def standing(
 
 def read(simulator: Simulator, robot: Robot, world: World) -> Array:
     readings = np.zeros(len(robot.mounts))
-    with simulator.open(robot, world) as simulation:
+    with open_alone(simulator.open, robot, world) as simulation:
         simulation.sense(readings)
     return readings
 
@@ -73,7 +73,7 @@ def test_sensors_read_the_same_in_the_same_places(
     apart = []
     for world in standing(25, experiment.robot, experiment.world[name], 0.001):
         design = experiment.space.decode(rng.random(experiment.space.size))
-        robot = experiment.scenario.with_design(design).robot
+        robot = experiment.members[0].with_design(design).robot
         apart.append(read(Planar(), robot, world) - read(engine(), robot, world))
     far = np.abs(np.concatenate(apart))
     assert np.median(far) < 1e-6
@@ -86,7 +86,7 @@ def test_rays_end_where_the_planar_simulator_says(experiment: Experiment, name: 
     """No ray of a sensor has been inside of anything before, and one of them is there."""
     rng = np.random.default_rng(1)
     design = experiment.space.decode(rng.random(experiment.space.size))
-    robot = experiment.scenario.with_design(design).robot
+    robot = experiment.members[0].with_design(design).robot
     for world in standing(4, robot, experiment.world[name], 0.001):
         for i, reading in enumerate(read(Planar(), robot, world)):
             sensor = robot.sensors[robot.mounts[i].sensor]
@@ -130,7 +130,7 @@ def test_they_touch_in_the_same_places(
 
 def touches(simulator: Simulator, robot: Robot, world: World) -> bool:
     state = np.zeros(STATE_SIZE)
-    with simulator.open(robot, world) as simulation:
+    with open_alone(simulator.open, robot, world) as simulation:
         simulation.advance(np.zeros(2), simulator.time_step)
         simulation.observe(state)
     return bool(state[CONTACT] > 0.0)
@@ -156,7 +156,7 @@ def test_they_drive_the_same_way(experiment: Experiment, speed: float, steering:
 
 def drive(simulator: Simulator, robot: Robot, world: World, wanted: list[Array]) -> Array:
     states = np.zeros((len(wanted), STATE_SIZE))
-    with simulator.open(robot, world) as simulation:
+    with open_alone(simulator.open, robot, world) as simulation:
         for state, command in zip(states, wanted, strict=True):
             simulation.advance(command, PERIOD)
             simulation.observe(state)

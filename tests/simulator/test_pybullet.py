@@ -24,8 +24,10 @@ from evoros.base.errors import SimulationError
 from evoros.evolution.experiment import Experiment
 from evoros.mission.rollout import run_mission
 from evoros.sensor.sonar import Sonar
+from evoros.simulator.engines.pybullet_library import import_pybullet
 from evoros.simulator.engines.pybullet_shapes import load_urdf
-from evoros.simulator.pybullet import PyBullet, close_engines, import_pybullet
+from evoros.simulator.protocol import open_alone
+from evoros.simulator.pybullet import PyBullet, close_engines
 
 DIGEST = """
 import sys
@@ -69,11 +71,11 @@ def test_a_reset_gives_the_bits_of_a_rebuild(experiment: Experiment, steps: int)
     robot = mount_sensors(experiment, Sonar(), (0.2, 0.0, 0.166, 0.0, 12.5))
     tracks, models = [], []
     for rebuild in (True, False):
-        with PyBullet().open(robot, world) as simulation:
+        with open_alone(PyBullet().open, robot, world) as simulation:
             simulation.advance(command, 0.02 * steps)  # leaves contacts behind
         if rebuild:
             close_engines()
-        with PyBullet().open(robot, world) as simulation:
+        with open_alone(PyBullet().open, robot, world) as simulation:
             models.append(simulation._model)
             tracks.append(track(simulation, 40))
     assert np.array_equal(tracks[0], tracks[1])
@@ -95,7 +97,7 @@ def test_a_model_is_kept_where_nothing_was_disturbed(experiment: Experiment) -> 
     still, light = experiment.world["boxes"], level(experiment, box("light", 0.9, mass=1.0))
     models = []
     for world in (still, still, light, light):
-        with PyBullet().open(experiment.robot, world) as simulation:
+        with open_alone(PyBullet().open, experiment.robot, world) as simulation:
             models.append(simulation._model)
             simulation.advance(np.array([0.39, 0.0]), 3.0)
     assert models[0] is models[1]
@@ -107,8 +109,8 @@ def test_a_box_that_was_only_approached_is_put_back(experiment: Experiment) -> N
     world = level(experiment, box("near", 0.0, 0.71, mass=50.0))
     tracks = []
     for _ in range(2):
-        with PyBullet().open(
-            mount_sensors(experiment, beam(), (0, 0.1, 0.1, 90, 0)), world
+        with open_alone(
+            PyBullet().open, mount_sensors(experiment, beam(), (0, 0.1, 0.1, 90, 0)), world
         ) as opened:
             tracks.append(track(opened, 5))
             assert not tracks[-1][:, CONTACT].any()
@@ -119,7 +121,9 @@ def test_another_drive_on_the_same_model_is_obeyed(experiment: Experiment) -> No
     world, state = level(experiment), np.zeros(STATE_SIZE)
     for limit in (0.397, 0.2):
         slow = replace(experiment.robot.drive, max_speed_mps=limit)  # type: ignore[type-var]
-        with PyBullet().open(replace(experiment.robot, drive=slow), world) as simulation:
+        with open_alone(
+            PyBullet().open, replace(experiment.robot, drive=slow), world
+        ) as simulation:
             simulation.advance(np.array([1.0, 0.0]), 3.0)
             simulation.observe(state)
         assert state[SPEED] == pytest.approx(limit, rel=0.02)
@@ -139,7 +143,7 @@ def test_merged_links_move_as_the_separate_ones(
                 merging, lambda root, kept: etree.tostring(root, encoding="unicode")
             )
         state, rows = np.zeros(STATE_SIZE), []
-        with PyBullet().open(robot, level(experiment)) as simulation:
+        with open_alone(PyBullet().open, robot, level(experiment)) as simulation:
             joints = simulation._bullet.getNumJoints(
                 simulation._model.robot.body, physicsClientId=simulation._client
             )
@@ -187,6 +191,6 @@ def test_a_robot_that_the_engine_cannot_load_is_told_with_another_engine(
     )
     with (
         pytest.raises(SimulationError, match=told),
-        PyBullet().open(experiment.robot, experiment.world["boxes"]),
+        open_alone(PyBullet().open, experiment.robot, experiment.world["boxes"]),
     ):
         pass

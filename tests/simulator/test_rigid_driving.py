@@ -12,6 +12,7 @@ from rigid_cases import RIGID, STEPS, Rigid, probe
 from evoros.base.arrays import CONTACT, SPEED, STATE_SIZE, YAW, X, Y
 from evoros.base.errors import InputError
 from evoros.evolution.experiment import Experiment
+from evoros.simulator.protocol import open_alone
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
 
@@ -26,7 +27,7 @@ def test_turning_radius_and_speed_are_those_of_the_geometry(
     engine: type[Rigid], experiment: Experiment, step: float
 ) -> None:
     robot, state = experiment.robot, np.zeros(STATE_SIZE)
-    with engine(time_step=step).open(robot, level(experiment)) as simulation:
+    with open_alone(engine(time_step=step).open, robot, level(experiment)) as simulation:
         simulation.advance(np.array([0.3, 0.0]), 4.0)
         simulation.observe(state)
         assert state[SPEED] == pytest.approx(0.3, rel=0.02)
@@ -46,7 +47,9 @@ def test_turning_radius_and_speed_are_those_of_the_geometry(
 def test_steering_takes_as_long_at_every_step(engine: type[Rigid], experiment: Experiment) -> None:
     angles = []
     for step in STEPS:
-        with engine(time_step=step).open(experiment.robot, level(experiment)) as simulation:
+        with open_alone(
+            engine(time_step=step).open, experiment.robot, level(experiment)
+        ) as simulation:
             simulation.advance(np.zeros(2), 1.0)
             simulation.advance(np.array([0.0, 0.3]), 0.1)
             joint = experiment.robot.drive.steering_joints[0]
@@ -67,7 +70,7 @@ def test_a_wall_is_touched_and_the_ground_never(
     """The front is 0.25 m ahead of the base frame, the wall 1 m: touched after 0.75 m."""
     state, touched = np.zeros(STATE_SIZE), []
     world = level(experiment, box("wall", 1.5))
-    with engine().open(experiment.robot, world) as simulation:
+    with open_alone(engine().open, experiment.robot, world) as simulation:
         for _ in range(50):
             simulation.advance(np.array([0.3, 0.0]), 0.1)
             simulation.observe(state)
@@ -81,7 +84,7 @@ def test_a_touch_between_two_observations_is_not_lost(
     engine: type[Rigid], experiment: Experiment
 ) -> None:
     state, world = np.zeros(STATE_SIZE), level(experiment, box("wall", 1.1))
-    with engine().open(experiment.robot, world) as simulation:
+    with open_alone(engine().open, experiment.robot, world) as simulation:
         simulation.advance(np.array([0.35, 0.0]), 2.0)  # against the wall
         simulation.advance(np.array([-0.35, 0.0]), 2.0)  # and away
         simulation.observe(state)
@@ -93,7 +96,7 @@ def test_a_touch_between_two_observations_is_not_lost(
 
 def test_a_box_rests_until_a_force_moves_it(engine: type[Rigid], experiment: Experiment) -> None:
     world = level(experiment, box("box", 3.0, size=(0.6, 0.6, 0.1), mass=5.0))
-    with engine(time_step=0.0025).open(experiment.robot, world) as simulation:
+    with open_alone(engine(time_step=0.0025).open, experiment.robot, world) as simulation:
         bodies = probe(simulation)
         (start,) = bodies.movable()
         simulation.advance(np.zeros(2), 3.0)
@@ -109,7 +112,7 @@ def test_a_box_rests_until_a_force_moves_it(engine: type[Rigid], experiment: Exp
 
 def test_a_rover_pushes_a_light_box(engine: type[Rigid], experiment: Experiment) -> None:
     world = level(experiment, box("box", 0.6, size=(0.3, 0.3, 0.3), mass=0.5))
-    with engine().open(experiment.robot, world) as simulation:
+    with open_alone(engine().open, experiment.robot, world) as simulation:
         simulation.advance(np.array([0.3, 0.0]), 4.0)
         x, _, _ = probe(simulation).movable()[0].position
     assert x - 0.6 > 0.5
@@ -123,7 +126,9 @@ def test_ground_with_a_huge_friction_is_ground_with_that_of_the_wheels(
         world = level(experiment)
         bodies = tuple(replace(body, friction=friction) for body in world.bodies)
         state = np.zeros(STATE_SIZE)
-        with engine().open(experiment.robot, replace(world, bodies=bodies)) as simulation:
+        with open_alone(
+            engine().open, experiment.robot, replace(world, bodies=bodies)
+        ) as simulation:
             simulation.advance(np.array([0.3, 0.5]), 3.0)
             simulation.observe(state)
         ends.append(state)

@@ -138,7 +138,7 @@ def test_more_rays_than_one_call_takes(simulator: Rigid, experiment: Experiment)
 
 def test_a_mission_without_sensors_runs(simulator: Rigid, experiment: Experiment) -> None:
     wanted = mission(experiment, "maze")
-    outcome, rows = run_mission(
+    (outcome,), rows = run_mission(
         replace(experiment.scenario, simulator=simulator),
         replace(wanted, design=replace(wanted.design, mounts=())),
     )

@@ -18,7 +18,7 @@ from evoros.robot.loading import load_robot
 from evoros.robot.model import Robot
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
-from evoros.simulator.protocol import Simulator
+from evoros.simulator.protocol import Simulator, open_alone
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
@@ -50,7 +50,7 @@ def turn(simulator: Simulator, robot: Robot, speed: float = 0.3, radius: float =
     """How far the robot turns in a commanded turn, as a share of what is commanded."""
     steering = math.atan(robot.drive.wheelbase_m / radius)
     command, state, yaws = np.array([speed, steering]), np.zeros(STATE_SIZE), []
-    with simulator.open(robot, flat()) as simulation:
+    with open_alone(simulator.open, robot, flat()) as simulation:
         simulation.advance(command, 2.0)
         for _ in range(41):
             simulation.observe(state)
@@ -97,11 +97,11 @@ def test_a_skid_steer_robot_creeps_on_a_slope_and_starts_late_by_little(tmp_path
     """The price of friction that grows with the slip: 2 cm/s at 0.1 rad, 3 cm at 0.3 m/s."""
     robot, state, plane = load(tmp_path), np.zeros(STATE_SIZE), Shape("plane", (0.0, 0.0, 1.0))
     slope = Body("slope", Pose.from_rpy((0.0, 0.0, 0.0), 0.0, -0.1, 0.0), (plane,))
-    with Mujoco().open(robot, replace(flat(), bodies=(slope,))) as simulation:
+    with open_alone(Mujoco().open, robot, replace(flat(), bodies=(slope,))) as simulation:
         simulation.advance(np.zeros(2), 2.0)
         simulation.observe(state)
     assert -0.04 < state[X] < 0.0
-    with Mujoco().open(robot, flat()) as simulation:
+    with open_alone(Mujoco().open, robot, flat()) as simulation:
         simulation.advance(np.array([0.3, 0.0]), 2.0)
         simulation.observe(state)
     assert 0.57 < state[X] < 0.6

@@ -11,6 +11,7 @@ from rigid_cases import RIGID, Rigid, probe
 from evoros.base.arrays import STATE_SIZE, X
 from evoros.evolution.experiment import Experiment
 from evoros.geometry.shapes import Body, Pose, Shape
+from evoros.simulator.protocol import open_alone
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
@@ -53,7 +54,7 @@ def test_a_dragged_body_stays_on_the_ground(
     """Thrown at 2 m/s it slides by v^2 / (2 mu g). PyBullet damps motion by 4 % per second."""
     body = replace(box("body", 5.0, size=size, mass=mass), friction=friction)
     robot = experiment.robot.with_sensors([], {})
-    with engine().open(robot, going_on(level(experiment, body))) as simulation:
+    with open_alone(engine().open, robot, going_on(level(experiment, body))) as simulation:
         start, heights = place_of(simulation), []
         probe(simulation).throw(2.0)
         for _ in range(40):
@@ -85,7 +86,7 @@ def test_a_pushed_body_stays_on_the_ground_and_ahead_of_the_rover(
     robot, world = experiment.robot.with_sensors([], {}), going_on(level(experiment, body))
     seen = []
     for _ in range(2):
-        with engine().open(robot, world) as simulation:
+        with open_alone(engine().open, robot, world) as simulation:
             start, state = place_of(simulation), np.zeros(STATE_SIZE)
             places = []
             for _ in range(30):
@@ -105,7 +106,7 @@ def test_steps_stay_long_where_nothing_is_pushed(experiment: Experiment) -> None
     robot = experiment.robot.with_sensors([], {})
     worlds = (level(experiment, near), going_on(level(experiment, far)))
     for world in worlds:
-        with PyBullet().open(robot, world) as simulation:
+        with open_alone(PyBullet().open, robot, world) as simulation:
             for _ in range(20):
                 simulation.advance(np.array([0.3, 0.0]), 0.1)
                 assert simulation._substeps == 1

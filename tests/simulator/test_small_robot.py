@@ -9,9 +9,10 @@ import pytest
 
 from evoros.base.arrays import SPEED, STATE_SIZE, YAW, Array, X, Y
 from evoros.config.compose import compose
-from evoros.evolution.drive_check import check_drive
 from evoros.evolution.experiment import Experiment
+from evoros.preflight.drive import check_drive
 from evoros.simulator.mujoco import Mujoco
+from evoros.simulator.protocol import open_alone
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.floors import GROUND
 
@@ -58,7 +59,7 @@ def drive(simulator: Mujoco | PyBullet, small: Experiment, *commands: float) -> 
     course = replace(small.world["boxes"].course, home_x_m=0.0, home_y_m=0.0, home_yaw_rad=0.0)
     world = replace(small.world["boxes"], bodies=(GROUND,), course=course)
     states = np.zeros((21, STATE_SIZE))
-    with simulator.open(small.robot, world) as simulation:
+    with open_alone(simulator.open, small.robot, world) as simulation:
         simulation.advance(np.array(commands), 2.0)
         for state in states:
             simulation.observe(state)

@@ -25,8 +25,8 @@ from team_cases import (
 )
 
 from evoros.base.arrays import CONTACT, X
-from evoros.base.compilation import SIMULATION_RULES, compile_rule
 from evoros.base.errors import SimulationError
+from evoros.compilation.rules import SIMULATION_RULES, compile_rule
 from evoros.geometry.shapes import Body
 from evoros.sensor.bumper import Bumper
 from evoros.sensor.imu import Imu
@@ -36,7 +36,7 @@ from evoros.simulator.engines.teams import MAX_ROBOTS
 from evoros.simulator.mujoco import forget_models
 from evoros.simulator.physics import physics
 from evoros.simulator.planar import Planar
-from evoros.simulator.protocol import PlacedRobot, RuleSimulation, SimulationRules, TeamSimulator
+from evoros.simulator.protocol import PlacedRobot, RuleSimulation, SimulationRules, count_possible
 from evoros.simulator.pybullet import PyBullet, close_engines
 from evoros.world.model import World
 
@@ -69,7 +69,7 @@ def test_robots_read_their_distance(simulator: Any, pair: tuple[str, str], yaw: 
         equip(kind, (0.4, 0, 0.1, 0), (0, 0, 0.1, 90), (0.4, 0.0, 0.1, 180)) for kind in pair
     )
     robots = facing(first, second, 2.0, yaw)
-    with simulator.open_team(robots, ground()) as simulation:
+    with simulator.open(robots, ground()) as simulation:
         seen = read(simulation, robots)
     expected = [
         distance
@@ -199,7 +199,7 @@ def test_compiled_rules_give_the_bits_of_the_interpreted() -> None:
     crate = box("crate", 0.6, size=(0.2, 0.2, 0.2), mass=1.0)
     world = between(crate, world=experiment().world["maze"])
     for compiled in (True, False):
-        with Planar().open_team(robots, world) as simulation:
+        with Planar().open(robots, world) as simulation:
             rules: Any = simulation.rules
             if compiled:
                 rules = SimulationRules(*map(compile_rule, rules, SIMULATION_RULES))
@@ -212,34 +212,17 @@ def test_compiled_rules_give_the_bits_of_the_interpreted() -> None:
     assert results[0] == results[1]
 
 
-def test_one_robot_of_a_team_is_the_robot_alone(simulator: Any) -> None:
-    world = experiment().world["boxes"]
-    robot = equip("erle_rover", (0.3, 0, 0.1, 0))
-    states = []
-    for simulation in (
-        simulator.open(robot, world),
-        simulator.open_team([PlacedRobot(robot, world.course.home)], world),
-    ):
-        with simulation as opened:
-            opened.advance(np.array([0.3, 0.1]), 1.0)
-            ranges = np.zeros(1)
-            opened.sense(ranges)
-            states.append(np.append(observe(opened, 1), ranges))
-    assert states[0].tobytes() == states[1].tobytes()
-
-
 def test_what_cannot_be_simulated_is_refused_in_one_line(simulator: Any) -> None:
-    assert isinstance(simulator, TeamSimulator)
-    assert isinstance(physics(), TeamSimulator)
+    assert count_possible(simulator) == count_possible(physics()) == MAX_ROBOTS
     crowd = [PlacedRobot(load("erle_rover"), (2.0 * i, 0, 0, 0)) for i in range(MAX_ROBOTS + 1)]
     with (
         pytest.raises(SimulationError, match=f"from 1 to {MAX_ROBOTS} robots can .* not 17"),
-        simulator.open_team(crowd, ground()),
+        simulator.open(crowd, ground()),
     ):
         pass
-    with pytest.raises(SimulationError, match="not 0"), simulator.open_team([], ground()):
+    with pytest.raises(SimulationError, match="not 0"), simulator.open([], ground()):
         pass
-    with simulator.open_team(crowd[:-1], ground()) as simulation:
+    with simulator.open(crowd[:-1], ground()) as simulation:
         simulation.advance(np.tile([0.2, 0.0], MAX_ROBOTS), STEP)
         assert not observe(simulation, MAX_ROBOTS)[:, CONTACT].any()
 
@@ -305,7 +288,7 @@ def test_a_failure_names_the_robot() -> None:
     """Of three, the one whose state is not a number."""
     robots = [PlacedRobot(load("erle_rover"), (2.0 * i, 0, 0, 0)) for i in range(3)]
     simulator = create("mujoco")
-    with simulator.open_team(robots, ground()) as simulation:
+    with simulator.open(robots, ground()) as simulation:
         root, _ = simulation._model.robots[1].root
         simulation._model.data.qpos[root] = math.nan
         simulation.advance(np.zeros(6), STEP)

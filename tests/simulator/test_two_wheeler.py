@@ -20,6 +20,7 @@ from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.planar import Planar
+from evoros.simulator.protocol import open_alone
 from evoros.simulator.pybullet import PyBullet
 from evoros.world.model import World
 
@@ -78,7 +79,7 @@ def test_speed_turning_rate_and_radius_are_those_of_the_geometry(
     engine, tolerance = SIMULATORS[simulator]
     speed, curvature = wanted(*command)
     rows = []
-    with engine.open(robot(), plain()) as simulation:
+    with open_alone(engine.open, robot(), plain()) as simulation:
         simulation.advance(np.array(command), 1.0)
         for _ in range(100):
             rows.append(state_of(simulation))
@@ -101,7 +102,7 @@ def test_speed_turning_rate_and_radius_are_those_of_the_geometry(
 @pytest.mark.parametrize("speed", [0.29, -0.29, 9.0])
 def test_straight_ahead_it_does_not_drift(simulator: str, speed: float) -> None:
     engine, tolerance = SIMULATORS[simulator]
-    with engine.open(robot(), plain()) as simulation:
+    with open_alone(engine.open, robot(), plain()) as simulation:
         simulation.advance(np.array([speed, 0.0]), 1.0)
         start = state_of(simulation)
         simulation.advance(np.array([speed, 0.0]), 10.0)
@@ -120,7 +121,7 @@ def engine(request: pytest.FixtureRequest) -> type[Rigid]:
 
 
 def test_at_rest_it_stands_level_where_it_was_put(engine: type[Rigid]) -> None:
-    with engine().open(robot(), plain()) as simulation:
+    with open_alone(engine().open, robot(), plain()) as simulation:
         simulation.advance(np.zeros(2), 10.0)
         assert attitude(simulation) == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
         assert state_of(simulation) == pytest.approx(np.zeros(STATE_SIZE), abs=5e-3)
@@ -128,7 +129,7 @@ def test_at_rest_it_stands_level_where_it_was_put(engine: type[Rigid]) -> None:
 
 def test_it_neither_tips_nor_sinks_at_the_hardest_manoeuvres(engine: type[Rigid]) -> None:
     rows = []
-    with engine().open(robot(), plain()) as simulation:
+    with open_alone(engine().open, robot(), plain()) as simulation:
         for tick in range(100):
             forward = 1.0 if tick // 5 % 2 else -1.0
             turned = 0.9 if tick // 7 % 2 else -0.9
@@ -144,7 +145,7 @@ def test_wheels_and_casters_meet_nothing_but_the_ground(engine: type[Rigid], nam
     """A wide sill far below the chassis: they pass through it, which would tilt them by 1 deg."""
     driven = experiment(f"robot={name}").robot
     sill = Body("sill", Pose((0.7, 0.0, 0.0025)), (Shape("box", (0.5, 2.0, 0.005)),))
-    with engine().open(driven, plain(sill)) as simulation:
+    with open_alone(engine().open, driven, plain(sill)) as simulation:
         for _ in range(40):
             simulation.advance(np.array([0.3, 0.0]), 0.1)
             assert attitude(simulation) == pytest.approx((0.0, 0.0, 0.0), abs=0.02)
@@ -159,7 +160,7 @@ def test_it_runs_missions_with_the_sensors_of_the_rover(simulator: str) -> None:
     limits = [f"world.{name}.course.time_limit_s=20" for name in ("boxes", "maze", "blocks")]
     whole = experiment(f"simulator={simulator}", *limits)
     design = whole.space.decode(np.full(whole.space.size, 0.5))
-    outcome, track = run_mission(
+    (outcome,), track = run_mission(
         whole.scenario, Mission(0, 0, design, "blocks", 0, "evaluation", "test")
     )
     assert len(design.mounts) == 6
@@ -188,7 +189,7 @@ def test_wheels_that_are_cylinders_roll_as_far_as_their_radius_says(
     engine: type[Rigid],
 ) -> None:
     driven = experiment("+robot.arguments.wheel_collision=cylinder").robot
-    with engine(time_step=0.01).open(driven, plain()) as simulation:
+    with open_alone(engine(time_step=0.01).open, driven, plain()) as simulation:
         simulation.advance(np.array([0.3, 0.0]), 1.0)
         start = state_of(simulation)
         simulation.advance(np.array([0.3, 0.0]), 2.0)

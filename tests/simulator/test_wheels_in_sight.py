@@ -17,7 +17,7 @@ from evoros.robot.occlusion import Occluders
 from evoros.sensor.protocol import Mount
 from evoros.sensor.sonar import Sonar
 from evoros.simulator.planar import Planar
-from evoros.simulator.protocol import PlacedRobot
+from evoros.simulator.protocol import PlacedRobot, open_alone
 from evoros.world.model import World
 
 pytestmark = pytest.mark.usefixtures("closed_engines")
@@ -56,7 +56,7 @@ def test_a_steered_wheel_is_seen_where_it_is(name: str) -> None:
     """A ray through the axis meets the wheel's face, turned by the angle, at its half width."""
     robot = watch_wheels()
     steering_joints, drive = robot.drive.steering_joints, robot.drive
-    with SIMULATORS[name]().open(robot, empty_world()) as simulation:
+    with open_alone(SIMULATORS[name]().open, robot, empty_world()) as simulation:
         for steering in (0.0, 0.3, -0.6, -9.0):
             simulation.advance(np.array([0.1, steering]), 1.0)
             angles = np.array(drive.targets(0.0, steering)[0])
@@ -74,7 +74,7 @@ def test_each_of_several_robots_sees_its_own_wheels(name: str) -> None:
     robot = watch_wheels()
     homes = [(0.0, 0.0, 0.0, 0.0), (5.0, 0.0, 0.0, 1.0)]
     placed = [PlacedRobot(robot, home) for home in homes]
-    with SIMULATORS[name]().open_team(placed, empty_world()) as simulation:
+    with SIMULATORS[name]().open(placed, empty_world()) as simulation:
         readings = read(simulation, 4)
     assert readings == pytest.approx([HALF_TRACK_M - HALF_WIDTH_M] * 4, abs=1e-3)
 
@@ -90,7 +90,7 @@ def test_what_is_nearer_than_the_robot_is_seen_and_what_is_farther_is_not(name: 
     wall = replace(world, bodies=(*world.bodies, box("wall", -1.0, 0.0, (0.1, 4.0, 1.0))))
     readings = []
     for seen in (robot, bare):
-        with SIMULATORS[name]().open(seen, wall) as simulation:
+        with open_alone(SIMULATORS[name]().open, seen, wall) as simulation:
             readings.append(float(read(simulation, 1)[0]))
     assert readings == pytest.approx([0.1, 1.04], abs=2e-3)
 
@@ -101,7 +101,7 @@ def test_sensors_that_do_not_see_the_robot_have_the_bits_of_a_robot_without_shap
     robot = rover().with_sensors(mounts, {"sonar": Sonar()})
     sensed = []
     for seen in (robot, replace(robot, occluders=Occluders())):
-        with Planar().open(seen, empty_world()) as simulation:
+        with open_alone(Planar().open, seen, empty_world()) as simulation:
             simulation.advance(np.array([0.3, 0.4]), 2.0)
             sensed.append((read(simulation, 3).tobytes(), simulation.parameters.tobytes()))
     assert sensed[0] == sensed[1]
@@ -111,7 +111,7 @@ def test_sensors_that_do_not_see_the_robot_have_the_bits_of_a_robot_without_shap
 def test_the_plane_turns_each_wheel_by_the_angle_of_the_drive(steering: float) -> None:
     """Its rule needs one number for each joint, which holds at all angles."""
     robot = watch_wheels()
-    with Planar(steering_lag_s=0.0).open(robot, empty_world()) as simulation:
+    with open_alone(Planar(steering_lag_s=0.0).open, robot, empty_world()) as simulation:
         simulation.advance(np.array([0.0, steering]), 0.1)
         angles = np.array(robot.drive.targets(0.0, steering)[0])
         expected = HALF_TRACK_M - HALF_WIDTH_M / np.cos(angles)

@@ -7,14 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from evoros.analysis.tables.records import EvaluationRecord, read_record
 from helpers import TINY, copied, cut, everything, resume, scored, tiny
 
-from evoros.base.console import DONE, INPUT
+from evoros.analysis.tables.records import EvaluationRecord, read_record
 from evoros.base.errors import InputError
 from evoros.cli.evaluate import evaluate
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.seals import seal_json
+from evoros.terminal.console import DONE, INPUT
 
 FREE = ("evoros.log", "status.json", "damaged", "figures")
 """Files that say when and how long, those that were damaged, and those that are drawn anew."""

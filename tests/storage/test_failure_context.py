@@ -5,17 +5,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from helpers import USER_PARTS
+from numpy.random import Generator
 
-from evoros.base.rng import Generator
 from evoros.config.compose import compose
 from evoros.evolution.experiment import Experiment
+from evoros.failure.combined import CombinedFailure
 from evoros.failure.exhaustive import ExhaustiveFailure
 from evoros.failure.given import GivenFailure
 from evoros.failure.none import NoFailure
 from evoros.failure.protocol import Failure, Fault
 from evoros.failure.random import RandomFailure
-from evoros.filter.protocol import Channels
+from evoros.filter.bias import Bias
+from evoros.filter.drift import Drift
+from evoros.filter.dropout import Dropout
+from evoros.filter.protocol import Channels, Filter
 from evoros.filter.silence import Silence
+from evoros.filter.stuck import Stuck
 from evoros.storage.failure_context import FailureContext, describe_failure
 
 
@@ -31,6 +36,13 @@ class EveryOther:
 
     def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
         return self.draw_case(channels, 0)
+
+
+class EveryOne:
+    """Its filter is known from its faults alone."""
+
+    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
+        return (Fault(Stuck(), np.zeros(channels.size)),)
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +65,20 @@ def experiment() -> Experiment:
 def test_a_model_is_told_by_what_it_does(
     experiment: Experiment, failure: Failure, expected: FailureContext
 ) -> None:
-    found = describe_failure(replace(experiment, failure=failure))
+    failing = replace(experiment, failure=failure)
+    found = describe_failure(failing, failing.members[0])
     assert replace(found, effects={}) == expected
     assert found.effects == ({} if isinstance(failure, NoFailure) else {"silence": "ends"})
+
+
+@pytest.mark.parametrize(
+    ("effect", "told"),
+    [(Drift(), "grows"), (Bias(), "alters"), (Dropout(1.0), "ends"), (Dropout(0.5), "alters")],
+)
+def test_figures_are_told_what_a_filter_declares(
+    experiment: Experiment, effect: Filter, told: str
+) -> None:
+    failure = CombinedFailure({"some": RandomFailure(effect=effect), "other": EveryOne()})
+    failing = replace(experiment, failure=failure)
+    found = describe_failure(failing, failing.members[0])
+    assert found.effects == {effect.name.lower(): told, "stuck": "ends"}

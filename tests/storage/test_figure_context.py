@@ -2,6 +2,7 @@
 
 import io
 import json
+from collections.abc import Hashable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,11 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from documents import documented
-from evoros.analysis.tables.candidates import list_mounts
-from evoros.analysis.tables.designs import place_sensors
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from evoros.analysis.tables.candidates import list_mounts
+from evoros.analysis.tables.designs import place_sensors
 from evoros.base.errors import InputError
 from evoros.config.compose import compose
 from evoros.design.design import Design
@@ -163,7 +164,7 @@ def test_a_candidate_has_the_mounts_of_its_design(
     assert list(found.sensor) == list(range(len(design.mounts)))
 
 
-def _mount(row: dict[str, object]) -> Mount:
+def _mount(row: Mapping[Hashable, object]) -> Mount:
     names = ("link", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
     return Mount(str(row["type"]), *(row[name] for name in names))  # type: ignore[arg-type]
 

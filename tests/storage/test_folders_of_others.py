@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 import yaml
-from evoros.analysis.command import evoros_analyze
 from helpers import TINY, USER_PARTS, copied, everything, reseal, resume, scored, tiny
 
 import evoros
-from evoros.base.console import DONE, INPUT
+from evoros.analysis.command import evoros_analyze
 from evoros.base.errors import InputError
 from evoros.cli.compare import evoros_compare
 from evoros.cli.evaluate import evaluate
 from evoros.cli.run import evoros as evolve
 from evoros.session import resume as resuming
 from evoros.storage.reading import load_run
+from evoros.terminal.console import DONE, INPUT
 
 
 @pytest.fixture(scope="module")
@@ -115,9 +115,9 @@ CALLS = {
     "builtins.exec": ["open('MARK', 'w')"],
     "pandas.read_pickle": ["MARK"],
     "hydra.utils.instantiate": [{"_target_": "os.system", "_args_": ["touch MARK"]}],
-    "evoros.base.disk.os.mkdir": ["MARK"],
-    "evoros.base.disk.make_folder": [{"_target_": "pathlib.Path", "_args_": ["MARK"]}],
-    "evoros.base.log.log_to_file": ["MARK"],
+    "evoros.files.disk.os.mkdir": ["MARK"],
+    "evoros.files.disk.make_folder": [{"_target_": "pathlib.Path", "_args_": ["MARK"]}],
+    "evoros.terminal.log.log_to_file": ["MARK"],
     "evoros.storage.run_folder.RunFolder": ["MARK"],
     "evoros.cli.run.evoros": [["hydra.run.dir=MARK"]],
     "no.such.module": [],

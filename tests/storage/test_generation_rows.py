@@ -18,7 +18,7 @@ def test_every_mission_is_found_again_in_any_order(
     keys: list[MissionKey], asked: list[MissionKey], data: st.DataObject
 ) -> None:
     table: list[Recorded] = [
-        (key, f"draws {i}", replace(BLANK, visited=i)) for i, key in enumerate(keys)
+        (key, f"draws {i}", (replace(BLANK, visited=i),)) for i, key in enumerate(keys)
     ]
     reads: list[int] = []
 

@@ -8,8 +8,8 @@ import pytest
 from helpers import content, copied, everything, reseal, resume, tiny
 
 import evoros
-from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
+from evoros.terminal.console import DONE, INPUT
 
 
 @pytest.fixture(scope="module")
@@ -113,19 +113,23 @@ def test_bytes_that_are_no_text_are_named_and_mended(
     assert content(folder) == content(run)
 
 
+@pytest.mark.parametrize("bits", [1, 3])
 @pytest.mark.parametrize("name", ["config.yaml", "manifest.json"])
 def test_what_cannot_be_made_again_is_refused_untouched(
-    name: str, folder: Path, capsys: pytest.CaptureFixture[str]
+    name: str, bits: int, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rng, damaged = random.Random(1), bytearray((folder / name).read_bytes())
-    for at in rng.sample(range(len(damaged)), 3):
+    for at in rng.sample(range(len(damaged)), bits):
         damaged[at] ^= 4
     (folder / name).write_bytes(bytes(damaged))
     before = everything(folder)
+    with pytest.raises(InputError) as refusal:
+        evoros.load_run(folder)
     assert resume(folder) == INPUT
     (line,) = capsys.readouterr().err.splitlines()
-    assert str(folder / name) in line
-    assert line.endswith("restore the file; the rest of the folder is kept")
+    assert line == f"evoros: {refusal.value}"
+    assert line.startswith(f"evoros: {folder / name}")
+    assert line.endswith("restore it from a copy; the rest of the folder is kept")
     assert everything(folder) == before
 
 

@@ -1,6 +1,7 @@
 import json
 import shutil
 import tomllib
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -9,14 +10,14 @@ import pytest
 from helpers import ROOT, USER_PARTS, everything, reseal, tiny
 from packaging.requirements import Requirement
 
-from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
-from evoros.base.origin import read_origin
 from evoros.cli.evaluate import evaluate
 from evoros.cli.run import evoros
 from evoros.config.compose import compose
-from evoros.robot.model import Robot
+from evoros.files.origin import read_origin
+from evoros.simulator.protocol import PlacedRobot
 from evoros.storage.manifest import COMPUTING, manifest, mission_packages
+from evoros.terminal.console import DONE, INPUT
 from evoros.world.model import World
 
 ONE = ["experiment=tiny", "executor=serial", "optimizer.generations=1"]
@@ -124,7 +125,7 @@ def test_a_simulator_that_names_no_packages_is_refused_in_one_line() -> None:
     class Silent:
         time_step = 0.05
 
-        def open(self, robot: Robot, world: World) -> None:
+        def open(self, robots: Sequence[PlacedRobot], world: World) -> None:
             """Open nothing."""
 
     experiment = compose(["executor=serial"]).build()

@@ -6,8 +6,8 @@ import pytest
 from helpers import tiny
 from lxml import etree
 
-from evoros.base.console import DONE
 from evoros.storage.reading import Run, load_run
+from evoros.terminal.console import DONE
 
 MIXED = [
     "+sensor@design.sensors.other=sonar",

@@ -10,8 +10,8 @@ import pytest
 from helpers import TINY, everything, resume, tiny
 from power_cuts import Cut, Disk
 
-from evoros.base.console import DONE
 from evoros.cli.evaluate import evaluate
+from evoros.terminal.console import DONE
 
 CHANGING = ("evoros.log", "status.json")
 """Files that tell when and how long; all others must have the same bytes."""

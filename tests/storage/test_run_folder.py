@@ -18,11 +18,11 @@ from helpers import (
     wait_for_missions,
 )
 
-from evoros.base.console import DONE, INPUT
 from evoros.base.errors import InputError
 from evoros.cli.run import evoros
 from evoros.storage.figure_context import FigureContext
 from evoros.storage.run_folder import RunFolder
+from evoros.terminal.console import DONE, INPUT
 from evoros.world.loading import load_world
 
 BARE = FigureContext("robot", (), {}, {}, {}, False, (), (), {})
@@ -147,7 +147,6 @@ def test_resuming_refuses_other_overrides_untouched(
         ("config.yaml", "trials: 1", "trials: 2", "configuration must be as it was"),
         ("config.yaml", "trials: 1", "trials: [", "line"),
         ("manifest.json", '"format_version": 1', '"format_version": 2', "format_version must be"),
-        ("missions.csv", "generation,design", "design,generation", "line 1"),
         ("missions.csv", "\n0,0,", "\n0,zero,", "line 2: must be a row of this version"),
         ("generations/00001.csv", "\n1,", "\n1,9", "replaying the run gives another table"),
         ("missions.csv", "/selection/", "/selected/", "has been edited"),
@@ -188,7 +187,7 @@ def test_an_edited_outcome_shows_in_the_replay(whole: Path, tmp_path: Path) -> N
 def test_files_may_be_relative_and_the_run_resumed_from_anywhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from evoros.base.resources import find_file
+    from evoros.files.resources import find_file
 
     (tmp_path / "here" / "worlds").mkdir(parents=True)
     world = tmp_path / "here" / "worlds" / "mine.sdf"

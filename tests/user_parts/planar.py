@@ -7,7 +7,7 @@ import math
 import os
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,20 +18,19 @@ from numpy.random import Generator
 
 from evoros.base.arrays import (
     CONTACT,
-    NO_MEMORY,
     SPEED,
     STEERING,
     YAW,
     YAW_RATE,
     Array,
-    RuleArrays,
     X,
     Y,
 )
 from evoros.base.checks import POSITIVE, TEXT, checked, invalid
 from evoros.base.errors import SimulationError
-from evoros.filter.protocol import Channels
+from evoros.filter.protocol import ALTERS, Channels
 from evoros.robot.model import Robot
+from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
 
@@ -48,10 +47,11 @@ class Planar:
     packages = ()
 
     @contextmanager
-    def open(self, robot: Robot, world: World) -> Iterator["Plane"]:
+    def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator["Plane"]:
         time.sleep(self.pause_s)
         if world.course.time_limit_s == self.fault_limit_s and self._is_due():
             self._happen()
+        ((robot, _),) = robots
         yield Plane(robot, world, self.time_step)
 
     def _is_due(self) -> bool:
@@ -104,15 +104,16 @@ class Picky:
     """A filter that does nothing and refuses values in the middle of a range."""
 
     name: ClassVar[str] = "Picky"
+    effect: ClassVar[str] = ALTERS
     x: float = 1.0
 
     def __post_init__(self) -> None:
         if 2 < self.x < 4:
             raise invalid(self, "x", self.x, "must not be between 2 and 4")
 
-    def start(self, channels: Channels, onset: Array, rng: Generator) -> RuleArrays:
-        return NO_MEMORY, NO_MEMORY
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> None:
+        pass
 
     @staticmethod
-    def rule(parameters: Array, memory: Array, rng: Generator, values: Array, time: float) -> None:
+    def rule() -> None:
         pass

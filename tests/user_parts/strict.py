@@ -1,6 +1,6 @@
 """The planar simulator with another step, in which robots with sensors far ahead do not drive."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -8,7 +8,7 @@ from typing import Any
 from planar import Planar
 
 from evoros.base.errors import SimulationError
-from evoros.robot.model import Robot
+from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
 
 
@@ -17,8 +17,9 @@ class Strict(Planar):
     most_x_m: float = 0.1  # mean x of the sensors
 
     @contextmanager
-    def open(self, robot: Robot, world: World) -> Iterator[Any]:
+    def open(self, robots: Sequence[PlacedRobot], world: World) -> Iterator[Any]:
+        ((robot, _),) = robots
         if robot.sensor_poses[:, 0].mean() > self.most_x_m:
             raise SimulationError("heavy at the front")
-        with super().open(robot, world) as simulation:
+        with super().open(robots, world) as simulation:
             yield simulation

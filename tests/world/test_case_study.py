@@ -11,8 +11,8 @@ from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from world_cases import GROUND, square
 
-from evoros.base.resources import bundled_folder
 from evoros.config.compose import compose as compose_evoros
+from evoros.files.resources import bundled_folder
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import bottom_height, project_bodies
 from evoros.world.loading import load_world

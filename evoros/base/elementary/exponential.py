@@ -1,178 +1,101 @@
-"""Exponential functions and logarithms: table values, and short series between them."""
+"""Exponential and hyperbolic functions.
+
+x is k ln 2 and a remainder r of at most ln(2)/2, so that exp(x) is exp(r) 2**k. With z = r**2,
+exp(r) = 1 + 2r/(R - r), where R = r coth(r/2) = 2 + z E(z). E is Chebyshev's approximation:
+``mpmath.chebyfit`` of this equation on 0 <= z <= 0.1202, with five coefficients. Its error is below
+2**-57.
+"""
 
 import math
 
-from evoros.base.compilable import compilable
-from evoros.base.elementary import pairs, tables
+from evoros.base.compilable import compilable, inlined
+from evoros.base.elementary.arithmetic import nearest, polynomial, scale
 
-_GRID = 6755399441055744.0
-"""1.5 * 2**52: a number plus this, minus this, is rounded to an integer."""
-_FINE = _GRID / 1073741824.0
-"""The same for multiples of 2**-30."""
+LN2_1, LN2_2 = 0.6931471805598903, 5.497923018708371e-14
+"""Their sum is ln 2. The first has 42 bits, so its products with 11 bits are exact."""
+LOG2_E = 1.4426950408889634
+EXPONENTIAL = (
+    0.1666666666666666,
+    -0.0027777777777563957,
+    6.613756471400626e-05,
+    -1.653405968872539e-06,
+    4.143749871385379e-08,
+)
 _HIGHEST, _LOWEST = 709.782712893384, -745.1332191019412
 """Beyond these, exp is infinite or 0."""
-_E2, _E3, _E4, _E5, _E6 = 0.5, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0
-_SQRT_HALF = 0.7071067811865476
-_SHORT = 0.25
-"""[-_SHORT, _SHORT]: where expm1 is its series."""
-_NEAR = 2.0**-8
-"""(-_NEAR, _NEAR): where log1p needs no table."""
+_LARGE, _HUGE = 50.0, 700.0
+"""Beyond these, 1 is nothing beside e**x, and e**x / 2 may be finite though e**x is not."""
+
+
+@inlined
+def _reduced_expm1(x: float, rest: float, k: float) -> float:
+    """Return e**r - 1 for r = x + rest - k ln 2."""
+    high = x - k * LN2_1
+    low = rest - k * LN2_2
+    r = high + low
+    z = r * r
+    c = r - z * polynomial(z, EXPONENTIAL)
+    return high + (low + r * c / (2.0 - c))
 
 
 @compilable
-def _exp_pair(x: float, low: float) -> tuple[float, float, int]:
-    """Return exp of a pair as a pair from 1 to 2, and the power of 2 to multiply it with."""
-    steps = (x * tables.EXP_STEPS + _GRID) - _GRID
-    count = int(steps)
-    r = ((x - steps * tables.LN2_128_1) - steps * tables.LN2_128_2) + low
-    high = float(tables.EXP_HIGH[count & 127])
-    growth = r + r * r * (_E2 + r * (_E3 + r * (_E4 + r * (_E5 + r * _E6))))
-    return high, float(tables.EXP_LOW[count & 127]) + high * growth, count >> 7
-
-
-@compilable
-def _scale(x: float, exponent: int) -> float:
-    """Return x * 2**exponent for x near 1, with exponents from -1080 to 1024."""
-    if exponent < -1020:
-        return x * float(tables.POWERS[exponent + 1022 + 200]) * 2.0**-200
-    if exponent > 1022:
-        return x * float(tables.POWERS[exponent + 1022 - 1]) * 2.0
-    return x * float(tables.POWERS[exponent + 1022])
-
-
-@compilable
-def exp_of_pair(x: float, low: float) -> float:
-    """Return exp of the sum of a pair."""
+def exp_of_sum(x: float, rest: float) -> float:
+    """Return the exponential of x and a rest, which is less than a unit in the last place of x."""
     if x > _HIGHEST:
         return math.inf
     if x < _LOWEST:
         return 0.0
     if x != x:
         return x
-    high, rest, exponent = _exp_pair(x, low)
-    return _scale(high + rest, exponent)
+    k = nearest(x * LOG2_E)
+    return scale(1.0 + _reduced_expm1(x, rest, k), int(k))
 
 
 @compilable
 def exp(x: float) -> float:
     """Return e**x."""
-    return exp_of_pair(x, 0.0)
+    return exp_of_sum(x, 0.0)
 
 
 @compilable
 def expm1(x: float) -> float:
     """Return e**x - 1, with all digits for small x."""
-    if abs(x) < 1e-17 or x != x:
-        return x
-    if x > 700.0:
-        return exp(x)
-    if x < -50.0:
-        return -1.0
-    high, low = expm1_pair(x)
-    return high + low
-
-
-@compilable
-def expm1_pair(x: float) -> tuple[float, float]:
-    """Return e**x - 1 as a pair, for x from -50 to 700."""
-    if abs(x) <= _SHORT:
-        square, error = pairs.multiply(x, 0.5 * x)
-        high, low = pairs.add_smaller(x, square)
-        series = 0.0
-        for i in range(14, 2, -1):
-            series = (series + 1.0) * x / i
-        return pairs.add_smaller(high, low + error + 0.5 * x * x * series)
-    high, low = exp_pair(x)
-    high, error = pairs.add(high, -1.0)
-    return pairs.add_smaller(high, error + low)
-
-
-@compilable
-def exp_pair(x: float) -> tuple[float, float]:
-    """Return e**x as a pair, for x from -700 to 700."""
-    high, low, exponent = _exp_pair(x, 0.0)
-    scale = float(tables.POWERS[exponent + 1022])
-    return pairs.add_smaller(high * scale, low * scale)
-
-
-@compilable
-def log_pair(x: float) -> tuple[float, float]:
-    """Return the logarithm of x as a pair, for x > 0."""
-    m, exponent = math.frexp(x)
-    if m < _SQRT_HALF:
-        m *= 2.0
-        exponent -= 1
-    i = int(128.0 * m + 0.5) - tables.LOG_FIRST
-    inverse = float(tables.LOG_INVERSE[i])
-    # Both halves of m times the inverse, of 10 bits, are exact.
-    m1 = (m + _FINE) - _FINE
-    r, r_low = pairs.add(m1 * inverse - 1.0, (m - m1) * inverse)
-    high = exponent * tables.LN2_HIGH + float(tables.LOG_HIGH[i])
-    low = exponent * tables.LN2_LOW + float(tables.LOG_LOW[i])
-    return _add_log(high, low, r, r_low)
-
-
-@compilable
-def _add_log(high: float, low: float, r: float, r_low: float) -> tuple[float, float]:
-    """Return the sum of two pairs, of the second the logarithm of 1 plus it, as a pair."""
-    high, error = pairs.add(high, r)
-    square, square_low = pairs.multiply(r, -0.5 * r)
-    high, more = pairs.add(high, square)
-    series = 0.0
-    for i in range(9, 2, -1):
-        series = 1.0 / i - r * series
-    low += r_low - r * r_low + (square_low + r * r * r * series)
-    return pairs.add_smaller(high, error + more + low)
-
-
-@compilable
-def log(x: float) -> float:
-    """Return the natural logarithm; -inf at 0, and NaN below."""
-    if 0.0 < x < math.inf:
-        high, low = log_pair(x)
-        return high + low
-    return _log_of_none(x)
-
-
-@compilable
-def _log_of_none(x: float) -> float:
-    """Return the logarithm of what has none, and of infinity."""
     if x == 0.0:
-        return -math.inf
-    return math.nan if x < 0.0 else x
+        return x
+    if not abs(x) < _LARGE:
+        return exp(x) - 1.0
+    k = nearest(x * LOG2_E)
+    power = scale(1.0, int(k))
+    return (power - 1.0) + power * _reduced_expm1(x, 0.0, k)
 
 
 @compilable
-def log1p(x: float) -> float:
-    """Return log(1 + x), with all digits for small x; -inf at -1, and NaN below."""
-    if abs(x) < _NEAR:
-        if abs(x) < 1e-17:
-            return x
-        high, low = _add_log(0.0, 0.0, x, 0.0)
-        return high + low
-    total, low = pairs.add(1.0, x)
-    if 0.0 < total < 1e300:
-        high, rest = log_pair(total)
-        return high + (rest + low / total)
-    return log(total)
+def sinh(x: float) -> float:
+    """Return the hyperbolic sine."""
+    size = abs(x)
+    if size > _HUGE:
+        root = exp(0.5 * size)
+        return math.copysign(0.5 * root * root, x)
+    t = expm1(size)
+    return math.copysign(0.5 * (t + t / (t + 1.0)), x)
 
 
 @compilable
-def _log_times(x: float, factor: float, factor_low: float) -> float:
-    if not 0.0 < x < math.inf:
-        return _log_of_none(x)
-    high, low = log_pair(x)
-    product, error = pairs.multiply(high, factor)
-    return product + (error + (high * factor_low + low * factor))
+def cosh(x: float) -> float:
+    """Return the hyperbolic cosine."""
+    size = abs(x)
+    if size > _HUGE:
+        root = exp(0.5 * size)
+        return 0.5 * root * root
+    t = exp(size)
+    return 0.5 * t + 0.5 / t
 
 
 @compilable
-def log2(x: float) -> float:
-    """Return the logarithm to the base 2; -inf at 0, and NaN below."""
-    return _log_times(x, tables.LOG2E_HIGH, tables.LOG2E_LOW)
-
-
-@compilable
-def log10(x: float) -> float:
-    """Return the logarithm to the base 10; -inf at 0, and NaN below."""
-    return _log_times(x, tables.LOG10E_HIGH, tables.LOG10E_LOW)
+def tanh(x: float) -> float:
+    """Return the hyperbolic tangent."""
+    size = abs(x)
+    if size > _LARGE:
+        return math.copysign(1.0, x)
+    t = expm1(2.0 * size)
+    return math.copysign(t / (t + 2.0), x)

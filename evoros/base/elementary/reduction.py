@@ -1,99 +1,81 @@
-"""Reduction of angles to at most an eighth of a turn."""
+"""Reduction of angles to at most an eighth of a turn.
+
+Up to a million radians, pi/2 in three parts is subtracted (Cody and Waite, *Software Manual for the
+Elementary Functions*, 1980). Greater angles, and those that are too close to a quarter turn for
+three parts, are multiplied by as many bits of 2/pi as a double can need (Payne and Hanek, *Radian
+reduction for trigonometric functions*, 1983). So every finite angle is reduced to all its digits.
+"""
 
 import math
 
-from evoros.base.compilable import compilable, inlined
-from evoros.base.elementary import pairs, tables
+import numpy as np
 
-_GRID = 6755399441055744.0
-"""1.5 * 2**52: a number plus this, minus this, is rounded to an integer."""
-_EIGHTH = 0.7853981633974483
+from evoros.base.arrays import Array
+from evoros.base.compilable import compilable, inlined
+from evoros.base.elementary.arithmetic import add, multiply, nearest, split
+
+EIGHTH = 0.7853981633974483
+TWO_OVER_PI = 0.6366197723675814
+HALF_PI, HALF_PI_REST = 1.5707963267948966, 6.123233995736766e-17
+# Their sum is pi/2. The first two have 33 bits, so their products with 20 bits are exact.
+PART_1, PART_2, PART_3 = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
+
 _MANY = 1e6
 """[rad]: up to here, the number of quarter turns has at most 20 bits."""
-_CLOSE = 1e-7
-"""[rad]: closer to a multiple of a quarter turn, three parts of pi are not enough."""
-_BASE = 16777216.0  # 2**DIGIT
-_BLOCKS = 4
-_LEAST = 2.0**-192  # the weight of the last digit
+_CLOSE = 2.0**-60
+"""[rad]: closer to so many quarter turns, times their number, three parts are not enough."""
+_ALL_WHOLE = 2.0**52
+"""Products from here on are whole turns, because they have at most 50 significant bits."""
+_SCALE = 200
+"""The power of 2 by which the angle is made less, and 2/pi more, so that neither under- nor
+overflows."""
+TWO_OVER_PI_BITS = (
+    "a2f9836e4e441529fc2757d1f534ddc0db6295993c439041fe5163abdebbc561b7246e3a"
+    "424dd2e006492eea09d1921cfe1deb1cb129a73ee88235f52ebb4484e99c7026b45f7e41"
+    "3991d639835339f49c845f8bbdf9283b1ff897ffde05980fef2f118b5a0a6d1f6d367ecf"
+    "27cb09b74f463f669e5fea2d7527bac7ebe5f17b3d0739f78a5292ea6bfb5fb11f8d5d08"
+    "56033046fc7b"
+)
+_PARTS: Array = np.array(
+    [
+        math.ldexp(int(TWO_OVER_PI_BITS[i : i + 6], 16), _SCALE - 24 - 4 * i)
+        for i in range(0, len(TWO_OVER_PI_BITS), 6)
+    ]
+)
 
 
 @inlined
 def reduce_angle(x: float) -> tuple[int, float, float]:
-    """Return the nearest quarter turn (0 to 3) to x [rad] and the pair that remains of x.
+    """Return the nearest quarter turn (0 to 3) to x [rad], what remains of x, and its rest.
 
-    It remains to about 100 bits. The angle must be finite.
+    The rest is the rounding error of what remains. The angle must be finite.
     """
-    size = abs(x)
-    if size <= _EIGHTH:
+    if abs(x) <= EIGHTH:
         return 0, x, 0.0
-    if size <= _MANY:
-        turns = (x * tables.TWO_OVER_PI + _GRID) - _GRID
-        # Both products and the first difference are exact (Cody and Waite).
-        high, low = pairs.add(x - turns * tables.HALF_PI_1, -turns * tables.HALF_PI_2)
-        if abs(high) > _CLOSE:
-            high, low = pairs.add_smaller(high, low - turns * tables.HALF_PI_3)
-            return int(turns) & 3, high, low
-    quarter, high, low = _reduce_long(size)
-    if x < 0.0:
-        return -quarter & 3, -high, -low
-    return quarter, high, low
+    if abs(x) <= _MANY:
+        turns = nearest(x * TWO_OVER_PI)
+        high, low = add(x - turns * PART_1, -turns * PART_2)
+        if abs(high) > abs(turns) * _CLOSE:
+            low -= turns * PART_3
+            remainder = high + low
+            return int(turns) & 3, remainder, (high - remainder) + low
+    return _reduce_long(x)
 
 
 @compilable
 def _reduce_long(x: float) -> tuple[int, float, float]:
-    """Multiply x by 2/pi digit by digit, without the digits that make whole turns.
-
-    This is the method of Payne and Hanek. Digits have 24 bits, so that all sums are exact.
-    """
-    places = (math.frexp(x)[1] - 1) // tables.DIGIT
-    x0, rest = _split_digit(math.ldexp(x, -tables.DIGIT * places))
-    x1, rest = _split_digit(rest * _BASE)
-    x2, rest = _split_digit(rest * _BASE)
-    x3 = rest * _BASE
-    digit, carry = _digit(x0, x1, x2, x3, places + 2 * _BLOCKS, 0.0)
-    scale = _LEAST
-    high = 0.0
-    low = 0.0
-    for block in range(_BLOCKS - 1, -1, -1):  # two digits each
-        second, carry = _digit(x0, x1, x2, x3, places + 2 * block + 1, carry)
-        digit, carry = _digit(x0, x1, x2, x3, places + 2 * block, carry)
-        part = (digit * _BASE + second) * scale
-        scale *= _BASE * _BASE
-        if block == 0 and digit >= 0.5 * _BASE:
-            part -= 1.0
-        high, error = pairs.add(part, high)
-        low += error
-    whole = int(_digit(x0, x1, x2, x3, places - 1, carry)[0])
-    if digit >= 0.5 * _BASE:
-        whole += 1
-    high, low = pairs.add_smaller(high, low)
-    product, error = pairs.multiply(high, tables.HALF_PI_HIGH)
-    error += high * tables.HALF_PI_LOW + low * tables.HALF_PI_HIGH
-    product, error = pairs.add_smaller(product, error)
-    return whole & 3, product, error
-
-
-@compilable
-def _split_digit(x: float) -> tuple[float, float]:
-    """Return the integer part and the rest."""
-    whole = float(int(x))
-    return whole, x - whole
-
-
-@compilable
-def _digit(
-    x0: float, x1: float, x2: float, x3: float, place: int, carry: float
-) -> tuple[float, float]:
-    """Return a digit of the product with 2/pi, and what is carried to the place before."""
-    total = carry
-    digits = tables.TWO_OVER_PI_DIGITS
-    if place >= 0:
-        total += x0 * float(digits[place])
-    if place >= 1:
-        total += x1 * float(digits[place - 1])
-    if place >= 2:
-        total += x2 * float(digits[place - 2])
-    if place >= 3:
-        total += x3 * float(digits[place - 3])
-    carry = float(int(total / _BASE))
-    return total - carry * _BASE, carry
+    """Return what ``reduce_angle`` returns, for any finite angle."""
+    high, middle, low = 0.0, 0.0, 0.0
+    halves = split(x * 2.0**-_SCALE)
+    for part in _PARTS:
+        for half in halves:
+            product = half * float(part)  # exact, in quarter turns
+            if abs(product) < _ALL_WHOLE:
+                high, error = add(high, product - 4.0 * nearest(0.25 * product))
+                middle, error = add(middle, error)
+                low += error
+    turns = nearest(high)
+    high, error = add(high - turns, middle)
+    remainder, rest = multiply(high, HALF_PI)
+    rest += high * HALF_PI_REST + (error + low) * HALF_PI
+    return int(turns) & 3, remainder, rest

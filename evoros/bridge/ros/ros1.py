@@ -20,78 +20,54 @@ if TYPE_CHECKING:
         PAUSE_S,
         STEADY,
         Conversation,
-        Modes,
-        Wheels,
         end,
     )
+    from evoros.bridge.ros.lockstep import NO_COMMAND, Crew, fly_mission
     from evoros.bridge.ros.nodes import Nodes
-    from evoros.bridge.ros.rest import Hidden, Rest
+    from evoros.bridge.ros.rest import Rest
     from evoros.bridge.ros.ros1_master import set_parameters, start_master
 else:
-    from conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, Conversation, Modes, Wheels, end
+    from conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, end
+    from lockstep import NO_COMMAND, Crew, fly_mission
     from nodes import Nodes
-    from rest import Hidden, Rest
+    from rest import Rest
     from ros1_master import set_parameters, start_master
 
 NEEDED = ("rospy", "rosmaster", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
 
 
-def main() -> None:
-    """Fly one mission."""
-    conversation = Conversation()
-    options = conversation.briefing["ros"]
-    until = time.monotonic() + OWN_SHARE * options["start_limit_s"]
-    conversation.require("ROS 1", NEEDED, "")
-    try:
-        rest = Rest(options["isolate"])
-    except OSError as error:
-        conversation.refuse(f"the system must show what threads wait for ({error})")
-    try:
-        mission = Mission(conversation, rest, start_nodes(conversation, until))
-        mission.connect(until)
-        conversation.ready()
-        mission.fly()
-    except Hidden as error:
-        conversation.fail(f"controller.nodes: {error}")
-    os._exit(0)  # whatever the threads of rospy do
+def start_nodes(briefing: dict[str, Any], until: float) -> Nodes:
+    """Start the master and the user's nodes.
 
-
-def start_nodes(conversation: Conversation, until: float) -> Nodes:
-    """Start the master and the user's nodes."""
-    options = conversation.briefing["ros"]
+    Raises:
+        OSError: a command cannot be executed.
+        ValueError: a parameter is none of ROS.
+    """
+    options = briefing["ros"]
     try:
         environment = start_master(options["isolate"], until)
     except TimeoutError as error:
         end(str(error))
     os.environ.update(environment)
-    try:
-        set_parameters(environment["ROS_MASTER_URI"], conversation.briefing)
-        return Nodes(options["nodes"], environment)
-    except ValueError as error:
-        conversation.refuse(str(error))
-    except OSError as error:
-        conversation.refuse(
-            f"controller.nodes: must be commands that this system can execute, not "
-            f"{error.filename} ({error.strerror}); correct it"
-        )
+    set_parameters(environment["ROS_MASTER_URI"], briefing)
+    return Nodes(options["nodes"], environment)
 
 
 class Mission:
     """One mission with nodes of ROS 1."""
 
-    def __init__(self, conversation: Conversation, rest: Rest, nodes: Nodes) -> None:
-        """Join the graph. The imports take a while, as those of the nodes do."""
+    def __init__(self, conversation: Conversation, rest: Rest, until: float) -> None:
+        """Start the nodes and join the graph. The imports take a while, as those of nodes do."""
+        briefing = conversation.briefing
+        self._crew = Crew(conversation, rest, lambda: start_nodes(briefing, until))
         logging.disable(logging.CRITICAL)
         self._module, messages = import_module("ros1_graph"), import_module("ros1_messages")
         self._module.join()
-        briefing = conversation.briefing
-        self._conversation, self._rest, self._nodes = conversation, rest, nodes
-        self._options: dict[str, Any] = briefing["ros"]
-        self._wheels = Wheels(briefing["drive"], self._options["twist"])
-        self._modes = Modes(briefing["modes"])
+        self._conversation = conversation
         self._outgoing: ros1_messages.Outgoing = messages.Outgoing(briefing)
-        self._graph: ros1_graph.Graph = self._module.Graph(nodes, self._outgoing.publishers())
-        topics: dict[str, str] = self._options["topics"]
+        publishers = self._outgoing.publishers()
+        self._graph: ros1_graph.Graph = self._module.Graph(self._crew.nodes, publishers)
+        topics: dict[str, str] = self._crew.options["topics"]
         self._command, self._mode = topics["command"], topics["mode"]
         self._incoming: dict[str, ros1_graph.Incoming] = {}  # by topic
 
@@ -101,14 +77,10 @@ class Mission:
         What nodes have said until then has not been said in the mission.
         """
         while not self._steady():
-            if time.monotonic() > until:
-                self._conversation.refuse(
-                    f"controller.nodes: {self._missing() or self._unrest()}, after "
-                    f"{self._options['start_limit_s']:g} s; correct the nodes or start_limit_s"
-                )
+            self._crew.require_start(until, self._missing)
             time.sleep(PAUSE_S)
-        self._rest.prepare()
-        self._require_rest(until + PAUSE_S)  # after the last questions to the nodes
+        self._crew.rest.prepare()
+        self._crew.require_rest(until + PAUSE_S)  # after the last questions to the nodes
         self._hear()
 
     def _steady(self) -> bool:
@@ -116,14 +88,14 @@ class Mission:
         if self._missing() is not None:
             return False
         for _ in range(STEADY):
-            if not self._rest.wait(1.0):
+            if not self._crew.rest.wait(1.0):
                 return False
             time.sleep(PAUSE_S)
         return self._missing() is None
 
     def _missing(self) -> str | None:
         """Connect with the nodes that publish commands and modes; return what is missing."""
-        self._require_nodes()
+        self._crew.require_nodes()
         missing = self._graph.missing(self._command)
         if missing is not None:
             return missing
@@ -141,59 +113,38 @@ class Mission:
     def fly(self) -> None:
         """Answer each tick by what the nodes command."""
         for tick in self._conversation.ticks():
-            until = time.monotonic() + OWN_SHARE * self._options["answer_limit_s"]
-            self._require_nodes()
+            until = time.monotonic() + OWN_SHARE * self._crew.options["answer_limit_s"]
+            self._crew.require_nodes()
             for publisher, message in self._outgoing.messages(tick):
                 connections = sorted(publisher.impl.connections, key=self._graph.place)
                 for connection in connections:  # one node after the other
                     publisher.impl.publish(message, connection_override=connection)
-                    self._require_rest(until)
+                    self._crew.require_rest(until)
             # Nodes that answer poses cannot while the localization is silent.
-            if self._options["answer"] == "each" and tick.state[0] is not None:
+            if self._crew.options["answer"] == "each" and tick.state[0] is not None:
                 self._require_command(until)
-            self._answer()
-
-    def _answer(self) -> None:
-        commands = self._hear()
-        if not commands:
-            self._conversation.answer(0, 0.0, 0.0)
-            return
-        for message in commands:
-            speed, steering = self._wheels.read(message)
-        self._conversation.answer(self._modes.now, speed, steering)
+            self._crew.answer(self._hear())
 
     def _hear(self) -> list[Any]:
         """Return the commands that have arrived, and note the mode."""
         try:
             if self._mode in self._incoming:
                 for message in self._incoming[self._mode].fetch():
-                    self._modes.report(message.data)
+                    self._crew.modes.report(message.data)
             return self._incoming[self._command].fetch()
         except ConnectionError as error:
             time.sleep(10 * PAUSE_S)  # perhaps its process is about to end
-            self._require_nodes()
+            self._crew.require_nodes()
             end(str(error))
-
-    def _require_nodes(self) -> None:
-        ended = self._nodes.ended()
-        if ended is not None:
-            end(ended)
-
-    def _require_rest(self, until: float) -> None:
-        if not self._rest.wait(until - time.monotonic()):
-            end(self._unrest())
-
-    def _unrest(self) -> str:
-        return f"the nodes did not come to rest: {'; '.join(self._rest.working())}"
 
     def _require_command(self, until: float) -> None:
         """Wait for a command, and for rest after it."""
         while not self._incoming[self._command].wait(PAUSE_S):
-            self._require_nodes()
+            self._crew.require_nodes()
             if time.monotonic() > until:
-                end("no node commanded; answer=each needs a command at each tick, answer=rest none")
-        self._require_rest(until)
+                end(NO_COMMAND)
+        self._crew.require_rest(until)
 
 
 if __name__ == "__main__":
-    main()
+    fly_mission("ROS 1", NEEDED, "", Mission)

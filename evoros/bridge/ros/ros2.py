@@ -19,13 +19,12 @@ if TYPE_CHECKING:
         PAUSE_S,
         STEADY,
         Conversation,
-        Modes,
-        Wheels,
         end,
     )
+    from evoros.bridge.ros.lockstep import NO_COMMAND, Crew, fly_mission
     from evoros.bridge.ros.messages import Messages
     from evoros.bridge.ros.nodes import Nodes
-    from evoros.bridge.ros.rest import Hidden, Rest
+    from evoros.bridge.ros.rest import Rest
     from evoros.bridge.ros.ros2_start import (
         complete,
         group,
@@ -35,9 +34,10 @@ if TYPE_CHECKING:
         write_parameters,
     )
 else:
-    from conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, Conversation, Modes, Wheels, end
+    from conversation import COMMANDS, OWN_SHARE, PAUSE_S, STEADY, end
+    from lockstep import NO_COMMAND, Crew, fly_mission
     from nodes import Nodes
-    from rest import Hidden, Rest
+    from rest import Rest
     from ros2_start import (
         complete,
         group,
@@ -48,46 +48,37 @@ else:
     )
 
 NEEDED = ("rclpy", "geometry_msgs", "nav_msgs", "sensor_msgs", "rosgraph_msgs")
+ADVICE = ", and source /opt/ros/DISTRIBUTION/setup.bash before evoros"
 GRAPH_PAUSE_S, LOOK_S = 0.05, 0.0002
 """Between two of these looks. Whether two nodes are connected with each other only they know; Fast
 DDS repeats what got lost of their introduction after a third of a second."""
 
 
-def main() -> None:
-    """Fly one mission."""
-    conversation = Conversation()
-    options = conversation.briefing["ros"]
-    until = time.monotonic() + OWN_SHARE * options["start_limit_s"]
-    advice = ", and source /opt/ros/DISTRIBUTION/setup.bash before evoros"
-    conversation.require("ROS 2", NEEDED, advice)
-    try:
-        rest = Rest(options["isolate"])
-        claim = set_environment(options["isolate"])
-    except OSError as error:
-        conversation.refuse(f"controller: this system cannot fly ROS 2 ({error})")
-    try:
-        mission = Mission(conversation, rest)
-        mission.connect(until)
-        conversation.ready()
-        mission.fly()
-    except Hidden as error:
-        conversation.fail(f"controller.nodes: {error}")
-    del claim
-    os._exit(0)  # whatever the threads of DDS do
+def start_nodes(briefing: dict[str, Any]) -> Nodes:
+    """Start the user's nodes.
+
+    Raises:
+        OSError: a command cannot be executed.
+        ValueError: a parameter is none of ROS.
+    """
+    commands = briefing["ros"]["nodes"]
+    write_parameters(briefing)
+    return Nodes(commands, dict(os.environ), complete(commands, topic_names(briefing)))
 
 
 class Mission:
     """One mission with nodes of ROS 2."""
 
-    def __init__(self, conversation: Conversation, rest: Rest) -> None:
+    def __init__(self, conversation: Conversation, rest: Rest, until: float) -> None:
         """Start the nodes, and join the graph. The imports take a while, as those of nodes do."""
-        self._conversation, self._rest = conversation, rest
-        briefing = conversation.briefing
-        self._options: dict[str, Any] = briefing["ros"]
-        self._nodes = self._start_nodes()
+        self._conversation, briefing = conversation, conversation.briefing
+        try:
+            self._claim = set_environment(briefing["ros"]["isolate"])  # held to the end
+        except OSError as error:
+            conversation.refuse(f"controller: this system cannot fly ROS 2 ({error})")
+        self._crew = Crew(conversation, rest, lambda: start_nodes(briefing))
+        self._options = self._crew.options
         graph, messages = import_module("ros2_graph"), import_module("messages")
-        self._wheels = Wheels(briefing["drive"], self._options["twist"])
-        self._modes = Modes(briefing["modes"])
         self._messages: Messages = messages.Messages(briefing, graph.stamp)
         topics = self._options["topics"]
         self._graph: ros2_graph.Graph = graph.Graph(
@@ -98,37 +89,18 @@ class Mission:
         self._commands: ros2_incoming.Incoming | None = None
         self._reports: ros2_incoming.Incoming | None = None  # of the mode
 
-    def _start_nodes(self) -> Nodes:
-        briefing, commands = self._conversation.briefing, self._options["nodes"]
-        try:
-            write_parameters(briefing)
-            return Nodes(commands, dict(os.environ), complete(commands, topic_names(briefing)))
-        except ValueError as error:
-            self._conversation.refuse(str(error))
-        except OSError as error:
-            self._conversation.refuse(
-                f"controller.nodes: must be commands that this system can execute, not "
-                f"{error.filename} ({error.strerror}); correct it"
-            )
-
     def connect(self, until: float) -> None:
         """Return when every connection stands and all are at rest.
 
         What nodes have said until then has not been said in the mission.
         """
-        missing: str | None = ""
-        while missing is not None or not self._steady():
-            if time.monotonic() > until:
-                self._conversation.refuse(
-                    f"controller.nodes: {missing or self._unrest()} in "
-                    f"{self._options['start_limit_s']:g} s; correct the nodes or start_limit_s"
-                )
+        while self._missing() is not None or not self._steady():
+            self._crew.require_start(until, self._missing)
             time.sleep(PAUSE_S)
-            self._require_nodes()
-            missing = self._missing()
+            self._crew.require_nodes()
         for outlet in self._graph.outlets:
             outlet.arrange()
-        self._rest.prepare()
+        self._crew.rest.prepare()
         self._hear()
 
     def _missing(self) -> str | None:
@@ -152,10 +124,10 @@ class Mission:
     def _steady(self) -> bool:
         alone = len(self._options["nodes"]) == 1 and takes_arguments(self._options["nodes"][0])
         for _ in range(STEADY):
-            if not self._rest.wait(1.0):
+            if not self._crew.rest.wait(1.0):
                 return False
             time.sleep(PAUSE_S if alone else GRAPH_PAUSE_S)
-        return self._rest.wait(1.0) and self._missing() is None
+        return self._crew.rest.wait(1.0) and self._missing() is None
 
     def fly(self) -> None:
         """Answer each tick by what the nodes command."""
@@ -166,29 +138,21 @@ class Mission:
                 self._deliver(route, until)
             for together in self._messages.of(tick):
                 self._deliver(together, until)
-            self._require_nodes()
+            self._crew.require_nodes()
             commands = self._hear()
             if not commands and self._options["answer"] == "each":
                 commands = self._await_command(until)
-            self._answer(commands)
+            self._crew.answer(commands)
 
     def _deliver(self, together: list[tuple[str, Any]], until: float) -> None:
         """Publish to one group of nodes after the other, each at rest before the next."""
         for outlet in self._graph.outlets:
-            outlet.deliver(together, lambda: self._require_rest(until))
-
-    def _answer(self, commands: list[Any]) -> None:
-        if not commands:
-            self._conversation.answer(0, 0.0, 0.0)
-            return
-        for message in commands:
-            speed, steering = self._wheels.read(message)
-        self._conversation.answer(self._modes.now, speed, steering)
+            outlet.deliver(together, lambda: self._crew.require_rest(until))
 
     def _hear(self) -> list[Any]:
         """Return the commands that have arrived, and note the mode."""
         for message in [] if self._reports is None else self._reports.fetch():
-            self._modes.report(message.data)
+            self._crew.modes.report(message.data)
         return [] if self._commands is None else self._commands.fetch()
 
     def _await_command(self, until: float) -> list[Any]:
@@ -196,25 +160,13 @@ class Mission:
         commands: list[Any] = []
         while not commands:
             time.sleep(LOOK_S)
-            self._require_nodes()
+            self._crew.require_nodes()
             commands = self._hear()
             if time.monotonic() > until:
-                end("no node commanded; answer=each needs a command at each tick, answer=rest none")
-        self._require_rest(until)
+                end(NO_COMMAND)
+        self._crew.require_rest(until)
         return commands + self._hear()
-
-    def _require_nodes(self) -> None:
-        ended = self._nodes.ended()
-        if ended is not None:
-            end(ended)
-
-    def _require_rest(self, until: float) -> None:
-        if not self._rest.wait(until - time.monotonic()):
-            end(self._unrest())
-
-    def _unrest(self) -> str:
-        return f"the nodes did not come to rest: {'; '.join(self._rest.working())}"
 
 
 if __name__ == "__main__":
-    main()
+    fly_mission("ROS 2", NEEDED, ADVICE, Mission)

@@ -8,14 +8,8 @@ import struct
 import threading
 import time
 
-# asm/unistd.h: futex, select, poll, epoll, recv, accept, wait, pause, sigtimedwait
-_WAITING = {
-    "x86_64": "202 23 270 7 271 232 281 441 45 47 299 43 288 61 247 34 128",
-    "aarch64": "98 72 73 22 441 207 212 243 202 242 260 95 137",
-}
-WAITING = frozenset(_WAITING.get(os.uname().machine, "").encode().split())
-"""The calls in which a thread waits for something outside of it, and never for a disk."""
-# asm/unistd.h: clock_nanosleep, nanosleep
+# asm/unistd.h: clock_nanosleep, nanosleep. Threads at rest sleep, too, as in rospy.spin(), so that
+# how long a sleep lasts has to be known; only the memory of the thread has it.
 _SLEEPING = {"x86_64": "230 35", "aarch64": "115 101"}
 CLOCK_SLEEP, SLEEP = _SLEEPING.get(os.uname().machine, "none none").encode().split()
 UNTIL = 1  # linux/time.h: TIMER_ABSTIME
@@ -49,7 +43,7 @@ class WatchedThread:
             self.close()
             raise
         self._place, self._call, self._state, self._runs = self._files
-        self._known_place = b""  # where it was in one of the calls WAITING
+        self._known_place = b""  # where it waited
         # What schedstat said during a sleep, and when that ends by time.monotonic().
         self._sleep: tuple[bytes, float] = (UNTOLD, 0.0)
 
@@ -79,16 +73,14 @@ class WatchedThread:
             return self._sleep[1] - time.monotonic() > SHORT_S  # it has not run since
         call, *arguments = self._read_call()
         state = self._read_state()
-        if state != ASLEEP or place == NOWHERE:  # also one that was stopped
+        if state != ASLEEP or place == NOWHERE or call == b"running":  # also one that was stopped
             return state in ENDED
-        if call in WAITING:
-            self._known_place = place
-            return True
         if call in (CLOCK_SLEEP, SLEEP):
             left = self._sleeps_for(call, arguments)
             self._sleep = (runs if runs != UNTOLD else b"", time.monotonic() + left)
             return left > SHORT_S
-        return call != b"running" and call == self._read_call()[0]  # it is not in the list
+        self._known_place = place
+        return True
 
     def _sleeps_for(self, call: bytes, arguments: list[bytes]) -> float:
         """Return for how long a call still sleeps [s]."""

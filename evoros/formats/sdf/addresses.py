@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from urllib.parse import unquote
 
-from evoros.base.resources import expand_home
+from evoros.files.resources import expand_home
 from evoros.formats.letter_case import find_in_any_case
 from evoros.formats.missing import Remedy
 from evoros.formats.notes import Notes

@@ -4,20 +4,18 @@ A frame's path consists of the names of the models around it and its own, such a
 ``("shelf", "board")``; the path of the world is empty.
 """
 
-import math
 from dataclasses import dataclass
 
 from lxml.etree import _Element as Element
 
+from evoros.formats.pose import parse_pose
 from evoros.formats.strict_xml import (
     element_error,
     find_child,
     quote,
-    read_flag_attribute,
     read_name,
-    read_numbers,
 )
-from evoros.geometry.shapes import Pose, normalize
+from evoros.geometry.shapes import Pose
 
 Path = tuple[str, ...]
 
@@ -165,23 +163,4 @@ def read_pose(element: Element) -> RelativePose:
     if pose is None:
         return RelativePose(Pose(), "", element)
     base = (pose.get("relative_to") or pose.get("frame") or "").strip()
-    is_empty = not len(pose) and not (pose.text or "").strip()
-    return RelativePose(Pose() if is_empty else _parse_pose(pose), base, pose)
-
-
-def _parse_pose(element: Element) -> Pose:
-    form = element.get("rotation_format", "euler_rpy")
-    degrees = read_flag_attribute(element, "degrees")
-    if form == "quat_xyzw" and not degrees:
-        x, y, z, *quaternion = read_numbers(element, 7)
-        if sum(q * q for q in quaternion) < 1e-12:
-            fix = "write 0 0 0 1 for no rotation"
-            raise element_error(element, "has a quaternion of length 0", fix)
-        return Pose((x, y, z), normalize(quaternion))
-    if form != "euler_rpy":
-        problem = f"has rotation_format {quote(form)}, degrees {str(degrees).lower()}"
-        fix = 'use "euler_rpy", or "quat_xyzw" without degrees'
-        raise element_error(element, problem, fix)
-    x, y, z, *angles = read_numbers(element, 6)
-    roll, pitch, yaw = (math.radians(a) if degrees else a for a in angles)
-    return Pose.from_rpy((x, y, z), roll, pitch, yaw)
+    return RelativePose(parse_pose(pose), base, pose)

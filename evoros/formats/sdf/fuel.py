@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
 
-from evoros.base.resources import expand_home
+from evoros.files.resources import expand_home
 from evoros.formats.missing import Remedy
 
 _ADDRESS = re.compile(

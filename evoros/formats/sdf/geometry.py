@@ -1,6 +1,7 @@
 """The shapes of a collision in an SDF file."""
 
 import math
+from collections.abc import Callable, Mapping
 
 from lxml.etree import _Element as Element
 
@@ -26,6 +27,15 @@ from evoros.geometry.shapes import Pose, Shape, Vector
 _KINDS = (
     "box, capsule, cone, cylinder, ellipsoid, empty, heightmap, mesh, plane, polyline or sphere"
 )
+_SIZES_M: Mapping[str, Mapping[str, tuple[float, ...]]] = {
+    "box": {"size": (1.0, 1.0, 1.0)},
+    "sphere": {"radius": (1.0,)},
+    "cylinder": {"radius": (1.0,), "length": (1.0,)},
+    "capsule": {"radius": (0.5,), "length": (1.0,)},
+    "cone": {"radius": (0.5,), "length": (1.0,)},
+    "ellipsoid": {"radii": (1.0, 1.0, 1.0)},
+}
+"""The lengths of each kind, with their defaults in SDF."""
 _SIDES = 24  # of the polygons that stand for circles
 
 
@@ -54,45 +64,28 @@ def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
         return _read_mesh(solid, reading)
     if kind == "heightmap":
         return (read_heightmap(solid, reading),)
-    if kind not in _PRIMITIVES:
+    if kind == "plane":
+        return _read_plane(solid)
+    if kind not in _SIZES_M:
         problem = f"is not supported inside <{local_tag(geometry)}>"
         raise element_error(solid, problem, f"use {_KINDS}")
-    return _PRIMITIVES[kind](solid, reading)
+    sizes = _read_sizes(solid, reading)
+    return _MAKERS[kind](*sizes) if kind in _MAKERS else (Shape(kind, sizes),)
 
 
-def _read_lengths(
-    solid: Element, tag: str, reading: Reading, default: tuple[float, ...]
-) -> tuple[float, ...]:
-    """Return the lengths [m] in a child of a solid; without it, the default of SDF."""
-    element = find_child(solid, tag)
-    if element is not None:
-        return read_positive(element, len(default))
-    value = " ".join(f"{length:g}" for length in default)
-    reading.notes.add(solid, f"has no <{tag}>: {value} m is assumed, the default of SDF")
-    return default
+def _read_sizes(solid: Element, reading: Reading) -> tuple[float, ...]:
+    """Return the lengths [m] of a solid; without one of them, the default of SDF."""
+    sizes: list[float] = []
+    for tag, default in _SIZES_M[str(solid.tag)].items():
+        element = find_child(solid, tag)
+        if element is None:
+            value = " ".join(f"{length:g}" for length in default)
+            reading.notes.add(solid, f"has no <{tag}>: {value} m is assumed, the default of SDF")
+        sizes += default if element is None else read_positive(element, len(default))
+    return tuple(sizes)
 
 
-def _read_box(box: Element, reading: Reading) -> tuple[Shape, ...]:
-    return (Shape("box", _read_lengths(box, "size", reading, (1.0, 1.0, 1.0))),)
-
-
-def _read_sphere(sphere: Element, reading: Reading) -> tuple[Shape, ...]:
-    return (Shape("sphere", _read_lengths(sphere, "radius", reading, (1.0,))),)
-
-
-def _read_cylinder(cylinder: Element, reading: Reading) -> tuple[Shape, ...]:
-    return (Shape("cylinder", _read_radius_and_length(cylinder, reading, 1.0)),)
-
-
-def _read_radius_and_length(
-    element: Element, reading: Reading, radius_m: float
-) -> tuple[float, float]:
-    (radius,) = _read_lengths(element, "radius", reading, (radius_m,))
-    (length,) = _read_lengths(element, "length", reading, (1.0,))
-    return radius, length
-
-
-def _read_plane(plane: Element, reading: Reading) -> tuple[Shape, ...]:
+def _read_plane(plane: Element) -> tuple[Shape, ...]:
     size, normal = find_child(plane, "size"), find_child(plane, "normal")
     if size is not None:  # only for its picture: a plane has no end
         read_numbers(size, 2)
@@ -104,14 +97,12 @@ def _read_plane(plane: Element, reading: Reading) -> tuple[Shape, ...]:
     return (Shape("plane", values),)
 
 
-def _read_capsule(capsule: Element, reading: Reading) -> tuple[Shape, ...]:
-    radius, length = _read_radius_and_length(capsule, reading, 0.5)
+def _make_capsule(radius: float, length: float) -> tuple[Shape, ...]:
     ends = (Shape("sphere", (radius,), Pose((0.0, 0.0, z))) for z in (-length / 2, length / 2))
     return (Shape("cylinder", (radius, length)), *ends)
 
 
-def _read_ellipsoid(ellipsoid: Element, reading: Reading) -> tuple[Shape, ...]:
-    a, b, c = _read_lengths(ellipsoid, "radii", reading, (1.0, 1.0, 1.0))
+def _make_ellipsoid(a: float, b: float, c: float) -> tuple[Shape, ...]:
     corners: list[Vector] = [(0.0, 0.0, -c), (0.0, 0.0, c)]
     for i in range(1, _SIDES // 2):
         latitude = math.pi * (i / (_SIDES // 2) - 0.5)
@@ -121,8 +112,7 @@ def _read_ellipsoid(ellipsoid: Element, reading: Reading) -> tuple[Shape, ...]:
     return (Shape("convex", (), corners=tuple(corners)),)
 
 
-def _read_cone(cone: Element, reading: Reading) -> tuple[Shape, ...]:
-    radius, length = _read_radius_and_length(cone, reading, 0.5)
+def _make_cone(radius: float, length: float) -> tuple[Shape, ...]:
     base = [(radius * x, radius * y, -length / 2) for x, y in _circle()]
     return (Shape("convex", (), corners=((0.0, 0.0, length / 2), *base)),)
 
@@ -132,15 +122,12 @@ def _circle() -> list[tuple[float, float]]:
     return [(elementary.cos(angle), elementary.sin(angle)) for angle in angles]
 
 
-_PRIMITIVES = {
-    "box": _read_box,
-    "sphere": _read_sphere,
-    "cylinder": _read_cylinder,
-    "plane": _read_plane,
-    "capsule": _read_capsule,
-    "ellipsoid": _read_ellipsoid,
-    "cone": _read_cone,
+_MAKERS: Mapping[str, Callable[..., tuple[Shape, ...]]] = {
+    "capsule": _make_capsule,
+    "ellipsoid": _make_ellipsoid,
+    "cone": _make_cone,
 }
+"""Make the shapes of what is no shape of its own here, from its sizes [m]."""
 
 
 def _read_polylines(polylines: list[Element]) -> tuple[Shape, ...]:

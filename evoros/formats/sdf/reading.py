@@ -10,7 +10,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.checks import Rule, checked, one_of
 from evoros.base.errors import InputError
-from evoros.base.resources import expand_home
+from evoros.files.resources import expand_home, read_file
 from evoros.formats.lenient_xml import parse_leniently
 from evoros.formats.missing import MISSING_RULE, Absences
 from evoros.formats.notes import Notes
@@ -77,12 +77,7 @@ class Reading:
         """
         real = path.resolve()
         if real not in self.contents:
-            try:
-                self.contents[real] = real.read_bytes()
-            except OSError as error:
-                raise InputError(
-                    f"{path}: must be readable, but: {error.strerror}; change it"
-                ) from error
+            self.contents[real] = read_file(real)
         return self.contents[real]
 
     def parse(self, path: Path) -> Element:

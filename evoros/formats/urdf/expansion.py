@@ -9,19 +9,14 @@ from xml.sax.saxutils import escape
 from lxml.etree import _Element as Element
 
 from evoros.base.errors import InputError
-from evoros.base.resources import find_file
+from evoros.files.resources import find_file, read_file
 from evoros.formats.lenient_xml import parse_leniently
 from evoros.formats.missing import Absences
 from evoros.formats.strict_xml import parse
 from evoros.formats.urdf import xacro_child
 from evoros.formats.urdf.named_files import EXPANDED, collect_absent_meshes, resolve_files
 from evoros.formats.urdf.packages import index_packages
-from evoros.formats.urdf.xacro_expansion import (
-    ReadOptions,
-    choose_instead,
-    expand,
-    format_argument,
-)
+from evoros.formats.urdf.xacro_expansion import ReadOptions, choose_instead, expand, format_argument
 
 _LOG = logging.getLogger(__name__)
 _XACRO = re.compile(xacro_child.NAMESPACE)
@@ -43,7 +38,7 @@ def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
     """
     options = options or ReadOptions()
     file = find_file(name, "robots")
-    content = _read_content(file)
+    content = read_file(file)
     root = parse_leniently(content, str(file))
     packages = index_packages(file, options.packages, options.ignored_packages)
     absences = Absences(str(file))
@@ -108,12 +103,3 @@ def _fill_placeholders(
         _LOG.warning("%s: the placeholders %s are left empty", file, names)
     filled = _PLACEHOLDER.sub(lambda match: escape(values[match[1]]), text)
     return parse(filled.encode(), str(file))
-
-
-def _read_content(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise InputError(
-            f"{file}: must be readable, but: {error.strerror}; change its permissions"
-        ) from error

@@ -1,13 +1,13 @@
 """Reads the elements of a URDF that are for Gazebo: plugins and the friction of links."""
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from lxml.etree import _Element as Element
 
-from evoros.formats.strict_xml import element_error, local_tag, quote
+from evoros.formats.strict_xml import element_error
+from evoros.formats.urdf.parts import parse_numbers
 
 _COEFFICIENTS = ("mu", "mu1", "mu2")
 
@@ -49,13 +49,14 @@ def read_friction_axes(robot: Element) -> dict[str, FrictionAxis]:
     axes = {}
     for gazebo in robot.iterfind("gazebo[@reference]"):
         for element in _find_all(gazebo, _COEFFICIENTS):
-            if _read_numbers(element, 1)[0] < 0.0:
+            if parse_numbers(element, _read_text(element), 1)[0] < 0.0:
                 problem = f"must be at least 0, not {_read_text(element)}"
                 raise element_error(element, problem, "write a coefficient of friction from 0 up")
         for element in _find_all(gazebo, ("fdir1",)):
             frames = [v for name, v in element.attrib.items() if str(name).endswith("expressed_in")]
-            numbers = _read_numbers(element, 3)
-            axes[str(gazebo.get("reference"))] = FrictionAxis(numbers, str((*frames, "")[0]))
+            numbers = parse_numbers(element, _read_text(element), 3)
+            frame = str((*frames, "")[0])
+            axes[str(gazebo.get("reference"))] = FrictionAxis(tuple(numbers), frame)
     return axes
 
 
@@ -64,17 +65,5 @@ def _find_all(gazebo: Element, tags: tuple[str, ...]) -> Iterator[Element]:
 
 
 def _read_text(element: Element) -> str:
+    """Return what Gazebo takes: the attribute ``value`` or the text."""
     return str(element.get("value") or element.text or "").strip()
-
-
-def _read_numbers(element: Element, count: int) -> tuple[float, ...]:
-    """Read numbers, which Gazebo takes from the attribute ``value`` or from the text."""
-    try:
-        numbers = tuple(float(word) for word in _read_text(element).split())
-    except ValueError:
-        numbers = ()
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        expected = f"{count} finite number{'s' * (count > 1)}"
-        problem = f"must hold {expected}, not {quote(_read_text(element))}"
-        raise element_error(element, problem, f"write {expected} in <{local_tag(element)}>")
-    return numbers

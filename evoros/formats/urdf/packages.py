@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evoros.base.errors import InputError
-from evoros.base.resources import bundled_folder, expand_home
+from evoros.files.resources import bundled_folder, expand_home
 
 _LEVELS_UP = 3  # folders above the file's package whose packages are found
 _LEVELS_DOWN = 4  # folders below each of them

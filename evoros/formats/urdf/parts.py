@@ -9,7 +9,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
-from evoros.base.linear import length, principal_axes
+from evoros.base.linear import length
 from evoros.formats.strict_xml import element_error, quote, read_name, require_child
 from evoros.geometry.inertia import symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape
@@ -45,13 +45,22 @@ def read_values(
     text = element.get(attribute, default)
     if text is None:
         raise element_error(element, f"must have the attribute {attribute}", "add it")
+    return parse_numbers(element, text, count, f" in {attribute}")
+
+
+def parse_numbers(element: Element, text: str, count: int, place: str = "") -> list[float]:
+    """Return the finite numbers in a text of an element; ``place`` tells where it stands.
+
+    Raises:
+        InputError: there are not ``count`` of them.
+    """
     try:
         numbers = [float(word) for word in text.split()]
     except ValueError:
         numbers = []
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
         expected = f"{count} finite number{'s' * (count > 1)}"
-        problem = f"must have {expected} in {attribute}, not {quote(text)}"
+        problem = f"must have {expected}{place}, not {quote(text)}"
         raise element_error(element, problem, f"write {expected}")
     return numbers
 
@@ -76,28 +85,6 @@ def read_tensor(inertia: Element) -> Array:
     xx, yy, zz = (read_value(inertia, name) for name in ("ixx", "iyy", "izz"))
     xy, xz, yz = (read_value(inertia, name, "0") for name in ("ixy", "ixz", "iyz"))
     return symmetric_tensor(xx, yy, zz, xy, xz, yz)
-
-
-def check_inertia(link: Element) -> None:
-    """Check that a link has a mass, and a tensor that a body of positive density can have.
-
-    The principal moments of such a body are positive, and none exceeds the sum of the other two.
-    """
-    inertial = require_child(link, "inertial")
-    read_origin(inertial)
-    mass = require_child(inertial, "mass")
-    if read_value(mass, "value") <= 0:
-        problem = f"must be greater than 0 kg, not {mass.get('value')}"
-        raise element_error(mass, problem, "write a positive value")
-    inertia = require_child(inertial, "inertia")
-    low, middle, high = principal_axes(read_tensor(inertia))[0]
-    if low <= 0 or low + middle < high * (1.0 - 1e-9):
-        raise element_error(
-            inertia,
-            "must have principal moments above 0, none above the sum of the other two, not "
-            f"{low:g}, {middle:g} and {high:g} kg m2",
-            "compute them from the shape of the part",
-        )
 
 
 def read_joint(element: Element, links: Collection[str]) -> Joint:

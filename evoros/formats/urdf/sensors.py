@@ -9,7 +9,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base import elementary
 from evoros.base.errors import InputError
-from evoros.formats.sdf.frames import read_pose
+from evoros.formats.pose import parse_pose
 from evoros.formats.strict_xml import (
     element_error,
     find_child,
@@ -71,7 +71,8 @@ def _read_sensor(element: Element, link: str) -> DescribedSensor:
     name = element.get("name", "").strip() or f"{link}_{given}"
     if not link:
         raise element_error(element, "must be on a link", "name it in <gazebo reference=...>")
-    pose, settings = read_pose(element).pose, _read_period(element)
+    placed, settings = find_child(element, "pose"), _read_period(element)
+    pose = Pose() if placed is None else parse_pose(placed)
     if given in _RAYS:
         return _read_rays(element, DescribedSensor(name, LIDAR, link, pose, settings))
     if given not in _KINDS:

@@ -9,6 +9,7 @@ from lxml.etree import _Element as Element
 
 from evoros.base import elementary
 from evoros.base.linear import principal_axes, product
+from evoros.compilation.elementary_arrays import cos_all, sin_all
 from evoros.formats.notes import Notes
 from evoros.formats.strict_xml import element_error, require_child
 from evoros.formats.urdf.elements import build_collision
@@ -22,6 +23,13 @@ _SOLIDS = (*_PRIMITIVES, "mesh", "capsule", "ellipsoid")
 _MAX_PARTS = 64  # convex parts of a mesh; one with more is taken as its hull
 _MAX_CORNERS = 256  # of a convex part; one with more is taken by its extreme corners
 _ELLIPSOID_RINGS = 9
+_KINDS = _EMPTY, _STRANGE, _BOXES, _ABSENT = (
+    "shapes without a size are left out, of the links",
+    "elements that a <geometry> cannot have are left out:",
+    "absent meshes are replaced by boxes:",
+    "absent meshes are left out:",
+)
+"""What is told of solids, before their names."""
 
 
 class SolidsReader:
@@ -33,15 +41,12 @@ class SolidsReader:
         self.notes: list[str] = []
         self._divided = 0
         self._hulls = 0
-        self._empty: list[str] = []
-        self._boxes: list[str] = []
-        self._absent: list[str] = []  # meshes for which no box stands
-        self._strange: list[str] = []
+        self._names: dict[str, list[str]] = {kind: [] for kind in _KINDS}
 
     @property
     def lacks_meshes(self) -> bool:
         """Whether a mesh is missing."""
-        return bool(self._boxes or self._absent)
+        return bool(self._names[_BOXES] or self._names[_ABSENT])
 
     def rewrite_collisions(self, robot: Element) -> None:
         """Replace every collision of another kind by collisions that engines know.
@@ -69,7 +74,7 @@ class SolidsReader:
             return
         for child in [child for child in geometry if child.tag not in _SOLIDS]:
             geometry.remove(child)
-            self._strange.append(f"<{child.tag!s}> of {link.get('name')}")
+            self._names[_STRANGE].append(f"<{child.tag!s}> of {link.get('name')}")
 
     def read(self, link: Element, part: Element, hull: bool = True) -> tuple[Shape, ...]:
         """Read the solids of a ``<collision>`` or ``<visual>``, posed in the frame of its link.
@@ -81,7 +86,7 @@ class SolidsReader:
         """
         geometry = part.find("geometry")
         if geometry is None or not len(geometry):
-            self._empty.append(str(link.get("name")))
+            self._names[_EMPTY].append(str(link.get("name")))
             return ()
         solid, pose = geometry[0], read_origin(part)
         if solid.tag == "mesh":
@@ -95,7 +100,7 @@ class SolidsReader:
             radii = read_values(solid, "radii" if solid.get("radii") else "radius", 3)
             return (Shape("convex", (), pose, corners=_ellipsoid(radii)),)
         if _is_empty(solid):
-            self._empty.append(str(link.get("name")))
+            self._names[_EMPTY].append(str(link.get("name")))
             return ()
         return (read_shape(part),)
 
@@ -105,18 +110,11 @@ class SolidsReader:
             self.notes.append(f"{self._divided} collision meshes are taken as convex parts")
         if self._hulls:
             self.notes.append(f"{self._hulls} collision meshes are taken as their convex hulls")
-        if self._empty:
-            names = ", ".join(dict.fromkeys(self._empty))
-            self.notes.append(f"shapes without a size are left out, of the links {names}")
-        if self._strange:
-            names = ", ".join(dict.fromkeys(self._strange))
-            self.notes.append(f"elements that a <geometry> cannot have are left out: {names}")
-        if self._boxes:
-            names = ", ".join(dict.fromkeys(self._boxes))
-            self.notes.append(f"absent meshes are replaced by boxes: {names}")
-        if self._absent:
-            names = ", ".join(dict.fromkeys(self._absent))
-            self.notes.append(f"absent meshes are left out: {names}")
+        self.notes += [
+            f"{kind} {', '.join(dict.fromkeys(names))}"
+            for kind, names in self._names.items()
+            if names
+        ]
         return self.notes
 
     def _read_mesh(
@@ -135,7 +133,7 @@ class SolidsReader:
             fix = "add the folder of its package to robot.packages, or set robot.missing=leave_out"
             raise element_error(solid, f"names the absent mesh {name}, which is needed", fix)
         box = _box_of_inertia(link) if self.missing == "box" else None
-        (self._absent if box is None else self._boxes).append(name)
+        self._names[_ABSENT if box is None else _BOXES].append(name)
         return () if box is None else (box,)
 
     def _read_file(self, path: Path, scale: Vector, hull: bool) -> tuple[Shape, ...]:
@@ -174,9 +172,7 @@ def simplify(shape: Shape) -> Shape:
     turn = np.arange(_MAX_CORNERS) + 0.5
     height, angle = 1.0 - 2.0 * turn / _MAX_CORNERS, turn * math.pi * (1.0 + math.sqrt(5.0))
     ring = np.sqrt(1.0 - height * height)
-    directions = np.stack(
-        [ring * elementary.cos_all(angle), ring * elementary.sin_all(angle), height], axis=1
-    )
+    directions = np.stack([ring * cos_all(angle), ring * sin_all(angle), height], axis=1)
     kept = sorted(set((product(corners, directions.T)).argmax(axis=0).tolist()))
     return Shape("convex", (), shape.pose, corners=tuple(shape.corners[i] for i in kept))
 

@@ -134,10 +134,13 @@ def _rename_prefix(root: Any) -> None:
 
 
 def _expand(request: dict[str, Any]) -> dict[str, Any]:
+    from evoros.formats.urdf.packages import PackageIndex
     from evoros.formats.urdf.xacro_packages import OutsideError, Packages
 
     file = request["file"]
-    packages = Packages(request["roots"], request["packages"], request["ignored"])
+    roots = tuple(map(Path, request["roots"]))
+    folders = {name: Path(folder) for name, folder in request["packages"].items()}
+    packages = Packages(PackageIndex(roots, folders, frozenset(request["ignored"])))
     xacro = _patch_xacro(packages, request["environment"])
     mappings = _Arguments(request["arguments"])
     absent = {"packages": packages.absent, "files": packages.files}

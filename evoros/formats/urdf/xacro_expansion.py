@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from evoros.base.errors import InputError
-from evoros.base.resources import PACKAGE
+from evoros.files.resources import PACKAGE
 from evoros.formats.missing import Absence, Absences, Remedy
 from evoros.formats.urdf import xacro_child
 from evoros.formats.urdf.packages import PackageIndex

@@ -11,6 +11,7 @@ from typing import Any, BinaryIO
 
 from evoros.formats.letter_case import find_in_any_case
 from evoros.formats.urdf.installed import locate
+from evoros.formats.urdf.packages import PackageIndex
 
 IGNORED = "/ignored-package"
 """Where $(find) says that a package is that is ignored or absent."""
@@ -27,9 +28,7 @@ class OutsideError(Exception):
 class Packages:
     """The packages of the request, and what is left out because some are ignored or absent."""
 
-    roots: list[str]
-    folders: dict[str, str]
-    ignored: list[str]
+    index: PackageIndex
     skipped: list[str] = field(default_factory=list)  # includes and macros
     absent: dict[str, str] = field(default_factory=dict)  # packages, with the place that names them
     files: dict[str, str] = field(default_factory=dict)  # absent included files, likewise
@@ -38,19 +37,12 @@ class Packages:
     including: bool = False
 
     def find(self, name: str, file: str) -> str:
-        """Return the folder of a package: a root of that name, or a folder of that name in one.
-
-        A package that ``file`` names and that is absent is collected.
-        """
-        if name in self.ignored:
+        """Return the folder of a package; if ``file`` names an absent one, collect it."""
+        if name in self.index.ignored:
             return f"{IGNORED}/{name}"
-        for root in map(Path, self.roots):
-            if root.name == name:
-                return str(root)
-            if (root / name).is_dir():
-                return str(root / name)
-        if name in self.folders:
-            return self.folders[name]
+        folder = self.index.find(name)
+        if folder is not None:
+            return str(folder)
         self.absent.setdefault(name, _place(file, name))
         self.needed = self.needed or not self.including
         return f"{IGNORED}/{name}"
@@ -78,9 +70,8 @@ class Packages:
         if found is None:
             raise OutsideError(f"{name} does not exist; correct the name")
         real = Path(found).resolve()
-        allowed = [*self.roots, *self.folders.values()]
-        if not any(real.is_relative_to(Path(root).resolve()) for root in allowed):
-            folders = ", ".join(self.roots)
+        if not self.index.allows(real):
+            folders = ", ".join(map(str, self.index.roots))
             raise OutsideError(
                 f"{name} must lie inside {folders} or the robot's packages; add its folder to them"
             )
@@ -88,7 +79,7 @@ class Packages:
 
     def _locate(self, path: Path) -> str | None:
         """Return an existing file: the path, what is installed there, or in another case."""
-        found = locate(path, map(Path, (*self.roots, *self.folders.values())))
+        found = locate(path, (*self.index.roots, *self.index.folders.values()))
         if found is not None:
             return str(found)
         unlike = find_in_any_case(path)

@@ -6,7 +6,7 @@ import numpy as np
 
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
-from evoros.base.compilation import A1, A2, NOTHING, TRUTH, compile_rule
+from evoros.compilation.rules import A1, A2, NOTHING, TRUTH, compile_rule
 from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_bodies import HIDDEN, VISIBLE
 from evoros.simulator.engines.mujoco_model import Model

@@ -1,6 +1,9 @@
 """One mission in MuJoCo: observe, sense, advance."""
 
+import re
 from collections.abc import Sequence
+
+import numpy as np
 
 from evoros.base import elementary
 from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
@@ -10,49 +13,121 @@ from evoros.simulator.engines.mujoco_bodies import FIXED, MOVABLE, ROBOT
 from evoros.simulator.engines.mujoco_model import Model, Settings
 from evoros.simulator.engines.mujoco_rays import MujocoRays
 from evoros.simulator.engines.mujoco_signals import MujocoSignals
+from evoros.simulator.engines.teams import name_robot, share_arrays
 
 HARMLESS = "Linesearch"
 """How the warning begins that a step of the solver was cut short; the next one goes on."""
+_PLACE = re.compile(r" at DOF (\d+)")
+"""How a warning names a part of the state."""
+
+GROUND, OBSTACLE = -1, -2
+"""What a shape belongs to that is no robot's."""
 
 
 class MujocoSimulation:
-    """A robot of ``model`` in its world.
+    """The robots of ``model`` in their world, in steps that they make together.
 
     The calls of the engine and the views of its state are bound once: looking them up costs as
     much as some of them.
     """
 
     def __init__(
-        self,
-        model: Model,
-        robot: Robot,
-        settings: Settings,
-        warnings: Sequence[str],
-        number: int = 0,  # of the robot
+        self, model: Model, robots: Sequence[Robot], settings: Settings, warnings: Sequence[str]
     ) -> None:
-        library, engine, data = model.library, model.model, model.data
-        self._drive, self._time_step = robot.drive, settings.time_step
+        library, engine = model.library, model.model
+        self._model, self._robots, self._time_step = model, robots, settings.time_step
         self._warnings = warnings  # the engine adds to them
-        self._engine, self._data, self._model = engine, data, model
         self._step, self._place = library.mj_step, library.mj_kinematics
-        self._parts = model.robots[number]
-        position, rate = self._parts.root
-        self._pose, self._rates = data.qpos[position : position + 7], data.qvel[rate : rate + 6]
-        self._all_rates, self._list_touches = data.qvel, data.sensordata.tolist
-        self._wheel_rates: tuple[float, ...] = (0.0,) * len(self._parts.rotors)
-        self._command: tuple[float, float] | None = None
-        self._touched = False  # since the last observation
-        self._rays, self._ranges = MujocoRays(model, robot), robot.beam_count
-        self._signals = MujocoSignals(model, robot, number)
+        self._list_touches = model.data.sensordata.tolist
+        self._vehicles = [_Vehicle(model, robot, i) for i, robot in enumerate(robots)]
+        self._turns = list(zip(self._vehicles, share_arrays(robots), strict=True))
+        groups = engine.geom_group
+        self._owners = np.where((groups == FIXED) | (groups == MOVABLE), OBSTACLE, GROUND)
+        for number, parts in enumerate(model.robots):
+            self._owners[parts.visible] = number
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` with the true state of the base link; contact is that since last time.
+        """Fill ``state`` with the true states of the base links; contact is that since last time.
 
         Raises:
             SimulationError: the engine has warned of something that it cannot simulate.
         """
         if self._warnings:
             self._check_warnings()
+        for vehicle, share in self._turns:
+            vehicle.observe(state[share.state])
+
+    def _check_warnings(self) -> None:
+        grave = [line for line in self._warnings if not line.startswith(HARMLESS)]
+        if grave:
+            raise SimulationError(self._name_place(f"MuJoCo: {' '.join(grave[0].split())}"))
+
+    def _name_place(self, warning: str) -> str:
+        """Return a warning with the name of the robot that it is about, if it tells."""
+        place = _PLACE.search(warning)
+        if place is None or len(self._robots) == 1:
+            return warning
+        firsts = [parts.root[1] for parts in self._model.robots]
+        number = sum(first <= int(place[1]) for first in firsts) - 1
+        return f"{name_robot(number, self._robots[number])}: {warning}" if number >= 0 else warning
+
+    def sense(self, signals: Array) -> None:
+        """Fill ``signals``: the nearest hit [m] of each beam, within its sensor's range, first.
+
+        Robots see one another, and not themselves.
+        """
+        engine, data = self._model.model, self._model.data
+        self._place(engine, data)
+        for vehicle, share in self._turns:
+            engine.geom_group[vehicle.others] = MOVABLE
+            vehicle.sense(signals[share.signals])
+            engine.geom_group[vehicle.others] = ROBOT
+
+    def advance(self, command: Array, duration: float) -> None:
+        """Drive with ``command`` for ``duration`` [s].
+
+        Contact is tested in every step, because it may be shorter than a control period.
+        """
+        for vehicle, share in self._turns:
+            vehicle.set_motors(command[share.command])
+        step, engine, data = self._step, self._model.model, self._model.data
+        touches = self._list_touches
+        for _ in range(round(duration / self._time_step)):
+            step(engine, data)
+            if any(touches()):
+                self._report_contacts()
+
+    def _report_contacts(self) -> None:
+        """Report the contacts of robots with obstacles and with one another, which overlap."""
+        vehicles = self._vehicles
+        if not all(vehicle.touched for vehicle in vehicles):
+            for pair in self._owners[self._model.data.contact.geom].tolist():
+                if GROUND not in pair:
+                    for number in pair:
+                        if number >= 0:
+                            vehicles[number].touched = True
+        for vehicle in vehicles:
+            vehicle.feel()
+
+
+class _Vehicle:
+    """One of the robots."""
+
+    def __init__(self, model: Model, robot: Robot, number: int) -> None:
+        self._drive, self._data, self._parts = robot.drive, model.data, model.robots[number]
+        position, rate = self._parts.root
+        data = model.data
+        self._pose, self._rates = data.qpos[position : position + 7], data.qvel[rate : rate + 6]
+        self._all_rates = data.qvel
+        self._wheel_rates: tuple[float, ...] = (0.0,) * len(self._parts.rotors)
+        self._command: tuple[float, float] | None = None
+        self.touched = False  # since the last observation
+        self._rays, self._ranges = MujocoRays(model, robot), robot.beam_count
+        self._signals = MujocoSignals(model, robot, number)
+        rest = [parts.visible for i, parts in enumerate(model.robots) if i != number]
+        self.others = np.concatenate([np.zeros(0, dtype=int), *rest])  # the other robots' shapes
+
+    def observe(self, state: Array) -> None:
         x, y, _, qw, qx, qy, qz = self._pose.tolist()
         vx, vy, _, wx, wy, wz = self._rates.tolist()  # the turning is about the link's own axes
         yaw = elementary.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
@@ -64,27 +139,11 @@ class MujocoSimulation:
         )
         sin, cos = elementary.sin_cos(yaw)
         state[SPEED] = vx * cos + vy * sin
-        state[CONTACT] = self._touched
-        self._touched = False
-
-    def _check_warnings(self) -> None:
-        grave = [line for line in self._warnings if not line.startswith(HARMLESS)]
-        if grave:
-            raise SimulationError(f"MuJoCo: {' '.join(grave[0].split())}")
-
-    def _touches(self) -> bool:
-        """Whether the robot touches an obstacle. The engine lists contacts that overlap only."""
-        pairs = self._engine.geom_group[self._data.contact.geom]
-        obstacles = (pairs == FIXED) | (pairs == MOVABLE)
-        return bool(((pairs == ROBOT) & obstacles[:, ::-1]).any())
+        state[CONTACT] = self.touched
+        self.touched = False
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``: the nearest hit [m] of each beam, within its sensor's range, first."""
-        self._place(self._engine, self._data)
-        self.sense_placed(signals)
-
-    def sense_placed(self, signals: Array) -> None:
-        """Fill ``signals`` as ``sense`` does, if all shapes are where their links are."""
+        """Fill ``signals``, if all shapes are where their links are."""
         self._rays.cast(self._pose, signals[: self._ranges])
         if self._rays.parts.exist:
             angles = self._data.qpos[self._parts.steering]
@@ -96,21 +155,6 @@ class MujocoSimulation:
         if self._signals.feels:
             self._signals.feel()
 
-    def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s].
-
-        Contact is tested in every step, because it may be shorter than a control period.
-        """
-        self.set_motors(command)
-        step, engine, data, touches = self._step, self._engine, self._data, self._list_touches
-        feels = self._signals.feels
-        for _ in range(round(duration / self._time_step)):
-            step(engine, data)
-            if not self._touched and any(touches()) and self._touches():
-                self._touched = True
-            if feels and any(touches()):
-                self._signals.feel()
-
     def set_motors(self, command: Array) -> None:
         """Let the motors follow a command, which is done before each control period."""
         speed, steering = float(command[DRIVE_SPEED]), float(command[STEERING])
@@ -119,7 +163,3 @@ class MujocoSimulation:
             angles, self._wheel_rates = self._drive.targets(speed, steering)
             self._data.ctrl[self._parts.servos] = angles
         self._all_rates[self._parts.rotors] = self._wheel_rates  # loads slow rotors a little
-
-    def report_contact(self) -> None:
-        """Let the next observation report contact."""
-        self._touched = True

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
+from evoros.compilation.elementary_arrays import atan2_all, cos_all, sin_all
 from evoros.robot.model import Robot
 from evoros.simulator.engines.rays import Beam
 
@@ -74,18 +75,18 @@ def _edges(rays: Array, first: Indices, yaws: Array) -> Array:
     They are zeros if the beam is not a wedge.
     """
     x, y = rays[:, 0], rays[:, 1]
-    angles = elementary.atan2_all(y, x) - np.repeat(yaws, np.diff([*first, len(rays)]))
-    angles = elementary.atan2_all(elementary.sin_all(angles), elementary.cos_all(angles))
+    angles = atan2_all(y, x) - np.repeat(yaws, np.diff([*first, len(rays)]))
+    angles = atan2_all(sin_all(angles), cos_all(angles))
     high, low = np.maximum.reduceat(angles, first), np.minimum.reduceat(angles, first)
     wedges = np.minimum.reduceat(np.sqrt(x * x + y * y), first) >= 1e-6
     wedges &= np.maximum(np.abs(high), np.abs(low)) < math.pi / 2
     left, right = yaws + high, yaws + low
     edges = np.column_stack(
         [
-            -elementary.sin_all(left),
-            elementary.cos_all(left),
-            elementary.sin_all(right),
-            -elementary.cos_all(right),
+            -sin_all(left),
+            cos_all(left),
+            sin_all(right),
+            -cos_all(right),
         ]
     )
     return edges * wedges[:, None]
@@ -110,7 +111,7 @@ def _measure_spacing(rows: Array, rays: Array) -> tuple[float, float]:
     if len(rows) < 2 or not single.all():
         return 0.0, 0.0
     x, y, _ = rays[rows[:, FIRST_RAY].astype(np.int64)].T
-    bearings = np.unwrap(elementary.atan2_all(y, x))
+    bearings = np.unwrap(atan2_all(y, x))
     spaces = np.diff(bearings)
     spacing = float(spaces.mean())
     even = spacing > 0.0 and np.abs(spaces - spacing).max() < _UNEVEN_RAD

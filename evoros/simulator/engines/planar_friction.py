@@ -8,70 +8,79 @@ The contact sticks or slides by Coulomb's law (Lynch, Maekawa and Tanie, IROS 19
 """
 
 import math
+from typing import NamedTuple
 
 from evoros.base import elementary
-from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
-from evoros.simulator.engines import planar_bodies as layout
-from evoros.simulator.engines.planar_bodies import memory_views, part_of, place_body
+from evoros.simulator.engines.planar_bodies import (
+    ARM_SQUARED,
+    BODY_COS,
+    BODY_SIN,
+    BODY_X,
+    BODY_Y,
+    Movables,
+    Placed,
+    place_body,
+    pose_of,
+)
 
 MAX_TURN = 0.3  # [rad] of a body by one contact in a sweep
 
 
-@compilable
-def move_body(
-    pushing: Array,
-    memory: Array,
-    number: int,
-    depth: float,
-    nx: float,
-    ny: float,
-    along: float,
-    side: float,
-    drag: float,
-    friction: float,
-) -> None:
-    """Move a body by ``depth`` [m] along the normal at a point of contact, and turn it.
+class Push(NamedTuple):
+    """A contact that pushes a body."""
 
-    The point is given by its places along the normal and along its left-hand perpendicular [m]. The
-    contact drags it by ``drag`` [m] along that perpendicular, if its coefficient of friction
-    suffices.
-    """
-    poses, _, _, _, _ = memory_views(pushing, memory)
-    bodies = part_of(pushing, layout.BODIES).reshape((-1, layout.BODY_SIZE))
-    x = poses[number, layout.BODY_X]
-    y = poses[number, layout.BODY_Y]
+    depth: float  # [m] by which the body has to move along the normal
+    nx: float  # the normal
+    ny: float
+    along: float  # [m] the place of the contact along the normal
+    side: float  # [m] and along its left-hand perpendicular
+    drag: float  # [m] by which the contact drags the body along that, if friction suffices
+    friction: float  # the coefficient
+
+
+@compilable
+def move_body(movables: Movables, placed: Placed, number: int, push: Push) -> None:
+    """Move a body along the normal at a point of contact, and turn it."""
+    x, y, cos, sin = pose_of(placed, number)
     # The arms of a force along the perpendicular and of one along the normal.
-    arm = along - (x * nx + y * ny)
-    lever = -(side - (y * nx - x * ny))
-    squared = max(bodies[number, layout.ARM_SQUARED], 1e-6)
+    arm = push.along - (x * push.nx + y * push.ny)
+    lever = -(push.side - (y * push.nx - x * push.ny))
+    squared = max(movables.bodies[number, ARM_SQUARED], 1e-6)
+    force, across = solve_contact(push, arm, lever, squared)
+    turn = (lever * force + arm * across) / squared
+    turn_sin, turn_cos = elementary.sin_cos(min(max(turn, -MAX_TURN), MAX_TURN))
+    new_cos = cos * turn_cos - sin * turn_sin
+    new_sin = sin * turn_cos + cos * turn_sin
+    length = math.sqrt(new_cos * new_cos + new_sin * new_sin)
+    pose = placed.poses[number]
+    pose[BODY_X] = x + force * push.nx - across * push.ny
+    pose[BODY_Y] = y + force * push.ny + across * push.nx
+    pose[BODY_COS] = new_cos / length
+    pose[BODY_SIN] = new_sin / length
+    place_body(movables, placed, number)
+
+
+@compilable
+def solve_contact(push: Push, arm: float, lever: float, squared: float) -> tuple[float, float]:
+    """Return how far [m] a contact moves a body along its normal and its perpendicular.
+
+    ``squared`` [m2] is the square of the arm of the body's friction about the vertical.
+    """
     nn = 1.0 + lever * lever / squared
     nt = lever * arm / squared
     tt = 1.0 + arm * arm / squared
     whole = nn * tt - nt * nt
-    force = (tt * depth - nt * drag) / whole
-    across = (nn * drag - nt * depth) / whole
-    if friction == 0.0:
-        force = depth / nn
-        across = 0.0
-    elif force <= 0.0 or abs(across) > friction * force:
-        edge = friction if across > 0.0 else -friction
+    force = (tt * push.depth - nt * push.drag) / whole
+    across = (nn * push.drag - nt * push.depth) / whole
+    if push.friction == 0.0:
+        return push.depth / nn, 0.0
+    if force <= 0.0 or abs(across) > push.friction * force:
+        edge = push.friction if across > 0.0 else -push.friction
         share = nn + edge * nt
         if share < 0.1:  # wedged
             edge = 0.0
             share = nn
-        force = depth / share
+        force = push.depth / share
         across = edge * force
-    turn = (lever * force + arm * across) / squared
-    turn = min(max(turn, -MAX_TURN), MAX_TURN)
-    cos = poses[number, layout.BODY_COS]
-    sin = poses[number, layout.BODY_SIN]
-    turn_sin, turn_cos = elementary.sin_cos(turn)
-    new_cos = cos * turn_cos - sin * turn_sin
-    new_sin = sin * turn_cos + cos * turn_sin
-    length = math.sqrt(new_cos * new_cos + new_sin * new_sin)
-    poses[number, layout.BODY_X] = x + force * nx - across * ny
-    poses[number, layout.BODY_Y] = y + force * ny + across * nx
-    poses[number, layout.BODY_COS] = new_cos / length
-    poses[number, layout.BODY_SIN] = new_sin / length
-    place_body(pushing, memory, number)
+    return force, across

@@ -1,139 +1,118 @@
-"""The arrays of the planar simulator: a robot in a world as parameters, and a mission's memory.
+"""The parameters of robots in the plane, and the memory of a mission."""
 
-``parameters`` holds the numbers named first below, then the start of each block, then the blocks.
-"""
-
-import math
-
-import numpy as np
+from typing import NamedTuple
 
 from evoros.base import elementary
-from evoros.base.arrays import STATE_SIZE, YAW, Array, X, Y
-from evoros.base.compilable import compilable
-from evoros.drive.protocol import Drive
-from evoros.robot.model import Robot
-from evoros.robot.rays import DIRECTION
-from evoros.simulator.engines.planar_beams import FREE_RANGE, beam_rows, group_rows
-from evoros.simulator.engines.planar_bodies import lay_out_pushing, start_memory, surround
-from evoros.simulator.engines.rays import sensor_beams
-from evoros.simulator.engines.steered_sight import lay_out_steered_sight
-from evoros.world.model import World
+from evoros.base.arrays import STATE_SIZE, YAW, Array, Matrix, X, Y
+from evoros.base.compilable import inlined
+from evoros.base.packing import unpack
+from evoros.simulator.engines.planar_bodies import PlanarPose
+from evoros.simulator.engines.planar_probes import Probes
 
-# The numbers at the front of the parameters.
-(
-    TIME_STEP,  # [s]
-    STEERING_GAIN,  # share of its error that the steering makes up in one step
-    SPEED_GAIN,  # share of its error that the speed makes up in one step
-    MAX_SPEED,  # [m/s]
-    SPEED_LIMIT_OFFSET,  # [m] beside the rear axle's centre, where the speed has its limit
-    STEERING_LIMIT,  # [rad]
-    WHEELBASE,  # [m]
-    REAR_AXLE_X,  # [m]
-    OUTLINE_RADIUS,  # [m] from the origin to the farthest corner of the outline
-    STARTS,  # the start of each block, and the end of the last
-) = range(10)
+STEERING_ANGLE, ROLLED, TURNED, COS, SIN = range(STATE_SIZE, STATE_SIZE + 5)
+"""The motion of a robot is its state, then its steering angle [rad], how far its rear axle has
+rolled [m] and turned [rad] since the start, and the cosine and sine of its yaw."""
+MOTION_SIZE = STATE_SIZE + 5
 
-# The blocks, in the order of ``obstacle_arrays`` from the grid to the faces.
-(
-    OUTLINE,  # (k, 2) corners [m]
-    BEAMS,  # (n, BEAM_SIZE)
-    GROUPS,  # (g, GROUP_SIZE)
-    RAYS,  # (m, 3) unit vectors, in the robot's frame
-    GRID,  # as in evoros.geometry.grid
-    CONTACT_STARTS,  # by cell, its first of CONTACT_ENTRIES
-    CONTACT_ENTRIES,  # rows of FOOTPRINTS within reach of the outline
-    VISIBLE_STARTS,  # by cell, its first of VISIBLE_ENTRIES
-    VISIBLE_ENTRIES,  # rows of OBSTACLES within reach of the sensors
-    FOOTPRINTS,  # as in evoros.geometry.outlines
-    CORNERS,  # (c, 2) [m], of the footprints
-    OBSTACLES,  # as in evoros.geometry.ray
-    FACES,  # of polyhedra, as in evoros.geometry.ray
-    PROBES,  # (p, PROBE_SIZE), as in planar_signals
-    PUSHING,  # as in planar_bodies; empty if nothing can be pushed
-    STEERED,  # as in steered_sight; empty if no sensor can see a steered wheel
-) = range(16)
-BLOCKS = 16
-HEADER_SIZE = STARTS + BLOCKS + 1
-
-# The memory: the state, then these.
-STEERING_ANGLE = STATE_SIZE  # [rad]
-ROLLED, TURNED = STATE_SIZE + 1, STATE_SIZE + 2  # by the rear axle since the start [m], [rad]
-PLACED_OUTLINE = STATE_SIZE + 3  # (k, 2) corners [m] where the robot would be after the next step
-"""After it come the touches of each probe, and the bodies that can be pushed, as in
-planar_bodies."""
-PROBE_SIZE = 10
+HULL, SIGHT, PROBES, SIGNALS, CORNERS, TOUCHES, SHAPES = range(7)
+"""Where a robot has its parts of ``hulls``, ``sights`` and ``probes``, and its signals, corners of
+the outline, touches and shapes."""
+PLACES = 7
 
 
-@compilable
-def block(parameters: Array, number: int) -> Array:
-    """One of the blocks, flat."""
-    return parameters[int(parameters[STARTS + number]) : int(parameters[STARTS + number + 1])]
+class Drive(NamedTuple):
+    """How a robot moves."""
+
+    steering_gain: float  # share of its error that the steering makes up in one step
+    speed_gain: float  # share of its error that the speed makes up in one step
+    max_speed: float  # [m/s]
+    speed_limit_offset: float  # [m] beside the rear axle's centre, where the speed has its limit
+    steering_limit: float  # [rad]
+    wheelbase: float  # [m]
+    rear_axle_x: float  # [m]
 
 
-def lay_out(
-    robot: Robot,
-    world: World,
-    time_step: float,
-    steering_lag: float,
-    drive_lag: float,
-    probes: Array,
-    tallest: float,
-) -> Array:
-    """The parameters of ``planar_rules`` for a robot in a world.
+class Hull(NamedTuple):
+    """The body of a robot, and the obstacles that it may touch, as in ``obstacle_arrays``."""
 
-    The times are in [s]; ``probes`` is a block; ``tallest`` is the height [m] of the tallest robot.
-    """
-    frames = robot.sensor_frames
-    beams = sensor_beams(robot)
-    rays = robot.ray_table.rows[:, DIRECTION : DIRECTION + 3]
-    rows = beam_rows(robot, frames, beams, rays)
-    radius = float(np.sqrt((robot.outline * robot.outline).sum(axis=1)).max())
-    sight = measure_sight(rows)
-    surroundings, bodies = surround(world, robot.height_m, radius, sight, tallest)
-    groups, pushing = group_rows(robot, rows, rays), lay_out_pushing(robot, bodies)
-    clear_ranges = np.array([beam.clear_range for beam in beams])
-    steered = lay_out_steered_sight(robot, clear_ranges)
-    blocks = [robot.outline, rows, groups, rays, *surroundings, probes, pushing, steered]
-    starts = HEADER_SIZE + np.cumsum([0, *(array.size for array in blocks)])
-    numbers = [
-        time_step,
-        _gain(time_step, steering_lag if robot.drive.steering_joints else 0.0),
-        _gain(time_step, drive_lag),
-        *_limits(robot.drive),
-        radius,
-    ]
-    return np.concatenate([numbers, starts, *(array.ravel() for array in blocks)])
+    radius: float  # [m] from the origin to the farthest corner of the outline
+    height: float  # [m]
+    mass: float  # [kg], with its sensors
+    outline: Matrix  # (k, 2) corners [m]
+    grid: Array
+    starts: Array  # by cell, its first of the entries
+    entries: Array  # rows of the footprints within reach of the outline
+    footprints: Matrix
+    corners: Matrix  # (c, 2) [m], of the footprints
 
 
-def lay_out_memory(parameters: Array, home: tuple[float, float, float]) -> Array:
-    """The memory of a mission that starts at x, y [m] and yaw [rad]."""
-    probes = len(block(parameters, PROBES)) // PROBE_SIZE
-    memory = np.zeros(PLACED_OUTLINE + len(block(parameters, OUTLINE)) + probes)
-    memory[[X, Y, YAW]] = home
-    return np.concatenate([memory, start_memory(block(parameters, PUSHING))])
+class Sight(NamedTuple):
+    """The sensors of a robot that cast rays, and the obstacles that they may see."""
+
+    beams: Matrix  # (n, BEAM_SIZE)
+    groups: Matrix  # (g, GROUP_SIZE)
+    rays: Matrix  # (m, 3) unit vectors, in the robot's frame
+    steered: Array  # as in steered_sight; empty if no sensor can see a steered wheel
+    grid: Array
+    starts: Array  # by cell, its first of the entries
+    entries: Array  # rows of the obstacles within reach of the sensors
+    obstacles: Matrix
+    faces: Matrix  # of polyhedra
 
 
-def _limits(drive: Drive) -> tuple[float, ...]:
-    return (
-        drive.max_speed_mps,
-        drive.speed_limit_offset_m,
-        drive.steering_limit,
-        drive.wheelbase_m / drive.turn_ratio,
-        drive.rear_axle_x_m,
-    )
+class Plane(NamedTuple):
+    """Robots in a world: the parameters of the planar simulator's rules."""
+
+    time_step: float  # [s]
+    drives: Matrix  # a Drive for each robot
+    places: Matrix  # (robots + 1, PLACES); the last row has the ends
+    hulls: Array  # a packed Hull for each robot
+    sights: Array  # a packed Sight for each robot
+    probes: Array  # packed Probes for each robot
+    shapes: Matrix  # (s, OBSTACLE_SIZE) of each robot in its frame, for the rays of the others
+    faces: Matrix  # of polyhedra among these
+    movables: Array  # packed Movables
 
 
-def _gain(step: float, lag: float) -> float:
-    """Share of an error that a first-order lag with this time constant makes up in one step."""
-    return -elementary.expm1(-step / lag) if lag > 0.0 else 1.0
+class Memory(NamedTuple):
+    """The memory of a mission. The arrays have the parts of each robot one after another."""
+
+    motions: Matrix  # (robots, MOTION_SIZE)
+    outlines: Matrix  # (k, 2) corners [m] where a robot would be after the next step
+    touches: Array  # how often each contact probe was touched
+    shapes: Matrix  # (s, OBSTACLE_SIZE) where the robots are
+    movables: Array  # packed Placed
 
 
-def measure_sight(beams: Array) -> float:
-    """How far [m] the sensors see from the robot's origin.
+@inlined
+def hull_of(parameters: Array, number: int) -> Hull:
+    """Return the hull of one of the robots."""
+    plane = unpack(Plane, parameters)
+    return unpack(Hull, plane.hulls[int(plane.places[number, HULL]) :])
 
-    Rounded up to half metres, so that many designs share the arrays of a world.
-    """
-    if not len(beams):
-        return 0.5
-    farthest = (np.sqrt((beams[:, :2] * beams[:, :2]).sum(axis=1)) + beams[:, FREE_RANGE]).max()
-    return math.ceil(2.0 * float(farthest)) / 2
+
+@inlined
+def sight_of(parameters: Array, number: int) -> Sight:
+    """Return the sight of one of the robots."""
+    plane = unpack(Plane, parameters)
+    return unpack(Sight, plane.sights[int(plane.places[number, SIGHT]) :])
+
+
+@inlined
+def probes_of(parameters: Array, number: int) -> Probes:
+    """Return the probes of one of the robots."""
+    plane = unpack(Plane, parameters)
+    return unpack(Probes, plane.probes[int(plane.places[number, PROBES]) :])
+
+
+@inlined
+def pose_of(memory: Array, number: int) -> PlanarPose:
+    """Return the pose of a robot."""
+    motion = unpack(Memory, memory).motions[number]
+    return motion[X], motion[Y], motion[COS], motion[SIN]
+
+
+def place_robot(memory: Memory, number: int, x: float, y: float, yaw: float) -> None:
+    """Put a robot at a place [m] and a yaw [rad]."""
+    sin, cos = elementary.sin_cos(yaw)
+    memory.motions[number, [X, Y, YAW, COS, SIN]] = x, y, yaw, cos, sin

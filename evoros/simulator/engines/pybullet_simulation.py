@@ -1,16 +1,17 @@
 """One mission in PyBullet: observe, sense, advance."""
 
 import math
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from evoros.base import elementary
 from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
 from evoros.robot.model import Robot
-from evoros.simulator.engines.pybullet_model import AT_REST, Model, Settings
+from evoros.simulator.engines.pybullet_model import AT_REST, Engine, Model, Settings
 from evoros.simulator.engines.pybullet_rays import BulletRays
 from evoros.simulator.engines.pybullet_signals import BulletSignals
+from evoros.simulator.engines.teams import share_arrays
 
 FINE_STEP_S = 0.0025
 """The step while a movable body moves. The engine finds one contact with a plane in a step, and
@@ -23,26 +24,74 @@ NEAR_STEPS = (
 
 
 class PyBulletSimulation:
-    """A robot of ``model`` in its world.
+    """The robots of ``model`` in their world, in steps that they make together."""
+
+    def __init__(
+        self, engine: Engine, model: Model, robots: Sequence[Robot], settings: Settings
+    ) -> None:
+        self._bullet, self._client, self._model = engine.bullet, engine.client, model
+        self._time_step = settings.time_step
+        self._finer = math.ceil(settings.time_step / FINE_STEP_S - 1e-9)  # steps that replace one
+        self._substeps = 1
+        self._vehicles = [
+            _Vehicle(engine, model, robot, settings, i) for i, robot in enumerate(robots)
+        ]
+        self._turns = list(zip(self._vehicles, share_arrays(robots), strict=True))
+
+    def observe(self, state: Array) -> None:
+        """Fill ``state`` with the true states; contact is that since last time."""
+        for vehicle, share in self._turns:
+            vehicle.observe(state[share.state])
+
+    def sense(self, signals: Array) -> None:
+        """Fill ``signals``: the nearest hit [m] of each beam, within its sensor's range, first.
+
+        Robots see one another, and not themselves.
+        """
+        for vehicle, share in self._turns:
+            vehicle.sense(signals[share.signals])
+
+    def advance(self, command: Array, duration: float) -> None:
+        """Drive with ``command`` for ``duration`` [s]; the motors are set only when it changes.
+
+        Contact is tested after every step, because it may be shorter than a control period.
+        """
+        for vehicle, share in self._turns:
+            vehicle.take(command[share.command])
+        step, client, vehicles = self._bullet.stepSimulation, self._client, self._vehicles
+        for _ in range(round(duration / self._time_step)):
+            if self._model.watched:
+                self._adapt_step()
+            for _ in range(self._substeps):
+                step(client)
+                for vehicle in vehicles:
+                    vehicle.report_contact()
+
+    def _adapt_step(self) -> None:
+        """Divide the step while a body is disturbed."""
+        disturbed = any(vehicle.is_disturbed() for vehicle in self._vehicles)
+        substeps = self._finer if disturbed else 1
+        if substeps != self._substeps:
+            self._substeps = substeps
+            self._bullet.setTimeStep(self._time_step / substeps, self._client)
+            for vehicle in self._vehicles:
+                vehicle.adapt_gain(self._time_step / substeps)
+
+
+class _Vehicle:
+    """One of the robots.
 
     The calls of the engine are bound once: looking them up costs as much as some of them.
     """
 
     def __init__(
-        self,
-        bullet: Any,
-        client: int,
-        model: Model,
-        robot: Robot,
-        settings: Settings,
-        number: int = 0,  # of the robot
+        self, engine: Engine, model: Model, robot: Robot, settings: Settings, number: int
     ) -> None:
+        bullet, client = engine.bullet, engine.client
         self._bullet, self._client, self._model = bullet, client, model
         self._robot = model.robots[number]
-        self._drive, self._time_step = robot.drive, settings.time_step
-        self._lag = settings.steering_lag_s
-        self._finer = math.ceil(settings.time_step / FINE_STEP_S - 1e-9)  # steps that replace one
-        self._substeps = 1
+        self._drive, self._lag = robot.drive, settings.steering_lag_s
+        self._step = settings.time_step
         self._gap = NEAR_STEPS * robot.drive.max_speed_mps * settings.time_step
         self._reach = self._gap + 2.0 * float(np.linalg.norm(robot.outline, axis=1).max())
         self._command: tuple[float, float] | None = None
@@ -51,7 +100,6 @@ class PyBulletSimulation:
         self._signals = BulletSignals(bullet, client, model, robot, number)
 
     def observe(self, state: Array) -> None:
-        """Fill ``state`` with the true state of the base link; contact is that since last time."""
         bullet, client, robot = self._bullet, self._client, self._robot
         position, facing = bullet.getBasePositionAndOrientation(robot.body, client)
         (vx, vy, _), (_, _, yaw_rate) = bullet.getBaseVelocity(robot.body, client)
@@ -77,26 +125,8 @@ class PyBulletSimulation:
         return False
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``: the nearest hit [m] of each beam, within its sensor's range, first."""
         self._rays.cast(signals[: self._ranges])
         self._signals.read(signals)
-
-    def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s]; the motors are set only when it changes.
-
-        Contact is tested after every step, because it may be shorter than a control period.
-        """
-        self.take(command)
-        step, client, watched = self._bullet.stepSimulation, self._client, self._model.watched
-        for _ in range(round(duration / self._time_step)):
-            if watched:
-                self.adapt_step(self.is_disturbed())
-            for _ in range(self._substeps):
-                step(client)
-                if not self._touched and self._touches():
-                    self._touched = True
-                if self._signals.feels:
-                    self._signals.feel()
 
     def take(self, command: Array) -> None:
         """Set the motors if the command is a new one."""
@@ -116,15 +146,11 @@ class PyBulletSimulation:
         """Whether a body moves or is about to be pushed by this robot."""
         return any(map(self._is_disturbed, self._model.watched))
 
-    def adapt_step(self, disturbed: bool) -> int:
-        """Divide the step while a body is disturbed; return into how many."""
-        substeps = self._finer if disturbed else 1
-        if substeps != self._substeps:
-            self._substeps = substeps
-            self._bullet.setTimeStep(self._time_step / substeps, self._client)
-            if self._command is not None:
-                self._set_motors(*self._command)  # whose gains count per step
-        return substeps
+    def adapt_gain(self, step: float) -> None:
+        """Set the motors for another step [s], because their gains count per step."""
+        self._step = step
+        if self._command is not None:
+            self._set_motors(*self._command)
 
     def _is_disturbed(self, body: int) -> bool:
         """Whether a movable body moves, or is so near that the robot may reach it in this step."""
@@ -167,4 +193,4 @@ class PyBulletSimulation:
         """
         if self._lag == 0.0:
             return 1.0
-        return -elementary.expm1(-self._time_step / self._substeps / self._lag)
+        return -elementary.expm1(-self._step / self._lag)

@@ -13,8 +13,8 @@ from evoros.base.errors import SimulationError
 from evoros.formats.strict_xml import parse
 from evoros.geometry.shapes import Body
 from evoros.geometry.surface import triangulate
+from evoros.simulator.engines.pybullet_library import import_pybullet, quiet
 from evoros.simulator.engines.pybullet_shapes import create_shape, load_urdf
-from evoros.simulator.pybullet import import_pybullet, quiet
 
 Colour = tuple[float, float, float]  # red, green, blue, from 0 to 1
 

@@ -59,7 +59,7 @@ class RigidSignals:
             for a, b in (combinations(points.tolist(), 2) if len(points) > 1 else [[points[0]] * 2])
         ]
         for number, zone in self._zones.items():
-            if any(crosses_zone(*zone, *piece) for piece in pieces):
+            if any(crosses_zone(zone, *piece) for piece in pieces):
                 self._touches[self._places[number]] += 1.0
 
     def fill(self, signals: Array, motion: Motion, angles: Sequence[float]) -> None:

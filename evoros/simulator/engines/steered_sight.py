@@ -1,7 +1,7 @@
 """Steered parts of a robot, such as its front wheels, as its own sensors see them.
 
-All engines share these rules. The array ``sight`` holds the counts of SteeredSight, then its parts.
-It is empty if no sensor can see a steered part at any angle.
+All engines share these rules. The array ``sight`` is a packed SteeredSight, or empty if no sensor
+can see a steered part at any angle.
 """
 
 import math
@@ -10,14 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from evoros.base import elementary
-from evoros.base.arrays import Array
+from evoros.base.arrays import Array, Matrix
 from evoros.base.compilable import compilable
-from evoros.base.compilation import A1, NOTHING, compile_rule
+from evoros.base.packing import pack, unpack
+from evoros.compilation.rules import A1, NOTHING, compile_rule
 from evoros.drive.protocol import Drive
-from evoros.geometry.ray import AT_X, AT_Y, AT_Z, FACE_SIZE, OBSTACLE_SIZE, turn_frame
+from evoros.geometry.ray import AT_X, AT_Y, AT_Z, OBSTACLE_SIZE, turn_frame
 from evoros.robot.model import Robot
 from evoros.robot.occlusion import relative_row
-from evoros.robot.rays import ORIGIN, RAY_SIZE
+from evoros.robot.rays import ORIGIN
 from evoros.robot.self_sight import cast_at_robot, measure_clear_ranges, meet_shape
 
 JOINT, PIVOT, NARROWING, INSIDE, ROLLS, SHAPE = 0, 1, 3, 4, 5, 6
@@ -27,17 +28,16 @@ PART_SIZE = SHAPE + OBSTACLE_SIZE
 PART, BEAM, FIRST_RAY, END_RAY = range(4)
 """A beam that may see a part: the numbers of both, its first ray and the one after its last."""
 PAIR_SIZE = 4
-COUNTS = 4
 
 
 class SteeredSight(NamedTuple):
-    """The parts of the array, each flat."""
+    """The steered parts that sensors of a robot may see."""
 
-    parts: Array  # (p, PART_SIZE)
-    pairs: Array  # (q, PAIR_SIZE)
-    rays: Array  # (r, RAY_SIZE)
-    backward: Array  # (r, 3), the rays' opposite directions
-    faces: Array  # (f, FACE_SIZE)
+    parts: Matrix  # (p, PART_SIZE)
+    pairs: Matrix  # (q, PAIR_SIZE)
+    rays: Matrix  # (r, RAY_SIZE)
+    backward: Matrix  # (r, 3), the rays' opposite directions
+    faces: Matrix  # (f, FACE_SIZE)
 
 
 def lay_out_steered_sight(robot: Robot, clear_ranges: Array) -> Array:
@@ -55,9 +55,8 @@ def lay_out_steered_sight(robot: Robot, clear_ranges: Array) -> Array:
             parts.append(_lay_out_part(robot, number))
     if not parts:
         return np.zeros(0)
-    counts = [len(parts), len(pairs), len(rays), len(steered.faces)]
-    arrays = [counts, parts, pairs, rays, -rays[:, :3], steered.faces]
-    return np.concatenate([np.ravel(np.array(array, dtype=np.float64)) for array in arrays])
+    rows = np.array(parts), np.array(pairs, dtype=np.float64)
+    return pack(SteeredSight(*rows, rays, -rays[:, :3], steered.faces))
 
 
 def _lay_out_part(robot: Robot, number: int) -> Array:
@@ -95,35 +94,28 @@ class SteeredParts:
 @compilable
 def see_parts_at(sight: Array, steering: float, ranges: Array) -> None:
     """Lower each range [m] whose beam sees a steered part at a bicycle model's angle [rad]."""
+    parts = unpack(SteeredSight, sight).parts
     tangent = elementary.tan(steering)
-    for number in range(int(sight[0])):
-        start = COUNTS + number * PART_SIZE
-        ahead = 1.0 - sight[start + NARROWING] * tangent
+    for number in range(len(parts)):
+        ahead = 1.0 - parts[number, NARROWING] * tangent
         length = math.sqrt(ahead * ahead + tangent * tangent)
         see_part(sight, number, ahead / length, tangent / length, ranges)
 
 
 def see_parts(sight: Array, angles: Array, ranges: Array) -> None:
     """Lower each range [m] whose beam sees a part with the steering joints at ``angles`` [rad]."""
-    for number in range(int(sight[0])):
-        sin, cos = elementary.sin_cos(angles[int(sight[COUNTS + number * PART_SIZE])])
+    parts = unpack(SteeredSight, sight).parts
+    for number in range(len(parts)):
+        sin, cos = elementary.sin_cos(angles[int(parts[number, JOINT])])
         see_part(sight, number, cos, sin, ranges)
 
 
 @compilable
 def see_part(sight: Array, number: int, cos: float, sin: float, ranges: Array) -> None:
     """Lower each range [m] whose beam sees a part that is turned by an angle."""
-    parts_end = COUNTS + int(sight[0]) * PART_SIZE
-    pairs_end = parts_end + int(sight[1]) * PAIR_SIZE
-    rays_end = pairs_end + int(sight[2]) * RAY_SIZE
-    faces_start = rays_end + int(sight[2]) * 3
-    start = COUNTS + number * PART_SIZE
-    part = sight[start : start + PART_SIZE]
+    parts, pairs, rays, backward, faces = unpack(SteeredSight, sight)
+    part = parts[number]
     row = part[SHAPE:]
-    rays = sight[pairs_end:rays_end].reshape((-1, RAY_SIZE))
-    backward = sight[rays_end:faces_start].reshape((-1, 3))
-    faces = sight[faces_start:].reshape((-1, FACE_SIZE))
-    pairs = sight[parts_end:pairs_end].reshape((-1, PAIR_SIZE))
     # The rays' frame is turned back by the angle, seen from the part.
     frame = turn_frame(row, cos, -sin)
     x = part[PIVOT] + cos * row[AT_X] - sin * row[AT_Y]

@@ -1,4 +1,4 @@
-"""The parts that each of several robots has of the arrays of a simulation."""
+"""The robots of a simulation: their number, their names, and their parts of its arrays."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -31,7 +31,7 @@ def share_arrays(robots: Sequence[Robot]) -> list[Share]:
     return shares
 
 
-def check_team(robots: Sequence[PlacedRobot]) -> None:
+def check_number(robots: Sequence[PlacedRobot]) -> None:
     """Require a number of robots that engines can simulate.
 
     Raises:

@@ -18,6 +18,9 @@ class Zone(NamedTuple):
     width: float  # [m]
 
 
+ZONE_SIZE = len(Zone._fields)
+
+
 def find_zones(robot: Robot) -> dict[int, Zone]:
     """Find the zones of a robot, by the number of the mount."""
     zones, frames = {}, robot.sensor_frames
@@ -31,22 +34,9 @@ def find_zones(robot: Robot) -> dict[int, Zone]:
 
 
 @compilable
-def crosses_zone(
-    x: float,
-    y: float,
-    cos: float,
-    sin: float,
-    depth: float,
-    width: float,
-    ax: float,
-    ay: float,
-    bx: float,
-    by: float,
-) -> bool:
-    """Whether the way from a to b, in the robot's frame [m], has a point in a zone.
-
-    The first six arguments are those of ``Zone``.
-    """
+def crosses_zone(zone: Zone, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Whether the way from a to b, in the robot's frame [m], has a point in a zone."""
+    x, y, cos, sin, depth, width = zone
     start = 0.0
     end = 1.0
     ahead = cos * (ax - x) + sin * (ay - y) + depth

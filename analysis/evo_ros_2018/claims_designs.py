@@ -1,0 +1,189 @@
+"""The paper's claims about designs: two configurations, redundancy, clusters, convergence."""
+
+import numpy as np
+import pandas as pd
+
+from ..measures.clusters import MIN_POINTS, compare_with_samples
+from ..measures.coverage import HEADINGS_DEG, compute_directions
+from ..measures.design_features import FRONT, SIDE, cluster_designs
+from ..measures.finding import (
+    NOT_SUPPORTED,
+    NUMBER,
+    SUPPORTED,
+    UNKNOWN,
+    Against,
+    Claim,
+    Finding,
+    judge_above,
+    require_beyond_random,
+    require_replicates,
+)
+from ..measures.statistics import (
+    LEVEL,
+    Interval,
+    a12,
+    fisher,
+    mann_whitney,
+    median_interval,
+    share_interval,
+)
+from .spread import mean_distance, pairwise_distances, relative_difference
+
+REDUNDANT = 0.6
+"""The paper's share of champions with a redundant pair, six of ten."""
+NONE, RANDOM, SPATIAL = "none", "random", "spatial"
+"""Kinds of failure: choices of the group ``failure``."""
+
+CONFIGURATIONS = Claim(
+    "Two main configurations emerge: sensors across the front, and at the sides",
+    "silhouette of the best clustering by where champions look",
+    NUMBER,
+)
+REDUNDANCY = Claim(
+    "Random failure: in six of ten, two sensors nearly share place and direction",
+    "champions with a redundant pair",
+)
+DAMAGE = "Spatial failure: there are clusters of sensors within the radius of damage"
+BETWEEN = Claim(
+    "Placed freely, without symmetry, designs converge little",
+    "spread of champions over that of random designs: free less mirrored",
+    NUMBER,
+)
+WITHIN = Claim(
+    "Placed freely, without symmetry, designs converge little",
+    "diversity of the last population over the first: free, median",
+    NUMBER,
+)
+
+
+def judge_configurations(table: pd.DataFrame) -> Finding:
+    """Judge whether mirrored champions fall into two clusters, one of which looks ahead.
+
+    ``table`` has the columns of ``describe_designs`` and ``kind``, the failure. Supported: such a
+    silhouette is rare among clouds without clusters and among samples of random designs (p <
+    0.05), and there are two clusters, a front array and side mounts. Not supported: there are
+    other clusters, or p is at least 0.5.
+    """
+    champions = table[~table.random]
+    if len(champions) < MIN_POINTS:
+        return CONFIGURATIONS.lack(
+            f"{MIN_POINTS} champions of mirrored designs, has {len(champions)}"
+        )
+    found = cluster_designs(champions)
+    front, side = (int((champions.strategy == name).sum()) for name in (FRONT, SIDE))
+    strategies = champions.groupby(found.labels).strategy.first()
+    if found.real:
+        two = found.count == 2 and strategies.nunique() == 2
+        verdict = SUPPORTED if two else NOT_SUPPORTED
+    else:
+        verdict = NOT_SUPPORTED if found.p >= 0.5 else UNKNOWN
+    clusters = "1 cluster" if found.count == 1 else f"{found.count} clusters"
+    why = f"{clusters}; {front} front arrays and {side} side mounts"
+    pool = compute_directions(table[table.random][HEADINGS_DEG].drop_duplicates())
+    rarity = compare_with_samples(found.silhouette, len(champions), pool)
+    if not np.isnan(rarity):
+        why += f"; p {rarity:.2g} among samples of random designs"
+    verdict, why = require_beyond_random(verdict, why, not rarity >= LEVEL)
+    silhouette = Interval(found.silhouette)
+    against = Against(found.expected, p=found.p)
+    return CONFIGURATIONS.conclude(silhouette, len(champions), (verdict, why), against)
+
+
+def judge_redundancy(table: pd.DataFrame) -> Finding:
+    """Judge how many champions under random failure have a redundant pair.
+
+    Supported: more than random designs (p < 0.05), and the interval reaches six of ten. Not
+    supported: the interval is below six of ten, or fewer than random designs (p < 0.05).
+    """
+    shares = _compare_shares(table, RANDOM, table.redundant)
+    if shares is None:
+        return REDUNDANCY.lack("mirrored runs with failure=random")
+    interval, n, rate, p, why = shares
+    verdict = UNKNOWN
+    if interval.high < REDUNDANT or (p < LEVEL and interval.value < rate):
+        verdict = NOT_SUPPORTED
+    elif p < LEVEL:
+        verdict = SUPPORTED
+    return REDUNDANCY.conclude(interval, n, (verdict, why), Against(REDUNDANT, rate, p))
+
+
+def judge_damage_clusters(table: pd.DataFrame, radius_m: float) -> Finding:
+    """Judge how many champions under spatial failure have two sensors within a radius.
+
+    Supported: the interval is above a half, and more than random designs (p < 0.05). Not
+    supported: the interval is below a half, or fewer than random designs.
+    """
+    claim = Claim(DAMAGE, f"champions with two sensors within {1000 * radius_m:.0f} mm")
+    shares = _compare_shares(table, SPATIAL, table.closest_m <= radius_m)
+    if shares is None:
+        return claim.lack("mirrored runs with failure=spatial")
+    interval, n, rate, p, why = shares
+    fewer = p < LEVEL and interval.value < rate
+    verdict = NOT_SUPPORTED if fewer else judge_above(interval, 0.5)
+    judged = require_beyond_random(verdict, why, not p >= LEVEL)
+    return claim.conclude(interval, n, judged, Against(0.5, rate, p))
+
+
+def _compare_shares(
+    table: pd.DataFrame, kind: str, having: "pd.Series[bool]"
+) -> tuple[Interval, int, float, float, str] | None:
+    """Compare the shares of champions and random designs of a kind that have a feature.
+
+    Returns the champions' share, their number, the share of random designs, Fisher's p and an
+    explanation; None if there are no champions of the kind.
+    """
+    champions = having[(table.kind == kind) & ~table.random]
+    drawn = having[(table.kind == kind) & table.random]
+    if champions.empty:
+        return None
+    n, count, others = len(champions), int(champions.sum()), int(drawn.sum())
+    rate = others / len(drawn) if len(drawn) else np.nan
+    without = having[(table.kind == NONE) & ~table.random]
+    also = f"; {int(without.sum())} of {len(without)} without failure" if len(without) else ""
+    why = f"{count} of {n}, {rate:.0%} of random designs{also}"
+    return share_interval(count, n), n, rate, fisher(count, n, others, len(drawn)), why
+
+
+def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
+    """Judge whether champions of runs without symmetry differ more from each other.
+
+    Both spreads are relative to those of random designs. Supported: the interval of their
+    difference is above 0. Not supported: it is below.
+    """
+    ratios = []
+    for table in (free, mirrored):
+        champions, drawn = (
+            pairwise_distances(table.loc[table.random == flag, HEADINGS_DEG]) for flag in (0, 1)
+        )
+        if len(champions) < 2 or not mean_distance(drawn) > 0:
+            return BETWEEN.lack(_missing_runs(mirrored, free))
+        ratios.append((champions, mean_distance(drawn)))
+    difference = relative_difference(*ratios[0], *ratios[1])
+    relative = [mean_distance(champions) / drawn for champions, drawn in ratios]
+    why = f"free {relative[0]:.2f}, mirrored {relative[1]:.2f} (1: as far apart as random designs)"
+    counts = [len(champions) for champions, _ in ratios]
+    verdict = require_replicates(judge_above(difference, 0.0), *counts)
+    return BETWEEN.conclude(difference, counts[0], (verdict, why), Against(0.0))
+
+
+def judge_spread_within(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
+    """Judge whether populations without symmetry stay more diverse; rows of ``read_diversity``.
+
+    Supported: more diverse (Mann-Whitney p < 0.05). Not supported: less diverse.
+    """
+    ratios = [(table["last"] / table["first"]).to_numpy(float) for table in (free, mirrored)]
+    if min(map(len, ratios)) < 2:
+        return WITHIN.lack(_missing_runs(mirrored, free))
+    interval, other = median_interval(ratios[0]), float(np.median(ratios[1]))
+    p, effect = mann_whitney(*ratios), a12(*ratios)
+    verdict = UNKNOWN if p >= LEVEL else SUPPORTED if effect > 0.5 else NOT_SUPPORTED
+    why = f"mirrored {other:.2f}; A12 {effect:.2f}"
+    return WITHIN.conclude(interval, len(ratios[0]), (verdict, why), Against(other, p=p))
+
+
+def _missing_runs(mirrored: pd.DataFrame, free: pd.DataFrame) -> str:
+    if free.empty:
+        return "runs with experiment=free_placement"
+    if mirrored.empty:
+        return "mirrored runs with the same failure"
+    return "two runs of each"

@@ -1,0 +1,57 @@
+"""Figures of a finished run, which its workers draw, so that only they load what drawing needs."""
+
+import io
+import shutil
+from collections.abc import Mapping
+from contextlib import ExitStack, redirect_stdout
+from logging import WARNING
+from pathlib import Path
+from typing import Any
+
+from evoros.base.errors import InputError
+from evoros.terminal.log import LOGGER, collect_messages, detach
+
+from .subcommands import EXPORTS, SUBCOMMANDS, parse
+
+
+def check_figures(values: Mapping[str, Any]) -> None:
+    """Check the key ``figures`` of a configuration, before a run starts.
+
+    Raises:
+        InputError: a name is no subcommand with a figure, or is there twice.
+    """
+    names = values.get("figures", ())
+    drawable = [name for name in SUBCOMMANDS if name not in EXPORTS]
+    listed = isinstance(names, list | tuple) and all(name in drawable for name in names)
+    if not listed or len(set(names)) != len(names):
+        raise InputError(
+            f"figures: must be a list of subcommands of evoros-analyze, each once "
+            f"({', '.join(drawable)}), not {names!r}; set it to such a value"
+        )
+
+
+def draw_figure(run: Path, name: str, folder: Path) -> list[str]:
+    """Write the files of one subcommand into a folder, and return its warnings. Runs in a worker.
+
+    The files are moved there from a draft folder when all are complete, the picture last.
+    """
+    from .command import draw
+
+    draft = folder / f".{name}.part"
+    shutil.rmtree(draft, ignore_errors=True)
+    with _silence() as stack:
+        messages = stack.enter_context(collect_messages())
+        written = draw(parse([name, str(run.resolve()), "--output", str(draft)]))
+    for file in reversed(written):
+        file.replace(folder / file.name)
+    draft.rmdir()
+    return [record.getMessage() for record in messages if record.levelno >= WARNING]
+
+
+def _silence() -> ExitStack:
+    """Keep a worker off the terminal; the main process reports its warnings."""
+    stack = ExitStack()
+    stack.enter_context(redirect_stdout(io.StringIO()))
+    for handler in LOGGER.handlers:
+        stack.enter_context(detach(handler))
+    return stack

@@ -1,0 +1,85 @@
+"""Missions of champions as films show them, with all their robots."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import pandas as pd
+
+from evoros.base.errors import InputError
+from evoros.filter.protocol import ENDS
+from evoros.storage.figure_context import FigureContext
+from evoros.storage.layout import ROBOT_AS_LOADED
+from evoros.storage.verification import read_text
+from evoros.world.model import World
+
+from ..tables.agents import list_robots
+from ..tables.designs import adapt_context
+from ..tables.records import Record
+from ..tables.tracks import load_champion_world, read_track
+from .faults import ShownFault
+from .motion import check_poses
+
+
+class OtherRobot(NamedTuple):
+    """Another robot of a mission, which is shown without its sensors."""
+
+    trajectory: pd.DataFrame
+    urdf: str
+    context: FigureContext
+
+
+@dataclass(frozen=True, eq=False)
+class FilmedMission:
+    """A mission as a film shows it."""
+
+    trajectory: pd.DataFrame
+    """As ``champion/trajectory_WORLD.csv`` or ``evoros.replay`` has it."""
+    urdf: str  # the robot that ran it, with its sensors
+    world: World
+    context: FigureContext
+    faults: Sequence[ShownFault] = ()  # of its sensors
+    near_m: float | None = None  # lower readings are marked; None: half the sensor's range
+    others: Sequence[OtherRobot] = ()
+
+
+def read_mission(record: Record, world: str | None) -> tuple[str, FilmedMission]:
+    """Read the champion's mission in the named world, or in the first."""
+    context = record.context
+    name = world or next(iter(context.courses))
+    if name not in context.courses:
+        raise InputError(f"{record.path}: must have the world {name!r}, but has not; give another")
+    near_m = record.values.get("controller.avoidance.range_m")
+    return name, FilmedMission(
+        _read_trajectory(record, name),
+        _read_urdf(record),
+        load_champion_world(record.run, context, name),
+        adapt_context(record),
+        list(_list_faults(read_track(record.run, context, name), context.failure.effects)),
+        float(near_m) if isinstance(near_m, int | float) else None,
+        [
+            OtherRobot(_read_trajectory(other, name), _read_urdf(other), other.context)
+            for other in list_robots(record)
+            if other.agent != record.agent
+        ],
+    )
+
+
+def _read_trajectory(record: Record, world: str) -> pd.DataFrame:
+    trajectory = record.run.trajectory(world)
+    check_poses(trajectory, f"{record.path / 'champion'}/trajectory_{world}.csv")
+    return trajectory
+
+
+def _read_urdf(record: Record) -> str:
+    loaded = record.robot_folder / ROBOT_AS_LOADED
+    return read_text(loaded if loaded.exists() else record.robot_folder / "robot.urdf")
+
+
+def _list_faults(track: pd.DataFrame, effects: Mapping[str, str]) -> Iterator[ShownFault]:
+    """List the faults of a mission, by the records of its track; ``effects`` tell their kinds."""
+    columns = ("time_s", "failed_sensors", "failed_by")
+    for time, sensors, names in zip(*(track[name] for name in columns), strict=True):
+        for sensor, name in zip(str(sensors).split(";"), str(names).split(";"), strict=True):
+            if sensor:
+                yield ShownFault(int(sensor), float(time), effects.get(name, ENDS))

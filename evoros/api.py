@@ -1,0 +1,211 @@
+"""evoros in scripts and notebooks: the commands as functions.
+
+Example: another optimizer drives the evaluation (any ask-tell library; here ``cma``).
+
+    import cma
+    import evoros
+
+    if __name__ == "__main__":  # worker processes import this script
+        with evoros.Evaluator(["failure=random", "trials=2"]) as evaluator:
+            space = evaluator.space
+            search = cma.CMAEvolutionStrategy(space.size * [0.5], 0.3, {"bounds": [0, 1]})
+            for generation in range(10):
+                genomes = search.ask()
+                designs = [space.decode(genome) for genome in genomes]
+                fitness = evaluator.score(designs, generation)
+                search.tell(genomes, [-value for value in fitness])
+                print(generation, max(fitness))
+"""
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from itertools import chain
+from pathlib import Path
+from types import TracebackType
+from typing import Self, TypeAlias
+
+import pandas as pd
+
+from evoros.analysis.run_figures import check_figures, draw_figure
+from evoros.base.errors import InputError
+from evoros.config.compose import compose
+from evoros.config.configuration import Configuration
+from evoros.design.design import Design
+from evoros.design.team import TeamSpace
+from evoros.dispatch.dispatcher import Dispatcher
+from evoros.evolution.experiment import Experiment
+from evoros.executor.protocol import Pool
+from evoros.mission.mission import Mission, MissionKey
+from evoros.mission.outcome import Outcomes
+from evoros.preflight.preflight import preflight
+from evoros.session.progress import Progress
+from evoros.session.run import create_run, open_run
+from evoros.session.status import Display
+from evoros.storage.reading import Run, load_run
+from evoros.storage.tables import MISSION_COLUMNS, mission_row, name_outcome_columns
+
+ConfigurationLike: TypeAlias = Configuration | Sequence[str]
+"""A composed configuration, or the overrides that one would type behind ``evoros``."""
+
+
+def run(config: ConfigurationLike, folder: str | Path, display: Display | None = None) -> Run:
+    """Evolve as the command ``evoros`` does, into a new or empty folder.
+
+    Without a display of your own, a line of progress is shown: on standard error, or below the
+    cell of a notebook. ``NoDisplay()`` shows nothing.
+
+    Raises:
+        InputError: something cannot be used; nothing was changed.
+        RunStopped: a mission was lost; ``resume(folder)`` resumes the run.
+    """
+    with _show(display) as shown:
+        create_run(_compose(config), Path(folder)).run(shown, draw_figure)
+    return load_run(folder)
+
+
+def resume(
+    folder: str | Path,
+    overrides: Sequence[str] = (),
+    display: Display | None = None,
+    config_dir: str | Path | None = None,
+) -> Run:
+    """Resume a run, as ``evoros resume=FOLDER`` does.
+
+    ``config_dir`` is the folder of your own parts, as with ``compose`` when the run was started;
+    ``display`` is as that of ``run``.
+
+    Raises:
+        InputError: the folder has no run, or resuming does not accept an override.
+        RunStopped: a mission was lost.
+    """
+    with _show(display) as shown:
+        open_run(Path(folder), overrides, config_dir).run(shown, draw_figure)
+    return load_run(folder)
+
+
+def evaluate(
+    designs: Sequence[Design],
+    config: ConfigurationLike,
+    generation: int = 0,
+    display: Display | None = None,
+) -> pd.DataFrame:
+    """Score designs on draws that no run selects on, and return a table with a row for each.
+
+    Columns: design (its position), fitness_mean and fitness_sd over the trials (NaN for one),
+    trials, and for each world WORLD_completed (share of the trials) and WORLD_progress (mean).
+    For many calls keep an ``Evaluator`` open instead, which keeps its workers. ``display`` is as
+    that of ``run``.
+
+    Raises:
+        InputError: the configuration or a design cannot be used.
+        RunStopped: a mission was lost.
+    """
+    with Evaluator(config, display) as evaluator:
+        return evaluator.evaluate(designs, generation)
+
+
+class Evaluator:
+    """A context manager that scores designs in workers which it keeps until it is closed.
+
+    The trials, worlds, failures and so on are those of the configuration, whose optimizer is not
+    used. ``display`` is as that of ``run``; each call shows its missions.
+
+    Raises:
+        InputError: the configuration cannot be used.
+    """
+
+    def __init__(self, config: ConfigurationLike, display: Display | None = None) -> None:
+        self._display = display
+        with _show(display):
+            self.experiment: Experiment = _compose(config).build()
+            preflight(self.experiment)
+        self._stack = ExitStack()
+        self._pool: Pool | None = None
+
+    @property
+    def space(self) -> TeamSpace:
+        """Decodes vectors of the unit cube, (space.size,), into designs."""
+        return self.experiment.space
+
+    def __enter__(self) -> Self:
+        self._pool = self._stack.enter_context(self.experiment.executor.open())
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._pool = None
+        self._stack.__exit__(kind, error, trace)
+
+    def score(self, designs: Sequence[Design], generation: int = 0) -> list[float]:
+        """Score designs: the fitness of each. Another ``generation`` means fresh random draws.
+
+        Raises:
+            InputError: a design cannot be built, or the evaluator is not open.
+            RunStopped: a mission was lost.
+        """
+        missions, outcomes = self._run(designs, generation)
+        scoring = self.experiment.scoring
+        return [scoring.compute_fitness(of_design, outcomes) for of_design in missions]
+
+    def evaluate(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
+        """Score designs: the table that the function ``evaluate`` returns."""
+        missions, outcomes = self._run(designs, generation)
+        rows = [
+            {"design": i} | self.experiment.scoring.summarize(of_design, outcomes)
+            for i, of_design in enumerate(missions)
+        ]
+        return pd.DataFrame(rows)
+
+    def missions(self, designs: Sequence[Design], generation: int = 0) -> pd.DataFrame:
+        """Run the missions of designs: a table with the columns of a run's ``missions.csv``."""
+        missions, outcomes = self._run(designs, generation)
+        rows = [mission_row(m, outcomes[m.key]) for of_design in missions for m in of_design]
+        columns = [*MISSION_COLUMNS, *name_outcome_columns(self.experiment.agents)]
+        return pd.DataFrame(rows, columns=columns)
+
+    def _run(
+        self, designs: Sequence[Design], generation: int
+    ) -> tuple[list[list[Mission]], dict[MissionKey, Outcomes]]:
+        """The missions of each design, and the outcomes of all."""
+        if isinstance(designs, str | Path):
+            raise InputError(
+                f"designs: must be a list of designs, not {designs}; to score those of a folder "
+                f"use evoros-evaluate designs=FOLDER"
+            )
+        if self._pool is None:
+            raise InputError(
+                "Evaluator: must be open; use it as `with Evaluator(...) as evaluator:`"
+            )
+        experiment = self.experiment
+        designs = list(map(experiment.space.complete, designs))
+        for design in designs:  # an error in a design made by hand is raised, and not scored
+            experiment.scenario.equip(design)
+        missions = [
+            experiment.plan.evaluation(generation, i, design) for i, design in enumerate(designs)
+        ]
+        needed = list(chain.from_iterable(missions))
+        scenario = experiment.scenario_for(experiment.evaluation_draws)
+        batches = Dispatcher(self._pool, experiment.lost_missions).run(scenario, needed)
+        outcomes: dict[MissionKey, Outcomes] = {}
+        with _show(self._display) as display:
+            display.start(1)
+            display.begin(0, len(needed), 0)
+            for mission, of_mission in chain.from_iterable(batches):
+                outcomes[mission.key] = of_mission
+                display.mission(mission, of_mission)
+        return missions, outcomes
+
+
+def _show(display: Display | None) -> AbstractContextManager[Display]:
+    """Return the display, or the line of progress if there is none."""
+    return Progress() if display is None else nullcontext(display)
+
+
+def _compose(config: ConfigurationLike) -> Configuration:
+    composed = config if isinstance(config, Configuration) else compose(list(config))
+    check_figures(composed.values)
+    return composed

@@ -1,0 +1,87 @@
+"""Named tuples of numbers and arrays, each packed into one array.
+
+All rules of a kind have one compiled signature, whatever their parameters are called. So the
+parameters travel in one flat array and are named again where the rule begins.
+"""
+
+import math
+from functools import cache
+from typing import Any, NamedTuple, TypeVar, get_type_hints
+
+import numpy as np
+
+from evoros.base.arrays import Array, Matrix
+from evoros.base.checks import quote
+from evoros.base.errors import InputError
+
+P = TypeVar("P", bound=NamedTuple)
+
+_DIMENSIONS: dict[Any, int] = {float: 0, Array: 1, Matrix: 2}
+_FLOAT = np.dtype(float)
+_KINDS = "a number", "an array of one dimension", "an array of two dimensions"
+
+
+@cache
+def list_dimensions(kind: type[NamedTuple]) -> tuple[int, ...]:
+    """Return the number of dimensions of each field: 0 of a number, 1 or 2 of an array.
+
+    Raises:
+        InputError: a field is declared otherwise.
+    """
+    hints = get_type_hints(kind, include_extras=True)
+    for name in kind._fields:
+        if hints[name] not in _DIMENSIONS:
+            raise InputError(
+                f"{name_field(kind, name)}: must be declared as float, Array or Matrix, not "
+                f"{hints[name]!r}; correct the declaration"
+            )
+    return tuple(_DIMENSIONS[hints[name]] for name in kind._fields)
+
+
+def name_field(kind: type[NamedTuple], field: str) -> str:
+    """Name a field in a message."""
+    return f"{kind.__module__}.{kind.__qualname__}.{field}"
+
+
+def pack(values: NamedTuple) -> Array:
+    """Return the numbers and the arrays in one flat array; each array follows its shape.
+
+    Raises:
+        InputError: a value is not as its field is declared.
+    """
+    kind = type(values)
+    parts: list[Any] = []
+    for name, count, value in zip(kind._fields, list_dimensions(kind), values, strict=True):
+        if not _fits(value, count):
+            raise InputError(
+                f"{name_field(kind, name)}: must be {_KINDS[count]}"
+                f"{' of float64' if count else ''}, not {quote(value)}; correct its start"
+            )
+        parts += [value.shape, value.ravel()] if count else [(value,)]
+    return np.concatenate(parts or [()], dtype=np.float64)
+
+
+def _fits(value: object, dimensions: int) -> bool:
+    """Whether a value has these dimensions."""
+    if dimensions == 0:
+        return isinstance(value, float | int | np.floating | np.integer | np.bool_)
+    return isinstance(value, np.ndarray) and value.dtype == _FLOAT and value.ndim == dimensions
+
+
+def unpack(kind: type[P], packed: Array) -> P:
+    """Return the named tuple that was packed; its arrays are views of ``packed``.
+
+    Compiled code calls ``evoros.compilation.packing``. Its views do not keep ``packed`` alive.
+    """
+    values: list[Any] = []
+    at = 0
+    for count in list_dimensions(kind):
+        if count == 0:
+            values.append(float(packed[at]))
+            at += 1
+        else:
+            shape = [int(length) for length in packed[at : at + count]]
+            end = at + count + math.prod(shape)
+            values.append(packed[at + count : end].reshape(shape))
+            at = end
+    return kind(*values)

@@ -1,0 +1,101 @@
+"""What the bridges to ROS 1 and ROS 2 do alike in a mission with the user's nodes.
+
+Standard library only, as Python 3.8 has it.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from evoros.bridge.ros.conversation import OWN_SHARE, Conversation, Modes, Wheels, end
+    from evoros.bridge.ros.nodes import Nodes
+    from evoros.bridge.ros.rest import Hidden, Rest
+else:
+    from conversation import OWN_SHARE, Conversation, Modes, Wheels, end
+    from nodes import Nodes
+    from rest import Hidden, Rest
+
+NO_COMMAND = "no node commanded; answer=each needs a command at each tick, answer=rest none"
+
+
+def fly_mission(
+    ros: str,
+    needed: Sequence[str],
+    advice: str,
+    create: Callable[[Conversation, Rest, float], Any],
+) -> None:
+    """Fly one mission, and end; ``create`` makes it, and must do so by a time of the wall clock."""
+    conversation = Conversation()
+    options = conversation.briefing["ros"]
+    until = time.monotonic() + OWN_SHARE * options["start_limit_s"]
+    conversation.require(ros, needed, advice)
+    try:
+        rest = Rest(options["isolate"])
+    except OSError as error:
+        conversation.refuse(f"the system must show what threads wait for ({error})")
+    try:
+        mission = create(conversation, rest, until)
+        mission.connect(until)
+        conversation.ready()
+        mission.fly()
+    except Hidden as error:
+        conversation.fail(f"controller.nodes: {error}")
+    os._exit(0)  # whatever the threads of ROS do
+
+
+class Crew:
+    """The user's nodes, which are asked whether they run and rest, and whose commands count."""
+
+    def __init__(self, conversation: Conversation, rest: Rest, start: Callable[[], Nodes]) -> None:
+        """Start the nodes."""
+        briefing = conversation.briefing
+        self.options: dict[str, Any] = briefing["ros"]
+        self.rest = rest
+        self.modes = Modes(briefing["modes"])
+        self._conversation = conversation
+        self._wheels = Wheels(briefing["drive"], self.options["twist"])
+        try:
+            self.nodes = start()
+        except ValueError as error:
+            conversation.refuse(str(error))
+        except OSError as error:
+            conversation.refuse(
+                f"controller.nodes: must be commands that this system can execute, not "
+                f"{error.filename} ({error.strerror}); correct it"
+            )
+
+    def require_start(self, until: float, missing: Callable[[], str | None]) -> None:
+        """Refuse the mission after a time of the wall clock; tell what is missing then."""
+        if time.monotonic() > until:
+            self._conversation.refuse(
+                f"controller.nodes: {missing() or self.unrest()}, after "
+                f"{self.options['start_limit_s']:g} s; correct the nodes or start_limit_s"
+            )
+
+    def require_nodes(self) -> None:
+        """End the mission if a node has ended."""
+        ended = self.nodes.ended()
+        if ended is not None:
+            end(ended)
+
+    def require_rest(self, until: float) -> None:
+        """Wait until all are at rest; end the mission if they are not by then."""
+        if not self.rest.wait(until - time.monotonic()):
+            end(self.unrest())
+
+    def unrest(self) -> str:
+        """Tell which nodes work."""
+        return f"the nodes did not come to rest: {'; '.join(self.rest.working())}"
+
+    def answer(self, commands: Sequence[Any]) -> None:
+        """Answer a tick by the last of the commands."""
+        if not commands:
+            self._conversation.answer(0, 0.0, 0.0)
+            return
+        for message in commands:
+            speed, steering = self._wheels.read(message)
+        self._conversation.answer(self.modes.now, speed, steering)

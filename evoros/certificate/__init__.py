@@ -1,0 +1,1 @@
+"""Confirms, validates and chooses champions."""

@@ -1,0 +1,141 @@
+"""How precisely a champion is validated, and the intervals that its trials give."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import fmean, stdev
+from typing import Annotated
+
+from scipy.special import ndtri, stdtr, stdtrit
+
+from evoros.base.checks import COUNT, POSITIVE, WHOLE, Rule, checked, instance_of, is_number
+from evoros.base.combining import Combine, mean
+from evoros.base.errors import InputError
+from evoros.certificate.bootstrap import count_better, resample
+
+DIGITS = 6
+"""Digits of the results, so that they are the same on every processor."""
+PRECISION = Rule("null, or a number greater than 0", lambda v: v is None or POSITIVE.holds(v))
+CONFIDENCE = Rule("a number from 0.5 to 0.999", lambda v: is_number(v) and 0.5 <= v <= 0.999)
+
+Bounds = tuple[float, float]
+
+
+@dataclass(frozen=True)
+@checked
+class Validation:
+    """The trials on fresh draws by which a champion's fitness and success are stated.
+
+    Without a ``precision`` they are the validation trials of the optimizer. With one, the sampling
+    has two stages (Stein, A two-sample test for a linear hypothesis whose power is independent of
+    the variance, Annals of Mathematical Statistics 16, 1945): the standard deviation s of the
+    ``first`` trials sets the number of all, the smallest n with t s / sqrt(n) <= precision. The
+    interval is the mean of all n +- t s / sqrt(n), with s and the degrees of freedom of the first
+    stage. It holds its confidence although n depends on the scores, if scores are normal.
+    """
+
+    precision: Annotated[float | None, PRECISION] = None  # half-width of fitness
+    first: Annotated[int, COUNT] = 10  # trials of the first stage, at least
+    max_trials: Annotated[int, COUNT] = 200
+    confidence: Annotated[float, CONFIDENCE] = 0.95  # of each interval
+    rivals: Annotated[int, WHOLE] = 0  # other designs that are validated beside the champion
+
+    def __post_init__(self) -> None:
+        if self.precision is not None and not 2 <= self.first <= self.max_trials:
+            raise InputError(
+                f"validation.first: must be at least 2 and at most validation.max_trials "
+                f"({self.max_trials}), not {self.first}; correct it"
+            )
+
+    def count_first(self, trials: int) -> int:
+        """Return the trials of the first stage; each best of a generation gets ``trials``."""
+        return trials if self.precision is None else max(trials, self.first)
+
+    def count_all(self, first: Sequence[float]) -> int:
+        """Return the trials of both stages, for the scores of the first one."""
+        if self.precision is None:
+            return len(first)
+        half_width = self.quantile(len(first)) * stdev(first) / self.precision
+        wanted = math.ceil(round(half_width * half_width, DIGITS))
+        return max(len(first), min(wanted, self.max_trials))
+
+    def bound_mean(self, scores: Sequence[float], first: int) -> Bounds:
+        """Return the interval of the mean, whose first stage had so many scores; NaN below two."""
+        if first < 2:
+            return math.nan, math.nan
+        spread = stdev(scores[:first]) / math.sqrt(len(scores))
+        half_width = self.quantile(first) * spread
+        mean = fmean(scores)
+        return round(mean - half_width, DIGITS), round(mean + half_width, DIGITS)
+
+    def bound_fitness(self, scores: Sequence[float], first: int, combine: Combine) -> Bounds:
+        """Return the interval of the fitness; that of the mean, or else by the bootstrap.
+
+        NaN if it depends on too few scores (``bootstrap.resample``).
+        """
+        if combine is mean:
+            return self.bound_mean(scores, first)
+        values = resample(scores, combine)
+        if not values:
+            return math.nan, math.nan
+        outside = int(len(values) * (1 - self.confidence) / 2)
+        return round(values[outside], DIGITS), round(values[-1 - outside], DIGITS)
+
+    def bound_rate(self, successes: int, trials: int) -> Bounds:
+        """Return the interval of a rate; see ``bound_rate``."""
+        return bound_rate(successes, trials, self.confidence)
+
+    def quantile(self, trials: int) -> float:
+        """Return the two-sided quantile of Student's t for so many trials, at least 2."""
+        return float(stdtrit(trials - 1, 0.5 + self.confidence / 2))
+
+
+def bound_rate(successes: int, trials: int, confidence: float) -> Bounds:
+    """Return the score interval of a rate; NaN without trials.
+
+    Source: Wilson, Probable inference, the law of succession, and statistical inference, Journal of
+    the American Statistical Association 22, 1927.
+    """
+    if not trials:
+        return math.nan, math.nan
+    z = float(ndtri(0.5 + confidence / 2))
+    rate, scale = successes / trials, 1 + z * z / trials
+    centre = (rate + z * z / (2 * trials)) / scale
+    inner = rate * (1 - rate) / trials + z * z / (4 * trials * trials)
+    half_width = z * math.sqrt(inner) / scale
+    low, high = max(0.0, centre - half_width), min(1.0, centre + half_width)
+    return round(low, DIGITS), round(high, DIGITS)
+
+
+def compute_chance(
+    champion: Sequence[float], rival: Sequence[float], combine: Combine = mean
+) -> float:
+    """Return the chance that the rival is better, by the trials that both have met; NaN below two.
+
+    It is the posterior probability that the mean of the paired differences is positive, for normal
+    differences and the prior 1 / sd: Student's t at the statistic of the paired t-test. Without a
+    mean it is the share of paired resamples in which the rival is better (``bootstrap.resample``).
+    """
+    pairs = list(zip(champion, rival, strict=False))
+    if combine is not mean:
+        return round(count_better(pairs, combine), DIGITS)
+    if len(pairs) < 2:
+        return math.nan
+    ahead = [score - of_champion for of_champion, score in pairs]
+    centre, spread = fmean(ahead), stdev(ahead) / math.sqrt(len(ahead))
+    if spread == 0:
+        return 0.5 if centre == 0 else float(centre > 0)
+    return round(float(stdtr(len(ahead) - 1, centre / spread)), DIGITS)
+
+
+def combine_chances(chances: Sequence[float]) -> float:
+    """Return the chance that any rival is better, at most; NaN if there is none to compare with.
+
+    1 - (1 - p1) (1 - p2) ... holds for independent differences. All share the champion's scores, so
+    that they are positively correlated and the chance is at most this (Slepian's inequality).
+    """
+    known = [chance for chance in chances if not math.isnan(chance)]
+    return round(1 - math.prod(1 - chance for chance in known), DIGITS) if known else math.nan
+
+
+A_VALIDATION = instance_of(Validation, "a validation (evoros.certificate.validation.Validation)")

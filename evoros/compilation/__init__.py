@@ -1,0 +1,1 @@
+"""Rules and loops as machine code, by numba."""

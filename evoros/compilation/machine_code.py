@@ -1,0 +1,111 @@
+"""Compile functions with numba, and keep their machine code on the disk."""
+
+import hashlib
+import os
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numba
+from numba import njit
+from numba.core.caching import FunctionCache
+from numba.core.errors import NumbaError, NumbaExperimentalFeatureWarning
+from numba.extending import overload
+
+from evoros.base.compilable import take_waiting
+from evoros.files.disk import sync
+from evoros.files.resources import PACKAGE
+from evoros.terminal.activity import announce
+from evoros.terminal.log import LOGGER
+
+NJIT_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+"""Compiled code loses errors, so a division by zero gives inf or NaN."""
+
+_COMPILING = Lock()  # around settings of numba that apply to the whole process
+
+
+def compile_function(function: Any, signature: Any, on_disk: bool) -> Any:
+    """Compile a function, or load its machine code from the disk; for use within ``compiling``.
+
+    What cannot be loaded, for example after a loss of power, is discarded and compiled anew.
+    """
+    for waiting, inlined in take_waiting(bundled=True):
+        register(waiting, waiting, inlined)
+    try:
+        dispatcher = njit(signature, cache=on_disk, **NJIT_OPTIONS)(function)
+    except NumbaError:
+        raise
+    except Exception as error:
+        if not on_disk:
+            raise
+        LOGGER.info("compiled code of %s is damaged (%r) and is made anew", function, error)
+        FunctionCache(function).flush()
+        dispatcher = njit(signature, cache=True, **NJIT_OPTIONS)(function)
+    if on_disk and dispatcher.stats.cache_misses:
+        for path in sorted(Path(FunctionCache(function).cache_path).iterdir()):
+            with suppress(FileNotFoundError):  # a draft of another process
+                sync(path)
+    return dispatcher
+
+
+def register(function: Any, implementation: Any, inlined: bool) -> None:
+    """Tell numba of a function that compiled code calls."""
+    # Without the wrapper for C, which nobody calls, functions compile a tenth faster.
+    options = {"forceinline": inlined, "no_cfunc_wrapper": True}
+    overload(function, strict=False, jit_options=options)(lambda *args, **keywords: implementation)
+
+
+@contextmanager
+def compiling() -> Iterator[bool]:
+    """Make numba cache in the folder of evoros; yields whether there is such a folder.
+
+    Also silences the warning that functions as arguments are an experimental feature of numba.
+    """
+    folder = _cache_folder()
+    with announce("compiling"), _COMPILING, warnings.catch_warnings():
+        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+        before = numba.config.CACHE_DIR
+        numba.config.CACHE_DIR = str(folder or before)
+        try:
+            yield folder is not None
+        finally:
+            numba.config.CACHE_DIR = before
+
+
+@cache
+def _cache_folder() -> Path | None:
+    """The folder for machine code; None if no safe folder can be written.
+
+    Its name is a hash of all sources of evoros, because numba only checks the file of a function
+    and not those of the functions that it calls.
+    """
+    digest = hashlib.sha256(numba.__version__.encode())
+    for file in sorted(PACKAGE.rglob("*.py")):
+        content = file.read_bytes()
+        digest.update(f"{file.relative_to(PACKAGE)}:{len(content)}:".encode() + content)
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    for base in (Path(home) / "evoros", Path(tempfile.gettempdir()) / f"evoros-{os.getuid()}"):
+        folder = base / digest.hexdigest()[:16]
+        with suppress(OSError):
+            base.parent.mkdir(parents=True, exist_ok=True)
+            for path in (base, folder):  # mkdir(parents=True) would leave the mode to the umask
+                path.mkdir(exist_ok=True, mode=0o700)
+            if os.access(folder, os.W_OK) and _is_private(base) and _is_private(folder):
+                return folder
+    LOGGER.warning(
+        "no cache for compiled rules: neither %s nor the folder for temporary files has a place "
+        "that only this user can write to; rules are compiled in every process",
+        home,
+    )
+    return None
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether only this user can write to the folder; machine code of others must not be run."""
+    status = folder.stat()
+    return status.st_uid == os.getuid() and not status.st_mode & 0o022

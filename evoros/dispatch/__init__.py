@@ -1,0 +1,1 @@
+"""Hands missions to workers."""

@@ -1,0 +1,242 @@
+"""Runs missions in a pool: several short ones in a call, or one long one.
+
+A call to a worker process costs the main process about 0.2 ms, and a mission in a planar simulator
+takes milliseconds.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import CancelledError, Future
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import islice
+from queue import Empty, SimpleQueue
+from typing import Any, TypeVar
+
+from evoros.base.arrays import Array
+from evoros.base.errors import EvorosError, LaunchError, PilotLost, RunStopped, WorkerLost
+from evoros.dispatch.calls import CallAnswer, call_time, pack, run_for_outcomes, run_for_trajectory
+from evoros.dispatch.pace import Pace
+from evoros.dispatch.record import MissionRecord, MissionResult
+from evoros.executor.payload import Shared
+from evoros.executor.protocol import Pool
+from evoros.mission.mission import Mission
+from evoros.mission.outcome import LOST, Outcomes
+from evoros.mission.plan import STOP, describe
+from evoros.mission.rollout import empty_trajectory, failed_mission
+from evoros.mission.scenario import Scenario
+
+Result = TypeVar("Result")
+
+CALLS_PER_WORKER = 3
+"""Calls submitted ahead for each worker: enough that none waits, few to lose."""
+NEW_WORKERS_S = 1.0
+"""Workers that join while all calls are long get some after this time [s]."""
+MISSIONS_OUT = 50_000
+"""Missions in calls at a time, some seconds of work for the main process: memory stays flat."""
+
+
+def _discard_log(mission: Mission, log: str) -> None:
+    """Keep nothing."""
+
+
+@dataclass(frozen=True)
+class Dispatcher:
+    """Runs missions in an open pool."""
+
+    pool: Pool
+    lost: str  # a mission that crashes or hangs: STOP the run, or WORST
+    keep_log: Callable[[Mission, str], None] = _discard_log  # of a mission that lost its pilot
+    keep_trajectory: Callable[[Scenario, Mission, Array], None] | None = None
+    """Gets the trajectory of each mission of ``run`` before its outcome is yielded."""
+    paces: dict[bytes, Pace] = field(default_factory=dict)  # of scenarios, by their digest
+
+    def run_missing(
+        self,
+        scenario: Scenario,
+        missions: Iterable[Mission],
+        record: MissionRecord,
+        notify: Callable[[Mission, Outcomes], None],
+    ) -> None:
+        """Run the missions that ``record`` does not have.
+
+        Each is recorded before ``notify`` is called with it. ``missions`` is consumed as calls are
+        submitted, so that it may be a generator of any length.
+
+        Raises:
+            InputError: a mission was recorded under other draws.
+            RunStopped: see ``run``.
+        """
+        missing = (mission for mission in missions if not record.has(mission))
+        for results in self.run(scenario, missing):
+            record.record(results)
+            for result in results:
+                notify(*result)
+
+    def run(self, scenario: Scenario, missions: Iterable[Mission]) -> Iterator[list[MissionResult]]:
+        """Run the missions and yield their outcomes as calls finish, in no particular order.
+
+        A call that raises or is lost is repeated one mission at a time, so that its error is that
+        of a single mission.
+
+        Raises:
+            RunStopped: a mission crashed or hung despite its retries, and ``lost`` is ``STOP``.
+        """
+        packed = pack(scenario)
+        pace = self.paces.setdefault(packed.digest, Pace())
+        batch = _Batch(scenario, packed, self.pool, iter(missions), pace)
+        batch.keeps = self.keep_trajectory is not None
+        try:
+            while batch.submit():
+                results, error = batch.collect(self)
+                if results:
+                    yield results
+                if error is not None:
+                    raise error
+        finally:
+            batch.cancel()
+
+    def run_for_trajectories(self, scenario: Scenario, missions: Sequence[Mission]) -> list[Array]:
+        """Run the missions and return their trajectories, in order; a lost one has no rows.
+
+        Raises:
+            RunStopped: see ``run``.
+        """
+        packed = pack(scenario)
+        futures = [self.pool.submit(run_for_trajectory, packed, mission) for mission in missions]
+        return [
+            self.take_result(mission, future, partial(_lost_trajectory, scenario, mission))
+            for mission, future in zip(missions, futures, strict=True)
+        ]
+
+    def take_result(
+        self, mission: Mission, future: "Future[Result]", worst: Callable[[str], Result]
+    ) -> Result:
+        """Return the mission's result, or ``worst(reason)`` if its loss need not stop the run.
+
+        Raises:
+            LaunchError: its controller cannot be started.
+            RunStopped: the mission is lost, and ``lost`` is ``STOP``.
+        """
+        error = _error_of(future)
+        if error is None:
+            return future.result()
+        if isinstance(error, LaunchError):
+            raise LaunchError(f"{describe(mission)}: {error}") from error
+        if isinstance(error, EvorosError) and not isinstance(error, WorkerLost):
+            raise error
+        if isinstance(error, PilotLost):
+            self.keep_log(mission, error.log)
+        known = isinstance(error, WorkerLost)
+        reason = str(error) if known else f"{type(error).__name__}: {error}"
+        if self.lost == STOP or not isinstance(error, Exception):
+            raise RunStopped(f"{describe(mission)}: {reason}") from error
+        return worst(reason)
+
+
+@dataclass
+class _Batch:
+    """The missions of one ``Dispatcher.run``: they are to come, wait, or are in a call."""
+
+    scenario: Scenario
+    packed: Shared
+    pool: Pool
+    coming: Iterator[Mission]
+    pace: Pace
+    waiting: deque[Mission] = field(default_factory=deque)
+    alone: list[Mission] = field(default_factory=list)  # from calls that failed
+    calls: dict[Future[CallAnswer], list[Mission]] = field(default_factory=dict)
+    finished: SimpleQueue[Future[CallAnswer]] = field(default_factory=SimpleQueue)
+    keeps: bool = False  # whether calls return trajectories
+
+    def submit(self) -> bool:
+        """Keep the workers busy; return whether any call is running."""
+        workers = max(1, self.pool.workers)  # the first may be on its way
+        seconds = call_time(workers)
+        while len(self.calls) < workers * CALLS_PER_WORKER:
+            missions = self._pop_missions(workers, seconds)
+            if not missions:
+                break
+            future = self.pool.submit(run_for_outcomes, self.packed, missions, seconds, self.keeps)
+            self.calls[future] = missions
+            future.add_done_callback(self.finished.put)
+            if future.done():  # the pool is this process: record before the next mission starts
+                break
+        return bool(self.calls)
+
+    def _pop_missions(self, workers: int, seconds: float) -> list[Mission]:
+        """Return the missions of the next call; none if there are no more."""
+        if self.alone:
+            return [self.alone.pop()]
+        most = max(1, MISSIONS_OUT // (CALLS_PER_WORKER * workers))
+        size = min(self.pace.fit(seconds), most)
+        if self.scenario.is_live:
+            size = 1  # so that the executor's attempts are those at one mission
+        # All workers get calls of this size. Once that is more than what is left, each gets a share
+        # of it, so that at the end all have about as much to do.
+        shares = 2 * workers
+        self.waiting.extend(islice(self.coming, max(0, size * shares - len(self.waiting))))
+        size = max(1, min(size, len(self.waiting) // shares))
+        return [self.waiting.popleft() for _ in range(min(size, len(self.waiting)))]
+
+    def collect(self, dispatcher: Dispatcher) -> tuple[list[MissionResult], EvorosError | None]:
+        """Wait for calls to finish; return their results, and the error that ends the run.
+
+        Nothing has finished if ``NEW_WORKERS_S`` are over.
+        """
+        results: list[MissionResult] = []
+        first_error: EvorosError | None = None
+        for future in self._await_finished():
+            missions = self.calls.pop(future)
+            error = _error_of(future)
+            if len(missions) > 1 and error is not None:
+                self.alone += reversed(missions)
+                continue
+            worst = partial(_lost_outcome, self.scenario, missions[0])
+            try:
+                answer = dispatcher.take_result(missions[0], future, worst)
+            except EvorosError as problem:
+                first_error = first_error or problem
+                continue
+            for mission, (outcomes, trajectory) in zip(missions, answer.results, strict=False):
+                if dispatcher.keep_trajectory is not None and trajectory is not None:
+                    dispatcher.keep_trajectory(self.scenario, mission, trajectory)
+                results.append((mission, outcomes))
+            self.pace.note(len(answer.results), answer.timed, answer.seconds)
+            self.waiting.extendleft(reversed(missions[len(answer.results) :]))  # no time for them
+        return results, first_error
+
+    def _await_finished(self) -> list[Future[CallAnswer]]:
+        found = []
+        with suppress(Empty):
+            found.append(self.finished.get(timeout=NEW_WORKERS_S))
+            while True:
+                found.append(self.finished.get_nowait())
+        return found
+
+    def cancel(self) -> None:
+        """Cancel the calls that have not started."""
+        for future in self.calls:
+            future.cancel()
+
+
+def _lost_trajectory(scenario: Scenario, mission: Mission, reason: str) -> Array:
+    return empty_trajectory(scenario, mission)
+
+
+def _lost_outcome(scenario: Scenario, mission: Mission, reason: str) -> CallAnswer:
+    outcomes = failed_mission(scenario, mission, LOST, reason)
+    return CallAnswer([(outcomes, empty_trajectory(scenario, mission))])
+
+
+def _error_of(future: "Future[Any]") -> BaseException | None:
+    """Return what the call raised, or None.
+
+    Raises:
+        CancelledError: the pool was closed, which says nothing about the missions.
+    """
+    error = future.exception()
+    if isinstance(error, CancelledError):
+        raise error
+    return error

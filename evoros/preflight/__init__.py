@@ -1,0 +1,1 @@
+"""Finds bad input and doubtful settings before a run."""

@@ -1,0 +1,174 @@
+"""Finds a step that is too coarse for a robot in an engine, by a short drive before the run."""
+
+import dataclasses
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import CancelledError
+from typing import Any
+
+from evoros.base.checks import LEAST_STEP_S
+from evoros.base.errors import SimulationError, single_line
+from evoros.evolution.experiment import Experiment
+from evoros.executor.protocol import Pool
+from evoros.mission.member import Member
+from evoros.preflight.drive_advice import Setting, advise, choose_mujoco, moves_right, try_mujoco
+from evoros.preflight.drive_faults import TOLERANCE
+from evoros.preflight.layer_values import find_values
+from evoros.preflight.subject import Subject, list_subjects
+from evoros.preflight.trial_drive import find_turning_point
+from evoros.robot.model import Robot
+from evoros.simulator.protocol import RuleSimulator, Simulator, doubt_drive
+from evoros.terminal.log import LOGGER
+from evoros.world.course import Course
+from evoros.world.floors import GROUND
+from evoros.world.model import World
+
+MAX_HALVINGS = 5
+FINE_ITERATIONS = 50  # of a solver of contacts, at the finer steps
+
+
+def report_drive(experiment: Experiment, pool: Pool) -> None:
+    """Let a worker drive the robot in each engine, and log where it does not move as commanded.
+
+    A worker, because an engine may crash its process. A simulator that consists of rules is left
+    out, because its robot does nothing else.
+    """
+    if all(isinstance(simulator, RuleSimulator) for simulator in _simulators(experiment).values()):
+        return
+    try:
+        warnings = pool.submit(list_warnings, experiment).result()
+    except CancelledError:  # the pool was closed: the run is interrupted
+        raise
+    except Exception as error:  # of the engine or of a simulator of the user's own
+        warnings = [
+            f"a short drive before the run failed ({single_line(error)}); missions may, too"
+        ]
+    for warning in warnings:
+        LOGGER.warning("%s", warning)
+
+
+def list_warnings(experiment: Experiment) -> list[str]:
+    """List a warning for each engine in which the robot does not move as commanded."""
+    return list(check_drive(experiment))
+
+
+def _simulators(tried: Experiment | Subject) -> dict[str, Simulator]:
+    simulators = {"simulator": tried.scenario.simulator}
+    if tried.confirming.simulator != tried.scenario.simulator:
+        simulators["confirmation.simulator"] = tried.confirming.simulator
+    return simulators
+
+
+def check_drive(experiment: Experiment) -> Iterator[str]:
+    """Yield the warnings of ``list_warnings``, for each different robot."""
+    robots: list[Robot] = []
+    for subject, member in zip(list_subjects(experiment), experiment.members, strict=True):
+        if member.robot not in robots:
+            robots.append(member.robot)
+            yield from map(member.tell, _check_subject(subject))
+
+
+def _check_subject(subject: Subject) -> Iterator[str]:
+    setting, drive = _make_setting(subject), subject.robot.drive
+    engines = {k: s for k, s in _simulators(subject).items() if not isinstance(s, RuleSimulator)}
+    doubted = {key: engines.pop(key) for key in list(engines) if doubt_drive(engines[key], drive)}
+    if doubted:
+        yield from _guard(doubted, _tell_doubt(doubted, setting))
+    for key, simulator in engines.items():
+        yield from _guard([key], _check(key, simulator, setting))
+
+
+def _guard(keys: Iterable[str], warnings: Iterator[str]) -> Iterator[str]:
+    """Yield the warnings of some engines, and at last that they refuse the robot if they do."""
+    try:
+        yield from warnings
+    except SimulationError as error:
+        yield f"{' and '.join(keys)}: every mission would fail, because of this: {error}"
+
+
+def choose_speed(member: Member) -> float:
+    """Return the greatest speed [m/s] that the controller asks for and the drive has."""
+    speeds = [value for _, value in find_values(member.controller, "speed_mps", "controller")]
+    return min(max(speeds, default=math.inf), member.robot.drive.max_speed_mps)
+
+
+def _make_setting(subject: Subject) -> Setting:
+    world = empty_world(next(iter(subject.world.values())))
+    return Setting(subject.robot, world, choose_speed(subject.scenario.members[0]))
+
+
+def _tell_doubt(simulators: Mapping[str, Simulator], setting: Setting) -> Iterator[str]:
+    """Yield the warning of engines that no step makes right for a drive."""
+    first = next(iter(simulators.values()))
+    faults = setting.describe(setting.in_engine(first).run())
+    shown = f"{faults}, and no step corrects that" if faults else "cannot be driven right"
+    yield (
+        f"{' and '.join(simulators)}: {setting.robot.name} {shown}, because "
+        f"{doubt_drive(first, setting.robot.drive)}; use "
+        f"{' '.join(map(choose_mujoco, simulators))}{try_mujoco(setting, first)}"
+    )
+
+
+def _check(key: str, simulator: Simulator, setting: Setting) -> Iterator[str]:
+    trial = setting.in_engine(simulator).run()
+    faults = setting.describe(trial)
+    if not faults:
+        yield from _check_turning_point(key, simulator, *setting)
+        return
+    finest = simulator
+    for finer in _refine(simulator):
+        finest = finer
+        if moves_right(setting, finer, trial):
+            fix = f"set {_settings(key, finer)}, with which it moves as commanded"
+            break
+    else:
+        fix = f"no step down to {finest.time_step:g} s corrects that; "
+        fix += advise(key, simulator, setting, trial)
+    yield f"{key}: at time_step={simulator.time_step:g}, {setting.robot.name} {faults}; {fix}"
+
+
+def _check_turning_point(
+    key: str, simulator: Simulator, robot: Robot, world: World, speed: float
+) -> Iterator[str]:
+    """Yield a warning if the robot does not slide as its drive states."""
+    drive = robot.drive
+    if not getattr(drive, "slide_m", 0.0):
+        return
+    found = find_turning_point(simulator, robot, world, speed)
+    if not abs(found - drive.rear_axle_x_m) <= TOLERANCE * drive.wheelbase_m:
+        yield (
+            f"{key}: {robot.name} turns about x={found:.2f} m and not about "
+            f"robot.drive.turning_x_m={drive.rear_axle_x_m:g}, because its wheels roll there; use "
+            f"simulator=planar, or set robot.drive.turning_x_m=null"
+        )
+
+
+def empty_world(world: World) -> World:
+    """Return level ground with the gravity and the ground's friction of a world."""
+    frictions = [body.friction for body in world.bodies if body.is_ground]
+    ground = dataclasses.replace(GROUND, friction=max(frictions, default=GROUND.friction))
+    height = world.course.home_z_m
+    course = Course(0.0, 0.0, height, 0.0, [[10.0, 0.0]], 1.0, 1.0, "forward", False)
+    return World(
+        "empty level ground", (ground,), course, "preflight", "", gravity_mps2=world.gravity_mps2
+    )
+
+
+def _refine(simulator: Any) -> Iterator[Simulator]:
+    """Yield the simulator with ever finer steps, which divide every period that its own divides."""
+    if not dataclasses.is_dataclass(simulator):
+        return
+    part: Any = simulator
+    changes = {}
+    if isinstance(iterations := getattr(part, "solver_iterations", None), int):
+        changes["solver_iterations"] = max(iterations, FINE_ITERATIONS)
+    for halvings in range(1, MAX_HALVINGS + 1):
+        step = part.time_step / 2**halvings
+        if step >= LEAST_STEP_S:
+            yield dataclasses.replace(part, time_step=step, **changes)
+
+
+def _settings(key: str, simulator: Any) -> str:
+    names = ("time_step", "solver_iterations")
+    values = {name: getattr(simulator, name, None) for name in names}
+    return " ".join(f"{key}.{name}={value:.10g}" for name, value in values.items() if value)

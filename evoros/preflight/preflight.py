@@ -1,0 +1,130 @@
+"""Finds bad input before a run starts, by all that a mission needs short of its engine."""
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
+
+from evoros.base.errors import InputError
+from evoros.design.genes import check_genes
+from evoros.evolution.experiment import Experiment
+from evoros.failure.protocol import SystematicFailure
+from evoros.mission.participant import MIN_RECORD_S
+from evoros.preflight.home import check_home
+from evoros.preflight.measures import check_measures
+from evoros.preflight.routes import check_routes
+from evoros.preflight.self_sight import check_housings, check_self_sight
+from evoros.preflight.sight import check_sight
+from evoros.preflight.start import check_start, list_scenarios
+from evoros.preflight.subject import Subject, list_subjects
+from evoros.preflight.told import check_told
+from evoros.preflight.trial_designs import choose_middle
+from evoros.terminal.log import LOGGER
+
+MAX_TRAJECTORY_BYTES = 2**30
+"""The most memory that the trajectory of one mission may take."""
+
+Check = Callable[[Experiment], Iterator[str]]
+"""Yields a warning for each doubt; raises an InputError, whose message names the key."""
+RobotCheck = Callable[[Subject], Iterator[str]]
+"""The same for one robot of an experiment."""
+
+
+def preflight(experiment: Experiment) -> None:
+    """Try every part of an experiment once, so that bad input does not stop its run later.
+
+    The warnings of the checks are logged.
+
+    Raises:
+        InputError: a part refuses what it is given.
+    """
+    for check in CHECKS:
+        for warning in check(experiment):
+            LOGGER.warning("%s", warning)
+
+
+def check_search(experiment: Experiment) -> Iterator[str]:
+    """Start the search."""
+    experiment.start_search()
+    yield from ()
+
+
+def check_robots(experiment: Experiment) -> Iterator[str]:
+    """Check each robot by itself, as if it were alone."""
+    known = set()
+    for subject in list_subjects(experiment):
+        try:
+            for warning in chain.from_iterable(check(subject) for check in ROBOT_CHECKS):
+                if warning not in known:  # robots of one kind and design share most of them
+                    yield f"{subject.key}{warning}"
+                known.add(warning)
+        except InputError as error:
+            raise InputError(f"{subject.key}{error}") from None
+
+
+def check_length(experiment: Experiment) -> Iterator[str]:
+    """Require that the trajectory of a mission fits into memory.
+
+    Raises:
+        InputError: the time limit of a course is too long.
+    """
+    columns = len(experiment.scenario.name_columns(choose_middle(experiment.space)))
+    period = max(experiment.controller.period_s, MIN_RECORD_S)
+    limit = MAX_TRAJECTORY_BYTES / (8 * columns) * period
+    for name, world in experiment.world.items():
+        if world.course.time_limit_s > limit:
+            raise InputError(
+                f"world.{name}.course.time_limit_s: must be at most {limit:.0f} s, so that the "
+                f"trajectory of a mission fits into {MAX_TRAJECTORY_BYTES // 2**20} MiB, not "
+                f"{world.course.time_limit_s:g}; lower it (course.time_limit_s)"
+            )
+    yield from ()
+
+
+def check_bounds(subject: Subject) -> Iterator[str]:
+    """Require that the parts accept the ends of all evolved ranges."""
+    for key, scenario in list_scenarios(subject).items():
+        (member,) = scenario.members
+        parts = {name: getattr(member, name) for name in ("robot", "controller", "design")}
+        try:
+            check_genes(subject.space.genes, parts)
+        except InputError as error:
+            raise InputError(f"{key}{error}") from None
+    yield from ()
+
+
+def check_cases(subject: Subject) -> Iterator[str]:
+    """Yield how many cases of a systematic failure the trials leave out."""
+    failure, trials = subject.failure, subject.trials
+    if isinstance(failure, SystematicFailure):
+        sensors = len(choose_middle(subject.space).mounts)
+        cases = failure.count_cases(sensors)
+        if trials < cases:
+            yield (
+                f"failure: {sensors} sensors can fail in {cases} ways, and designs meet the first "
+                f"{trials} of them, one in each trial; set trials={cases} for all"
+            )
+
+
+def check_mount(subject: Subject) -> Iterator[str]:
+    """Yield the parts of the default mount that were chosen for the robot."""
+    robot = subject.robot
+    if not robot.chosen_mount:
+        return
+    pitch = robot.default_pitch(subject.design.sensors.values())
+    values = {"link": robot.mount_link, "z_m": f"{robot.mount_z_m:.4g}", "pitch_deg": f"{pitch:g}"}
+    chosen = ", ".join(f"robot.mount.{name}={values[name]}" for name in robot.chosen_mount)
+    yield f"{robot.name}: chosen for the robot and its sensors: {chosen}"
+
+
+CHECKS: Sequence[Check] = (check_search, check_measures, check_length, check_robots, check_start)
+
+ROBOT_CHECKS: Sequence[RobotCheck] = (
+    check_bounds,
+    check_mount,
+    check_cases,
+    check_home,
+    check_routes,
+    check_sight,
+    check_self_sight,
+    check_housings,
+    check_told,
+)

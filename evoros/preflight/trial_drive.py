@@ -1,0 +1,209 @@
+"""Drives a robot in an engine, on empty level ground, and compares its motion with the command."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from evoros.base import elementary
+from evoros.base.arrays import (
+    COMMAND_SIZE,
+    DRIVE_SPEED,
+    STATE_SIZE,
+    STEERING,
+    YAW,
+    Array,
+    X,
+    Y,
+)
+from evoros.drive.protocol import Drive
+from evoros.drive.wheels import skids
+from evoros.robot.model import Robot
+from evoros.robot.occlusion import Occluders
+from evoros.sensor.lidar import Lidar
+from evoros.sensor.protocol import Mount
+from evoros.simulator.protocol import Simulation, Simulator, open_alone
+from evoros.world.model import World
+
+REST_S, PIECE_S, RUN_UP_PIECES = 1.0, 0.25, 12
+DRIVE_S, MAX_DRIVE_S = 2.0, 10.0
+SETTLED = 0.02  # change of the speed in a piece of the run-up, as a share of the commanded one
+ARM_M = 0.1  # between the sensors that measure the robot's height and tilt
+STILL_RAD = 1e-4  # half a turn below which a robot does not turn
+READABLE_M = 0.5  # a greater error is that of a simulator whose rays do not see the ground
+
+
+class Manoeuvre(NamedTuple):
+    """A steady command, as shares of the speed and of full lock."""
+
+    name: str
+    speed: float
+    lock: float
+
+
+STRAIGHT, BACK = Manoeuvre("straight", 1.0, 0.0), Manoeuvre("back", -1.0, 0.0)
+TURNS = (
+    Manoeuvre("quarter lock", 1.0, 0.25),
+    Manoeuvre("half lock", 1.0, -0.5),
+    Manoeuvre("full lock", 1.0, 1.0),
+)
+MANOEUVRES = (STRAIGHT, BACK, *TURNS)
+
+
+class Rest(NamedTuple):
+    """How a robot stands that is commanded to."""
+
+    drift_mps: float
+    sunk_m: float  # below the height that the description has at rest; 0 if it is not known
+    tilt_deg: float
+
+
+class TrialDrive(NamedTuple):
+    """The real motion of a robot in an engine."""
+
+    rest: Rest
+    shares: Mapping[Manoeuvre, float]
+    """The speed, or the yaw rate in a turn, divided by the commanded one."""
+
+
+PLUMB = Lidar(
+    beams=1, range_min_m=0.0, range_max_m=10.0, size_m=(1e-3, 1e-3, 1e-3), mass_kg=1e-6, price=0.0
+)
+"""Measures the distance from the ground below it, mounted so that it looks down."""
+
+
+class Trial:
+    """A robot on empty level ground in an engine.
+
+    Every method raises a ``SimulationError`` if the engine refuses the robot.
+    """
+
+    def __init__(self, simulator: Simulator, robot: Robot, world: World, speed: float) -> None:
+        """``speed`` is in [m/s]."""
+        places = ((0.0, 0.0), (ARM_M, 0.0), (0.0, ARM_M))
+        height = robot.mount_z_m
+        mounts = [Mount("plumb", robot.mount_link, x, y, height, 0.0, -90.0) for x, y in places]
+        transparent = replace(robot, occluders=Occluders())  # through which the plumbs look down
+        self._robot = transparent.with_sensors(mounts, {"plumb": PLUMB})
+        self._simulator, self._world, self._speed = simulator, world, speed
+
+    def run(self) -> TrialDrive:
+        """Let the robot stand, and drive all manoeuvres."""
+        return TrialDrive(self.stand(), {move: self.drive(move) for move in MANOEUVRES})
+
+    def stand(self) -> Rest:
+        """Let the robot settle and stand."""
+        with open_alone(self._simulator.open, self._robot, self._world) as simulation:
+            driver = _Driver(simulation, self._simulator.time_step)
+            driver.advance(0.0, 0.0, 0.5 * REST_S)
+            drift, _ = driver.advance(0.0, 0.0, REST_S)
+            return Rest(abs(drift), *_measure_posture(simulation, self._robot))
+
+    def drive(self, manoeuvre: Manoeuvre) -> float:
+        """Drive a manoeuvre; return the speed, or the yaw rate, divided by the commanded one.
+
+        Wheels that slip turn the robot by a quarter of a circle, if that is done within
+        ``MAX_DRIVE_S``, because the friction of an engine may depend on the heading.
+        """
+        drive = self._robot.drive
+        steering = manoeuvre.lock * drive.steering_limit
+        curvature = elementary.tan(steering) / drive.wheelbase_m
+        speed = manoeuvre.speed * min(self._speed, _limit_speed(drive, curvature))
+        commanded = speed * curvature * drive.turn_ratio
+        duration = DRIVE_S
+        if commanded and skids(drive):
+            duration = min(max(DRIVE_S, 0.5 * math.pi / abs(commanded)), MAX_DRIVE_S)
+        with open_alone(self._simulator.open, self._robot, self._world) as simulation:
+            driver = _Driver(simulation, self._simulator.time_step)
+            reached, rate = driver.measure(speed, steering, duration)
+        return rate / commanded if commanded else reached / speed
+
+
+def _limit_speed(drive: Drive, curvature: float) -> float:
+    return drive.max_speed_mps / (1.0 + abs(curvature) * drive.speed_limit_offset_m)
+
+
+def find_turning_point(simulator: Simulator, robot: Robot, world: World, speed: float) -> float:
+    """Return x [m], in the robot's frame, of the point that moves as the robot heads in a turn.
+
+    It is NaN if the robot does not turn.
+
+    Raises:
+        SimulationError: the engine refuses the robot.
+    """
+    lock, drive = robot.drive.steering_limit, robot.drive
+    speed = min(speed, _limit_speed(drive, elementary.tan(lock) / drive.wheelbase_m))
+    with open_alone(simulator.open, robot, world) as simulation:
+        driver = _Driver(simulation, simulator.time_step)
+        driver.measure(speed, lock, DRIVE_S)
+        return driver.locate(speed, lock)
+
+
+def _measure_posture(simulation: Simulation, robot: Robot) -> tuple[float, float]:
+    """Return how far [m] the robot sank, and its tilt [deg]; zeros if its rays do not tell."""
+    readings = np.zeros(robot.beam_count)
+    simulation.sense(readings)
+    errors = readings - robot.sensor_poses[:, 2]
+    if not np.abs(errors).max() < READABLE_M:
+        return 0.0, 0.0
+    slope = math.hypot(errors[1] - errors[0], errors[2] - errors[0]) / ARM_M
+    return max(0.0, -float(errors[0])), math.degrees(elementary.atan(slope))
+
+
+class _Driver:
+    def __init__(self, simulation: Simulation, time_step: float) -> None:
+        self._simulation, self._step = simulation, time_step
+        self._command = np.zeros(COMMAND_SIZE)
+
+    def advance(self, speed: float, steering: float, duration: float) -> tuple[float, float]:
+        """Drive for a duration [s]; return the mean speed [m/s] and yaw rate [rad/s].
+
+        The speed is below 0 if the robot moves backwards.
+        """
+        self._command[[DRIVE_SPEED, STEERING]] = speed, steering
+        duration = max(1, round(duration / self._step)) * self._step
+        before = self._observe()
+        self._simulation.advance(self._command, duration)
+        after = self._observe()
+        turn = after[YAW] - before[YAW]
+        if not math.isfinite(turn):
+            return math.nan, math.nan
+        turn = math.remainder(turn, 2.0 * math.pi)
+        heading = float(before[YAW]) + 0.5 * turn
+        x, y = float(after[X] - before[X]), float(after[Y] - before[Y])
+        ahead = elementary.cos(heading) * x + elementary.sin(heading) * y
+        return math.copysign(math.hypot(x, y), ahead) / duration, turn / duration
+
+    def measure(self, speed: float, steering: float, duration: float) -> tuple[float, float]:
+        """Return the mean speed and yaw rate after a run-up, in which servos and motors settle."""
+        before = math.inf
+        for _ in range(RUN_UP_PIECES):
+            now, _ = self.advance(speed, steering, PIECE_S)
+            if abs(now - before) <= SETTLED * abs(speed):
+                break
+            before = now
+        count = max(1, round(duration / PIECE_S))
+        pieces = [self.advance(speed, steering, PIECE_S) for _ in range(count)]
+        speeds, rates = zip(*pieces, strict=True)
+        return math.fsum(speeds) / count, math.fsum(rates) / count
+
+    def locate(self, speed: float, steering: float) -> float:
+        """Return x [m] of the point whose way during a piece is along the mean heading."""
+        before = self._observe()
+        self.advance(speed, steering, PIECE_S)
+        after = self._observe()
+        half = 0.5 * float(math.remainder(after[YAW] - before[YAW], 2.0 * math.pi))
+        if abs(half) < STILL_RAD:
+            return math.nan
+        x, y = float(after[X] - before[X]), float(after[Y] - before[Y])
+        heading = float(before[YAW]) + half
+        return (elementary.sin(heading) * x - elementary.cos(heading) * y) / (
+            2.0 * elementary.sin(half)
+        )
+
+    def _observe(self) -> Array:
+        state = np.zeros(STATE_SIZE)
+        self._simulation.observe(state)
+        return state

@@ -1,0 +1,237 @@
+"""Contacts of robots in the plane with obstacles, bodies that can be pushed, and other robots."""
+
+from evoros.base.arrays import CONTACT, Array
+from evoros.base.compilable import compilable
+from evoros.base.packing import unpack
+from evoros.geometry.contact import polygon_contact
+from evoros.geometry.grid import cell_at
+from evoros.geometry.outlines import CENTRE_X, CENTRE_Y, CIRCLE, END, RADIUS, START
+from evoros.geometry.polygon import polygon_distance, transform_polygon
+from evoros.simulator.engines import planar_bodies as bodies
+from evoros.simulator.engines.planar_bodies import Movables, Placed, PlanarPose
+from evoros.simulator.engines.planar_layout import (
+    CORNERS,
+    TOUCHES,
+    Memory,
+    Plane,
+    hull_of,
+    pose_of,
+    probes_of,
+)
+from evoros.simulator.engines.planar_probes import ZONE
+from evoros.simulator.engines.planar_pushing import TOLERANCE_M, is_near
+from evoros.simulator.engines.zones import Zone, crosses_zone
+
+SKIN_M = 1e-3
+"""How near a body that was pushed is to the robot that touches it, at most."""
+
+
+@compilable
+def outline_of(parameters: Array, memory: Array, number: int) -> Array:
+    """Return the outline of a robot where it was placed last."""
+    places = unpack(Plane, parameters).places
+    outlines = unpack(Memory, memory).outlines
+    return outlines[int(places[number, CORNERS]) : int(places[number + 1, CORNERS])]
+
+
+@compilable
+def place_outline(parameters: Array, memory: Array, number: int, pose: PlanarPose) -> Array:
+    """Return the outline of a robot at a pose, which is in the memory."""
+    x, y, cos, sin = pose
+    outline = outline_of(parameters, memory, number)
+    transform_polygon(hull_of(parameters, number).outline, x, y, cos, sin, outline)
+    return outline
+
+
+@compilable
+def touches(parameters: Array, memory: Array, number: int, pose: PlanarPose) -> bool:
+    """Whether the outline of a robot at a pose overlaps an obstacle that stays, or another robot.
+
+    Each robot that it overlaps has a contact.
+    """
+    motions = unpack(Memory, memory).motions
+    touched = False
+    for other in range(len(motions)):
+        if other != number and overlaps_robot(parameters, memory, number, pose, other):
+            motions[other, CONTACT] = 1.0
+            touched = True
+    robot = hull_of(parameters, number)
+    x, y, _, _ = pose
+    cell = cell_at(robot.grid, x, y)
+    if cell < 0:
+        return touched
+    is_placed = False
+    for entry in range(int(robot.starts[cell]), int(robot.starts[cell + 1])):
+        row = robot.footprints[int(robot.entries[entry])]
+        if is_far(row, robot.radius, x, y):
+            continue
+        if not is_placed:
+            place_outline(parameters, memory, number, pose)
+            is_placed = True
+        polygon = robot.corners[int(row[START]) : int(row[END])]
+        outline = outline_of(parameters, memory, number)
+        if polygon_distance(outline, polygon, row[RADIUS]) <= row[RADIUS]:
+            return True
+    return touched
+
+
+@compilable
+def is_far(footprint: Array, radius: float, x: float, y: float) -> bool:
+    """Whether a footprint is too far away for a contact with a robot at a place [m]."""
+    dx = footprint[CENTRE_X] - x
+    dy = footprint[CENTRE_Y] - y
+    near = radius + footprint[CIRCLE]
+    return bool(dx * dx + dy * dy > near * near)
+
+
+@compilable
+def overlaps_robot(
+    parameters: Array, memory: Array, number: int, pose: PlanarPose, other: int
+) -> bool:
+    """Whether a robot at a pose overlaps another one; the outlines of both are placed then."""
+    there = pose_of(memory, other)
+    dx = there[0] - pose[0]
+    dy = there[1] - pose[1]
+    near = hull_of(parameters, number).radius + hull_of(parameters, other).radius
+    if dx * dx + dy * dy > near * near:
+        return False
+    outline = place_outline(parameters, memory, number, pose)
+    obstacle = place_outline(parameters, memory, other, there)
+    return bool(polygon_distance(outline, obstacle, 0.0) <= 0.0)
+
+
+@compilable
+def feel_robots(parameters: Array, memory: Array, number: int, pose: PlanarPose) -> None:
+    """Count what contact sensors feel of the contact of a robot at a pose with others."""
+    for other in range(len(unpack(Memory, memory).motions)):
+        if other != number and overlaps_robot(parameters, memory, number, pose, other):
+            outline = outline_of(parameters, memory, number)
+            obstacle = outline_of(parameters, memory, other)
+            feel_polygon(parameters, memory, number, pose, obstacle, 0.0)
+            feel_polygon(parameters, memory, other, pose_of(memory, other), outline, 0.0)
+
+
+@compilable
+def feel_pressed(parameters: Array, memory: Array, number: int) -> bool:
+    """Whether bodies that a robot pushed overlap another one; each that they do feels a contact."""
+    movables = unpack(Movables, unpack(Plane, parameters).movables)
+    placed = unpack(Placed, unpack(Memory, memory).movables)
+    pressed = False
+    for other in range(len(unpack(Memory, memory).motions)):
+        robot = hull_of(parameters, other)
+        pose = pose_of(memory, other)
+        for i in range(len(placed.levels)):
+            body = movables.bodies[i]
+            reach = robot.radius + body[bodies.BODY_RADIUS]
+            if other == number or placed.levels[i] == 0.0:
+                continue
+            if not is_near(placed, i, pose[0], pose[1], reach):
+                continue
+            outline = place_outline(parameters, memory, other, pose)
+            for p in range(int(body[bodies.FIRST_PART]), int(body[bodies.END_PART])):
+                part = movables.parts[p]
+                if part[bodies.BOTTOM] >= robot.height or part[bodies.TOP] <= 0.0:
+                    continue
+                polygon = placed.corners[int(part[bodies.START]) : int(part[bodies.END])]
+                radius = part[bodies.RADIUS]
+                if polygon_contact(outline, polygon, 0.0, radius)[0] > TOLERANCE_M:
+                    feel_polygon(parameters, memory, other, pose, polygon, radius)
+                    unpack(Memory, memory).motions[other, CONTACT] = 1.0
+                    pressed = True
+    return pressed
+
+
+@compilable
+def feel(parameters: Array, memory: Array, number: int, pose: PlanarPose) -> None:
+    """Count a touch for each zone of a robot at a pose that has a part of a contact.
+
+    These contacts are with obstacles that stay and with bodies that can be pushed.
+    """
+    probes = probes_of(parameters, number).contact
+    place_outline(parameters, memory, number, pose)
+    touched = int(unpack(Plane, parameters).places[number, TOUCHES])
+    for i in range(len(probes)):
+        zone = zone_of(probes[i])
+        if feels_fixed(parameters, memory, number, pose, zone) or feels_bodies(
+            parameters, memory, number, pose, zone
+        ):
+            unpack(Memory, memory).touches[touched + i] += 1.0
+
+
+@compilable
+def feel_polygon(
+    parameters: Array, memory: Array, number: int, pose: PlanarPose, polygon: Array, radius: float
+) -> None:
+    """Count a touch for each zone in which a rounded polygon overlaps a robot at a pose."""
+    probes = probes_of(parameters, number).contact
+    touched = int(unpack(Plane, parameters).places[number, TOUCHES])
+    outline = outline_of(parameters, memory, number)
+    for i in range(len(probes)):
+        contact = polygon_contact(outline, polygon, 0.0, radius)
+        if lies_in_zone(contact, zone_of(probes[i]), pose):
+            unpack(Memory, memory).touches[touched + i] += 1.0
+
+
+@compilable
+def zone_of(probe: Array) -> Zone:
+    """Return the zone of a contact probe."""
+    zone = probe[ZONE:]
+    return Zone(zone[0], zone[1], zone[2], zone[3], zone[4], zone[5])
+
+
+@compilable
+def feels_fixed(
+    parameters: Array, memory: Array, number: int, pose: PlanarPose, zone: Zone
+) -> bool:
+    """Whether the outline overlaps an obstacle that stays, somewhere in a zone."""
+    robot = hull_of(parameters, number)
+    cell = cell_at(robot.grid, pose[0], pose[1])
+    if cell < 0:
+        return False
+    outline = outline_of(parameters, memory, number)
+    for entry in range(int(robot.starts[cell]), int(robot.starts[cell + 1])):
+        row = robot.footprints[int(robot.entries[entry])]
+        if is_far(row, robot.radius, pose[0], pose[1]):
+            continue
+        polygon = robot.corners[int(row[START]) : int(row[END])]
+        if lies_in_zone(polygon_contact(outline, polygon, 0.0, row[RADIUS]), zone, pose):
+            return True
+    return False
+
+
+@compilable
+def feels_bodies(
+    parameters: Array, memory: Array, number: int, pose: PlanarPose, zone: Zone
+) -> bool:
+    """Whether a body that can be pushed touches the outline, somewhere in a zone."""
+    parts = unpack(Movables, unpack(Plane, parameters).movables).parts
+    corners = unpack(Placed, unpack(Memory, memory).movables).corners
+    height = hull_of(parameters, number).height
+    outline = outline_of(parameters, memory, number)
+    for p in range(len(parts)):
+        part = parts[p]
+        if part[bodies.BOTTOM] >= height or part[bodies.TOP] <= 0.0:
+            continue
+        polygon = corners[int(part[bodies.START]) : int(part[bodies.END])]
+        contact = polygon_contact(outline, polygon, SKIN_M, part[bodies.RADIUS])
+        if lies_in_zone(contact, zone, pose):
+            return True
+    return False
+
+
+@compilable
+def lies_in_zone(
+    contact: tuple[float, float, float, float, float, float], zone: Zone, pose: PlanarPose
+) -> bool:
+    """Whether a contact of a robot at a pose lies in a zone."""
+    depth, nx, ny, along, low, high = contact
+    if depth <= 0.0:
+        return False
+    x, y, cos, sin = pose
+    # The ends of the contact in the world, from the robot's origin.
+    ax = along * nx - low * ny - x
+    ay = along * ny + low * nx - y
+    bx = along * nx - high * ny - x
+    by = along * ny + high * nx - y
+    ahead, aside = cos * ax + sin * ay, cos * ay - sin * ax
+    return crosses_zone(zone, ahead, aside, cos * bx + sin * by, cos * by - sin * bx)

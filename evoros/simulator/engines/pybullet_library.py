@@ -1,0 +1,53 @@
+"""The library of PyBullet, which prints as it is imported."""
+
+import ctypes
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+from evoros.base.errors import InputError
+
+
+@cache
+def import_pybullet() -> Any:
+    """Import the pybullet module, without the line that it prints then.
+
+    Raises:
+        InputError: PyBullet is not installed.
+    """
+    try:
+        with quiet():
+            import pybullet
+    except ImportError as error:
+        raise not_installed() from error
+    return pybullet
+
+
+def not_installed() -> InputError:
+    """Return the error of a Python without PyBullet."""
+    return InputError(
+        "simulator=pybullet: PyBullet is not installed, and it publishes wheels only up to Python "
+        "3.11; use simulator=physics, install evoros with Python 3.11, or build PyBullet with `pip "
+        "install pybullet` and a C++ compiler"
+    )
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep all output from the terminal, including that of C code."""
+    libc = ctypes.CDLL(None)
+    libc.fflush(None)
+    saved = [(os.dup(number), number) for number in (1, 2)]
+    null = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for _, number in saved:
+            os.dup2(null, number)
+        yield
+    finally:
+        libc.fflush(None)
+        for copy, number in saved:
+            os.dup2(copy, number)
+            os.close(copy)
+        os.close(null)

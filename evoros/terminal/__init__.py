@@ -1,0 +1,1 @@
+"""Messages, results and exit statuses, as every command and the Python interface give them."""

@@ -1,0 +1,94 @@
+"""Exit statuses and printed results of every command."""
+
+import os
+import sys
+from collections.abc import Callable
+from typing import NoReturn, TextIO
+
+from evoros.base.errors import EvorosError, InputError, single_line
+from evoros.terminal.log import LOGGER, log_to_terminal
+
+DONE, STOPPED, INPUT, INTERRUPTED = 0, 1, 2, 130
+"""Exit statuses: done; stopped and resumable; unusable input; interrupted."""
+
+
+def run_main(command: Callable[[list[str]], int]) -> NoReturn:
+    """Run a command with the arguments of this process, and exit with the status it returns."""
+    _open_standard_streams()
+    status = command(sys.argv[1:])
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:  # Python would try again as it exits, and change the exit status
+            _silence(stream)
+    sys.exit(status)
+
+
+def explain_interrupt() -> tuple[str, int]:
+    """Return the message and the exit status of Ctrl-C."""
+    return "interrupted", INTERRUPTED
+
+
+def report_errors(
+    name: str, run: Callable[[], int], explain: Callable[[], tuple[str, int]] = explain_interrupt
+) -> int:
+    """Do the work of a command and return its exit status; report an error in one line.
+
+    ``explain`` returns the message and the status of a KeyboardInterrupt.
+    """
+    with log_to_terminal():
+        try:
+            return run()
+        except SystemExit as ended:  # --help and --version
+            return int(ended.code or DONE)
+        except KeyboardInterrupt:
+            return report_error(name, *explain())
+        except EvorosError as error:
+            return report_error(name, str(error), status_of(error))
+
+
+def report_error(name: str, message: str, status: int) -> int:
+    """Report in one line why a command or a job ended, and return the exit status."""
+    LOGGER.error("%s: %s", name, single_line(message))
+    return status
+
+
+def status_of(error: EvorosError) -> int:
+    """Return the exit status of an error."""
+    return INPUT if isinstance(error, InputError) else STOPPED
+
+
+def print_result(text: str) -> None:
+    """Print to standard output.
+
+    A reader that has closed the pipe early is no error. That nothing can be written, as on a full
+    disk, is reported once; what a command has computed is not lost with it.
+    """
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        if not isinstance(error, BrokenPipeError):
+            LOGGER.error(
+                "standard output: cannot be written (%s); free some space, or direct it elsewhere",
+                error.strerror,
+            )
+        _silence(sys.stdout)
+
+
+def _silence(stream: TextIO) -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _open_standard_streams() -> None:
+    """Open those of the three standard streams that are closed, on the null device.
+
+    Otherwise the next files that are opened take their numbers, and libraries of C, which print to
+    these, write into a table.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_RDWR), number)
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, "r" if number == 0 else "w", closefd=False))  # noqa: SIM115 - it stays open

@@ -1,0 +1,1 @@
+"""Searches the failures that hurt a design most."""

@@ -1,0 +1,86 @@
+"""Worst cases in words: what an evaluation has found, and the command that repeats it."""
+
+import shlex
+from collections.abc import Iterator, Sequence
+
+import pandas as pd
+
+from evoros.failure.case import CONFIRMED, MODEL, NOMINAL, SCREENED, Case
+
+REPLACED = ("worst_cases", "filter@worst_cases", "failure", "filter@failure", "trials", "hydra")
+
+
+def describe_worst_cases(table: pd.DataFrame, typed: Sequence[str]) -> Iterator[str]:
+    """Yield what was found, a line for each design and one to repeat its case.
+
+    ``table`` is that of an evaluation, which was started with the overrides ``typed``.
+    """
+    for (source, design), own in table.groupby(["source", "design"], sort=False):
+        yield f"design {design} of {source}: {_describe_design(own)}"
+        yield f"  under the failure model: {_describe_model(own)}"
+        smallest = own[own["smallest"]]
+        if len(smallest):
+            case = Case.parse(str(smallest["case"].iloc[0]))
+            trials = int(own.loc[own["stage"] == CONFIRMED, "trials"].max())
+            screened = int(own.loc[own["stage"] == SCREENED, "trials"].max())
+            yield f"  again: {write_command(typed, str(source), case, screened + trials)}"
+
+
+def _describe_design(own: pd.DataFrame) -> str:
+    nominal = own[own["stage"] == NOMINAL].set_index("world")
+    smallest, cases = own[own["smallest"]], own["number"].nunique() - 1
+    if smallest.empty:
+        worst = own[own["stage"] == CONFIRMED].sort_values("rate", kind="stable").head(1)
+        most = int(own["failed"].max())
+        text = f"not stopped by any of {cases} cases of up to {most} failed sensors"
+        for row in worst.to_dict("records"):
+            text += f"; the worst is {row['case']}: {_compare(row, nominal)}"
+        return text
+    number = smallest["number"].iloc[0]
+    rows = smallest[(smallest["number"] == number) & smallest["stops"]].to_dict("records")
+    failed = int(smallest["failed"].iloc[0])
+    sensors = "1 failed sensor" if failed == 1 else f"{failed} failed sensors"
+    others = smallest["number"].nunique() - 1
+    also = f", and by {others} other cases of so few" if others else ""
+    compared = "; ".join(_compare(row, nominal) for row in rows)
+    return f"stopped by {sensors}, {rows[0]['case']}{also} ({cases} cases tried): {compared}"
+
+
+def _describe_model(own: pd.DataFrame) -> str:
+    rates, trials = [], 0
+    for row in own[own["stage"] == MODEL].to_dict("records"):
+        lost, low, high = (100 - 100 * float(row[name]) for name in ("rate", "high", "low"))
+        rates.append(f"{row['world']} {lost:.0f} % ({low:.0f} to {high:.0f})")
+        trials = int(row["trials"])
+    return f"not completed {', '.join(rates)}, by {trials} trials"
+
+
+def _compare(row: dict[str, object] | dict[object, object], nominal: pd.DataFrame) -> str:
+    other = nominal.loc[str(row["world"])]
+    return (
+        f"{row['world']} completed in {_write_rate(row)} of {row['trials']} trials, without a "
+        f"failure in {_write_rate(other.to_dict())}"
+    )
+
+
+def _write_rate(row: "dict[object, object] | dict[str, object]") -> str:
+    rate, low, high = (100 * float(str(row[name])) for name in ("rate", "low", "high"))
+    return f"{rate:.0f} % ({low:.0f} to {high:.0f})"
+
+
+def write_command(typed: Sequence[str], source: str, case: Case, trials: int) -> str:
+    """Return the command line that repeats a case: its missions are those of the search."""
+    kept = [each for each in typed if not _is_replaced(each)]
+    times = ",".join(map(repr, case.times_s))
+    stated = [
+        "failure=given",
+        f"failure.sensors=[{','.join(map(str, case.sensors))}]",
+        f"failure.time_s=[{times}]",
+        f"trials={trials}",
+    ]
+    return shlex.join(["evoros-evaluate", f"designs={source}", *kept, *stated])
+
+
+def _is_replaced(override: str) -> bool:
+    key = override.lstrip("+~").partition("=")[0]
+    return key == "designs" or key.split(".")[0].startswith(REPLACED)

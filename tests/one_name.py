@@ -1,0 +1,44 @@
+"""A program that requires one name of each module, and a user's own modules beside them.
+
+Its argument is the folder of ``write_own_modules``.
+"""
+
+import importlib
+import pickle
+import sys
+
+import evoros
+from evoros.analysis import command, product
+from evoros.config.compose import add_config_dir
+from evoros.executor.processes import Processes
+
+
+def is_module(name: str) -> bool:
+    """Whether something can be imported by this name."""
+    try:
+        importlib.import_module(name)
+    except ImportError:
+        return False
+    return True
+
+
+def main() -> None:
+    """Check the names, here and in a worker, and print where evoros is."""
+    assert vars(command)["Product"] is product.Product
+    assert pickle.loads(pickle.dumps(product.Product)) is product.Product
+    assert product.Product.__module__ == "evoros.analysis.product"
+    for name in ("analysis", "evoros.evoros", "evoros.tests", "evoros.docs", "evoros.benchmarks"):
+        assert not is_module(name), name
+    add_config_dir(sys.argv[1])
+    with Processes(1).open() as pool:
+        assert pool.submit(type, product.Product()).result() is product.Product
+        for name in ("analysis", "tests", "docs", "conf"):
+            module = importlib.import_module(name)
+            found = pool.submit(module.locate).result()
+            assert found == module.__file__, (found, module.__file__)
+            assert found.startswith(sys.argv[1]), found
+    print(evoros.__file__)
+
+
+if __name__ == "__main__":  # the spawned workers import a script
+    main()

@@ -1,0 +1,206 @@
+"""Bad input is found before anything is written, and not while an experiment is built."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import TINY, USER_PARTS, everything, resume, scored, tiny
+from numpy.random import Generator
+
+from evoros import Evaluator
+from evoros.base.errors import InputError
+from evoros.cli.evaluate import evaluate
+from evoros.config.compose import compose
+from evoros.controller.rover import Rover
+from evoros.failure.protocol import Fault
+from evoros.failure.random import RandomFailure
+from evoros.filter.protocol import Channels
+from evoros.filter.silence import Silence
+from evoros.mission import compiled_loop
+from evoros.mission.engine_calls import ENGINE_RULES
+from evoros.mission.loop import LoopInputs
+from evoros.optimizer.ga import GeneticAlgorithm
+from evoros.preflight.preflight import preflight
+from evoros.robot.model import Robot
+from evoros.simulator.planar import Planar
+from evoros.terminal.console import DONE, INPUT
+
+FAR = (
+    "+design.genes.far={_target_: evoros.design.genes.Gene, "
+    "key: design.sensors.sonar.range_max_m, low: %s, high: 4.5}"
+)
+NEAR = (
+    "+design.genes.near={_target_: evoros.design.genes.Gene, "
+    "key: design.sensors.sonar.range_min_m, low: 0.06, high: 2}"
+)
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """Count what would be opened, drawn, started, equipped or compiled."""
+    counter: Counter[str] = Counter()
+
+    def count(owner: Any, name: str) -> None:
+        original = getattr(owner, name)
+
+        def counted(*args: Any, **kwargs: Any) -> Any:
+            counter[name] += 1
+            return original(*args, **kwargs)
+
+        monkeypatch.setattr(owner, name, counted)
+
+    count(Rover, "open")
+    count(RandomFailure, "draw")
+    count(GeneticAlgorithm, "start")
+    count(Robot, "with_sensors")
+    count(compiled_loop, "try_compile")
+    return counter
+
+
+def test_building_an_experiment_starts_none_of_its_parts(calls: Counter[str]) -> None:
+    experiment = compose(["simulator=planar", "failure=random", "executor=serial"]).build()
+    assert not calls
+    preflight(experiment)
+    once = {"open", "draw", "start"}
+    assert {name: calls[name] for name in once} == dict.fromkeys(once, 1)
+    assert calls["try_compile"]
+
+
+REFUSED = ["design.sensors.sonar.range_max_m=1.5"]
+SAID = "controller: WeightedVoting.range_m: "
+
+
+def test_every_way_in_refuses_what_a_part_refuses_only_when_it_starts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "designs.csv").write_text("design,sensor,x_m,y_m,yaw_deg\n1,0,0.1,0,0\n")
+    assert tiny(tmp_path / "run", *REFUSED) == INPUT
+    assert SAID in capsys.readouterr().err
+    chosen = [f"designs={tmp_path / 'designs.csv'}", f"hydra.run.dir={tmp_path / 'scores'}"]
+    assert evaluate([*TINY, "executor=serial", *chosen, *REFUSED]) == INPUT
+    assert SAID in capsys.readouterr().err
+    config = compose(["experiment=tiny", "executor=serial", *REFUSED], USER_PARTS)
+    with pytest.raises(InputError, match=f"^{SAID}"):
+        Evaluator(config)
+    assert set(everything(tmp_path)) == {"designs.csv"}
+
+
+def test_what_is_resumed_is_tried_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "designs.csv").write_text("design,sensor,x_m,y_m,yaw_deg\n1,0,0.1,0,0\n")
+    assert tiny(tmp_path / "run", "optimizer.generations=1") == DONE
+    scored(tmp_path / "scores", tmp_path / "designs.csv")
+    before = everything(tmp_path)
+
+    def refuse(*_: object) -> None:
+        raise InputError("must not be opened; leave it shut")
+
+    monkeypatch.setattr(Rover, "open", refuse)
+    capsys.readouterr()
+    assert resume(tmp_path / "run") == INPUT
+    own = ["--config-dir", str(USER_PARTS)]
+    assert evaluate([*own, f"resume={tmp_path / 'scores'}"]) == INPUT
+    assert capsys.readouterr().err.count("controller: must not be opened; leave it shut\n") == 2
+    assert everything(tmp_path) == before
+
+
+def test_genes_that_do_not_fit_together_are_refused_before_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert tiny(tmp_path / "run", NEAR, FAR % 1) == INPUT
+    err = capsys.readouterr().err
+    assert "design.genes, near at high, far at low: " in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+    assert tiny(tmp_path / "run", NEAR, FAR % 2.5, "optimizer.generations=1") == DONE
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["design.number=0"], "evolve"),
+        (["+filter@design.sensors.sonar.filters.x=pose_noise"], "PoseNoise: "),
+        (["filter@failure.effect=pose_noise"], "PoseNoise: "),
+        (["design.sensors.sonar.range_max_m=1.5"], "controller: WeightedVoting.range_m: "),
+    ],
+)
+def test_what_would_break_inside_a_run_is_refused_before_it(
+    arguments: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert tiny(tmp_path / "run", *arguments) == INPUT
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("run", "confirming", "compiled"),
+    [("pybullet", "mujoco", "e"), ("pybullet", "planar", "ep"), ("planar", "planar", "p")],
+)
+def test_the_rules_of_both_simulators_are_compiled_once_before_the_run(
+    run: str, confirming: str, compiled: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    met: list[LoopInputs] = []
+    monkeypatch.setattr("evoros.preflight.start.prepare", met.append)
+    monkeypatch.setattr("evoros.preflight.start.explain_interpreted", lambda parts: [])
+    chosen = [f"simulator={run}", f"simulator@confirmation.simulator={confirming}"]
+    experiment = compose(["confirmation=pybullet", *chosen]).build()
+    preflight(experiment)
+    robot = experiment.robot
+    (rules,) = {
+        Planar().choose_rules(world.at("test"), [robot]) for world in experiment.world.values()
+    }
+    filters = [len(parts.filters) for parts in met]
+    whole = [
+        tuple(parts[:3]) for parts, count in zip(met, filters, strict=True) if count == max(filters)
+    ]
+    expected = {"e": ENGINE_RULES, "p": rules}
+    assert sorted(whole, key=repr) == sorted((tuple(expected[each]) for each in compiled), key=repr)
+
+
+class Unnamed(Rover):
+    modes = ("navigating",)  # type: ignore[assignment]
+
+
+def test_a_controller_must_name_the_modes_of_all_its_layers() -> None:
+    experiment = compose(["simulator=planar", "executor=serial"]).build()
+    rover = experiment.controller
+    assert isinstance(rover, Rover)
+    preflight(experiment)
+    with pytest.raises(InputError, match=r"^controller\.modes: must name one mode for each of"):
+        preflight(replace(experiment, controller=Unnamed(rover.avoidance, rover.navigation)))
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """A failure model whose faults have not one number for each sensor."""
+
+    choose: Callable[[int], Any]
+
+    def draw(self, channels: Channels, rng: Generator) -> tuple[Fault, ...]:
+        return (Fault(Silence(), self.choose(channels.size)),)
+
+
+@pytest.mark.parametrize(
+    "choose",
+    [
+        lambda n: np.full(n - 1, 5.0),
+        lambda n: np.full(n + 1, 5.0),
+        lambda n: np.full((n, 1), 5.0),
+        lambda n: np.full(n, np.nan),
+        lambda n: np.full(n, "late"),
+        lambda n: 5.0,
+    ],
+)
+def test_a_fault_must_have_an_onset_for_each_sensor(choose: Callable[[int], Any]) -> None:
+    """Compiled code would read past the end of an array that is too short."""
+    experiment = compose(["simulator=planar", "executor=serial"]).build()
+    preflight(replace(experiment, failure=Wrong(lambda n: np.full(n, 5.0))))
+    with pytest.raises(InputError, match=r"^failure: Wrong must give each fault one onset for"):
+        preflight(replace(experiment, failure=Wrong(choose)))

@@ -1,0 +1,77 @@
+"""Lines about how files were read: once on a terminal, all of them in the log of a run."""
+
+import logging
+from pathlib import Path
+
+import pytest
+
+from evoros.terminal.log import (
+    LOGGER,
+    collect_messages,
+    log_for_job,
+    log_to_file,
+    log_to_terminal,
+    read_again,
+)
+
+READER = logging.getLogger("evoros.sdf")
+
+
+def test_a_terminal_shows_a_line_of_a_reader_once_for_all_jobs(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with log_to_terminal():
+        for job in ("a", "b"):
+            with log_for_job(f"sweep/{job}"):
+                READER.warning("w.sdf: two models are left out")
+                LOGGER.warning("mission 3 is lost")
+    shown = capsys.readouterr().err.splitlines()
+    assert shown == [
+        "a: w.sdf: two models are left out",
+        "a: mission 3 is lost",
+        "b: mission 3 is lost",
+    ]
+
+
+def test_details_reach_the_log_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "run.log"
+    with log_to_terminal():
+        with collect_messages() as messages:
+            READER.warning("model a is left out (and 1 more of this kind)")
+            READER.debug("model b is left out")
+        with log_to_file(log, messages):
+            pass
+    assert "model b" not in capsys.readouterr().err
+    assert "model a is left out (and 1 more" in log.read_text()
+    assert "model b is left out" in log.read_text()
+
+
+def test_lines_that_a_log_has_are_counted_in_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "run.log"
+
+    def read(*lines: str) -> None:
+        for line in lines:
+            READER.warning(line)
+
+    with log_to_terminal():
+        with log_to_file(log):
+            read("first", "second")
+        capsys.readouterr()
+        with read_again(log):
+            read("first", "second", "third", "fir")
+    assert capsys.readouterr().err.splitlines() == [
+        "third",
+        "fir",
+        f"2 lines about how files were read are in {log}",
+    ]
+
+
+def test_a_log_that_cannot_be_read_withholds_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for log in (tmp_path / "none.log", tmp_path):
+        with log_to_terminal(), read_again(log):
+            READER.warning("first")
+        assert capsys.readouterr().err == "first\n"
