@@ -42,7 +42,7 @@ SUBCOMMANDS: Mapping[str, str] = {
     "front": ".figures.front",
     "paper": ".evo_ros_2018.numbered_figures",
     "report": ".report.page",
-    "replay": ".video.replay",
+    "video": ".video.subcommand",
     "deploy": ".deploy.subcommand",
     "bag": ".bags.bag",
 }

@@ -10,7 +10,7 @@ from matplotlib.collections import PolyCollection
 from evoros.base.arrays import Array
 from evoros.storage.figure_context import FigureContext
 
-from ..measures.cones import Window, fit_window, outline_part, robot_length, trace_cones
+from ..designs.cones import Window, fit_window, outline_part, robot_length, trace_cones
 from .robot import to_page
 from .style import VERMILLION
 

@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..measures.finding import BUILT_IN, DEGREES, NOT_SUPPORTED, NUMBER, SHARE, SUPPORTED, UNKNOWN
+from ..statistics.finding import BUILT_IN, DEGREES, NOT_SUPPORTED, NUMBER, SHARE, SUPPORTED, UNKNOWN
 from .style import BLUE, PAGE_IN, VERMILLION, is_wide, use_style
 
 NUMBER_FORMATS = {SHARE: "{:.0%}", DEGREES: "{:.0f}", NUMBER: "{:.2f}"}

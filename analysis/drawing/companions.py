@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from evoros.base.arrays import Array
 from evoros.storage.figure_context import FigureContext
 
-from ..measures.cones import outline_part
+from ..designs.cones import outline_part
 from .style import ORANGE, PURPLE, SKY
 
 POSE = ("x_m", "y_m", "yaw_rad")

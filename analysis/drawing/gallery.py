@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from evoros.base.arrays import Array
 from evoros.storage.figure_context import FigureContext
 
-from ..measures.cones import fit_window, robot_length
+from ..designs.cones import fit_window, robot_length
 from . import robot
 from .style import BLUE
 

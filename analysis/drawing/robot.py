@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from evoros.base.arrays import Array
 from evoros.storage.figure_context import FigureContext
 
-from ..measures.cones import Window, outline_part, trace_cones
+from ..designs.cones import Window, outline_part, trace_cones
 from .style import VERMILLION
 
 MARKERS = "os^DvP"  # of the types of sensors, in order

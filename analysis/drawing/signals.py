@@ -12,7 +12,7 @@ from evoros.base.arrays import Array
 from evoros.sensor.protocol import CONTACT, MOTION, WHEELS
 from evoros.storage.figure_context import FigureContext
 
-from ..measures.cones import trace_zone
+from ..designs.cones import trace_zone
 from .robot import to_page
 from .style import PURPLE
 

@@ -18,7 +18,7 @@ from evoros.world.course import Course
 from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
-from ..measures.cones import dilate
+from ..designs.cones import dilate
 from .style import COLUMN_IN, VERMILLION, save, use_style
 
 HEIGHTS_M = Normalize(0.0, 1.0)

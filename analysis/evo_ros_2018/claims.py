@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator
 
 import pandas as pd
 
+from ..designs.coverage import DESIGN, HEADINGS_DEG
+from ..designs.features import describe_designs
+from ..designs.pairs import paper_rings
 from ..figures import claims as own_claims
 from ..figures.thresholds import check_thresholds
-from ..measures.coverage import DESIGN, HEADINGS_DEG
-from ..measures.design_features import describe_designs
-from ..measures.finding import Finding
-from ..measures.pairs import paper_rings
 from ..product import Product
+from ..statistics.finding import Finding
 from ..tables.candidates import read_initial_sensors
 from ..tables.champion_missions import classify_failure, list_missions, list_random_missions
 from ..tables.designs import read_champion

@@ -3,10 +3,10 @@
 import numpy as np
 import pandas as pd
 
-from ..measures.clusters import MIN_POINTS, compare_with_samples
-from ..measures.coverage import HEADINGS_DEG, compute_directions
-from ..measures.design_features import FRONT, SIDE, cluster_designs
-from ..measures.finding import (
+from ..designs.clusters import MIN_POINTS, compare_with_samples
+from ..designs.coverage import HEADINGS_DEG, compute_directions
+from ..designs.features import FRONT, SIDE, cluster_designs
+from ..statistics.finding import (
     NOT_SUPPORTED,
     NUMBER,
     SUPPORTED,
@@ -18,7 +18,7 @@ from ..measures.finding import (
     require_beyond_random,
     require_replicates,
 )
-from ..measures.statistics import (
+from ..statistics.small_samples import (
     LEVEL,
     Interval,
     a12,

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from ..measures.finding import (
+from ..statistics.finding import (
     BUILT_IN,
     DEGREES,
     UNKNOWN,
@@ -17,7 +17,7 @@ from ..measures.finding import (
     require_beyond_random,
     require_replicates,
 )
-from ..measures.statistics import NOTHING, mean_interval, median_interval, ratio_interval
+from ..statistics.small_samples import NOTHING, mean_interval, median_interval, ratio_interval
 from ..tables.generations import trace_fitness
 from ..tables.records import Record
 from .claims_designs import RANDOM, SPATIAL

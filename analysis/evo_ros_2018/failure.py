@@ -15,11 +15,11 @@ from matplotlib.patches import Circle
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext, Ring
 
+from ..designs.cones import Window
 from ..drawing.paper import label_sensors
 from ..drawing.robot import AXES, aspect_ratio, draw_robot, frame_axes
 from ..drawing.sheet import Sheet
 from ..drawing.style import COLUMN_IN, VERMILLION, figure_width, use_style
-from ..measures.cones import Window
 from ..product import Product
 from ..subcommand_options import add_run
 from ..tables.designs import read_champion_sensors

@@ -6,8 +6,8 @@ from scipy.spatial.distance import pdist, squareform
 
 from evoros.base.arrays import Array
 
-from ..measures.coverage import compute_profiles, normalize_profiles
-from ..measures.statistics import LEVEL, NOTHING, RESAMPLES, SEED, Interval
+from ..designs.coverage import compute_profiles, normalize_profiles
+from ..statistics.small_samples import LEVEL, NOTHING, RESAMPLES, SEED, Interval
 from ..tables.candidates import place_candidates, read_generations
 from ..tables.records import Record
 

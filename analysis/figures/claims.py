@@ -13,9 +13,8 @@ import pandas as pd
 
 from ..drawing.claims_table import draw_claims, format_value
 from ..drawing.style import figure_width
-from ..measures.finding import Finding
-from ..measures.own_claims import judge_own
 from ..product import Product
+from ..statistics.finding import Finding
 from ..tables.candidates import read_initial_sensors
 from ..tables.claims_file import read_claims
 from ..tables.designs import read_champion
@@ -24,6 +23,7 @@ from ..tables.records import Record
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
 from . import thresholds
+from .own_claims import judge_own
 
 FIRST_ROBOT = True
 READS: tuple[Callable[[Record], object], ...] = (

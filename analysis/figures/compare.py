@@ -23,15 +23,15 @@ from ..drawing.style import (
     use_style,
 )
 from ..drawing.words import wrap
-from ..measures.comparison import (
+from ..product import Product
+from ..statistics.comparison import (
     compare_treatments,
     conclude,
     format_effect,
     format_p,
     title_measure,
 )
-from ..measures.statistics import LEVEL, median_interval, minimum_replicates
-from ..product import Product
+from ..statistics.small_samples import LEVEL, median_interval, minimum_replicates
 from ..tables.matching import find_differences, select_conditions
 from ..tables.quantities import FITNESS, label_fitness
 from ..tables.study import Study

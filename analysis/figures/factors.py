@@ -15,11 +15,11 @@ from evoros.base.errors import InputError
 
 from ..drawing.columns import Layout, table_height, write_table
 from ..drawing.style import COLUMN_IN, assign_colours, figure_width, scatter_aside, use_style
-from ..measures.comparison import format_p, title_measure
-from ..measures.effect_sizes import contrast_interval
-from ..measures.factorial import Cell, Contrast, EffectTest, list_contrasts, permute_effects
-from ..measures.statistics import LEVEL, holm
 from ..product import Product
+from ..statistics.comparison import format_p, title_measure
+from ..statistics.effect_sizes import contrast_interval
+from ..statistics.factorial import Cell, Contrast, EffectTest, list_contrasts, permute_effects
+from ..statistics.small_samples import LEVEL, holm
 from ..tables.factors import follows
 from ..tables.quantities import FITNESS, label_fitness
 from ..tables.study import Study

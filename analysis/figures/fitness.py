@@ -11,8 +11,8 @@ from matplotlib.ticker import MaxNLocator
 
 from ..drawing.style import COLUMN_IN, VERMILLION, figure_width, use_style
 from ..drawing.words import wrap
-from ..measures.statistics import Interval
 from ..product import Product
+from ..statistics.small_samples import Interval
 from ..tables.generations import compute_quartiles, list_individuals, trace_fitness
 from ..tables.quantities import FITNESS, label_by_treatment
 from ..tables.study import Study

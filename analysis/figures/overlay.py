@@ -26,12 +26,12 @@ from matplotlib.ticker import MaxNLocator
 from evoros.base.errors import InputError
 from evoros.storage.figure_context import FigureContext
 
+from ..designs.cones import Window, fit_window, robot_length
+from ..designs.raster import cell_centres, count_coverage, rasterize
 from ..drawing import robot
 from ..drawing.champions import Champions
 from ..drawing.sheet import Sheet
 from ..drawing.style import COLUMN_IN, figure_width, is_wide, use_style
-from ..measures.cones import Window, fit_window, robot_length
-from ..measures.raster import cell_centres, count_coverage, rasterize
 from ..product import Product
 from ..tables.designs import read_champion
 from ..tables.study import Study

@@ -13,12 +13,12 @@ from matplotlib.patches import Patch
 
 from evoros.storage.figure_context import FigureContext
 
+from ..designs.cones import fit_window, robot_length
 from ..drawing import robot
 from ..drawing.champions import Champions
 from ..drawing.sheet import Sheet
 from ..drawing.signals import draw_signals
 from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, is_wide, use_style
-from ..measures.cones import fit_window, robot_length
 from ..product import Product
 from ..tables.designs import read_champion
 from ..tables.study import Study

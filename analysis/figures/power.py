@@ -12,16 +12,16 @@ from matplotlib.figure import Figure
 from evoros.base.errors import InputError
 
 from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, use_style
-from ..measures.comparison import group_values, title_measure
-from ..measures.power import (
+from ..product import Product
+from ..statistics.comparison import group_values, title_measure
+from ..statistics.power import (
     MAX_REPLICATES,
     MIN_SCATTER,
     Simulation,
     measure_scatter,
     plan_replicates,
 )
-from ..measures.statistics import LEVEL
-from ..product import Product
+from ..statistics.small_samples import LEVEL
 from ..tables.study import Study
 from .scores import add_conditions, score_runs
 

@@ -16,10 +16,10 @@ from evoros.base.errors import InputError
 from evoros.design.protocol import Area, Point, Range
 from evoros.storage.figure_context import FigureContext
 
+from ..designs.cones import CONE, Window, fit_window, outline_part, robot_length, trace_sector
 from ..drawing.robot import AXES, aspect_ratio, draw_robot, frame_axes, to_page
 from ..drawing.sheet import Sheet
 from ..drawing.style import CATEGORIES, COLUMN_IN, figure_width, scale_type, use_style
-from ..measures.cones import CONE, Window, fit_window, outline_part, robot_length, trace_sector
 from ..product import Product
 from ..tables.study import Study
 

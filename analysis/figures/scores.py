@@ -4,7 +4,7 @@ import argparse
 
 import pandas as pd
 
-from ..measures.comparison import MEASURES
+from ..statistics.comparison import MEASURES
 from ..tables.study import Study
 from ..tables.validated import score_under, validate_champions
 

@@ -18,10 +18,10 @@ from matplotlib.ticker import MultipleLocator
 
 from evoros.base.arrays import Array
 
+from ..designs.coverage import AHEAD_DEG, HEADINGS_DEG
+from ..designs.features import ALL, FRONT, SIDE, compare_with_random, describe_designs
 from ..drawing.style import PAGE_IN, abbreviate, assign_colours, figure_width, use_style
 from ..drawing.words import wrap
-from ..measures.coverage import AHEAD_DEG, HEADINGS_DEG
-from ..measures.design_features import ALL, FRONT, SIDE, compare_with_random, describe_designs
 from ..product import Product
 from ..tables.candidates import read_initial_sensors
 from ..tables.designs import read_champion

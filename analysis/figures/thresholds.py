@@ -5,7 +5,7 @@ from math import inf
 
 from evoros.base.errors import InputError
 
-from ..measures.pairs import NEAR_DEG, NEAR_M
+from ..designs.pairs import NEAR_DEG, NEAR_M
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

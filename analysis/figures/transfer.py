@@ -16,8 +16,8 @@ from matplotlib.ticker import MaxNLocator
 from ..drawing.columns import Layout, table_height, write_table
 from ..drawing.style import COLUMN_IN, assign_colours, figure_width, use_style
 from ..drawing.words import cut_short
-from ..measures.statistics import LEVEL, Interval, mean_interval, spearman
 from ..product import Product
+from ..statistics.small_samples import LEVEL, Interval, mean_interval, spearman
 from ..tables.ladder import climb
 from ..tables.paired_scores import pair_scores
 from ..tables.quantities import FITNESS, label_fitness

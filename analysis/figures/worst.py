@@ -16,6 +16,7 @@ from evoros.storage.figure_context import FigureContext
 from evoros.storage.reading import read_overrides, read_worst_cases
 from evoros.worst_cases.summary import describe_worst_cases
 
+from ..designs.cones import outline_part
 from ..drawing.paper import label_sensors
 from ..drawing.robot import (
     AXES,
@@ -28,9 +29,8 @@ from ..drawing.robot import (
 )
 from ..drawing.style import BLUE, PAGE_IN, VERMILLION, figure_width, is_wide, use_style
 from ..drawing.words import wrap
-from ..measures.cones import outline_part
-from ..measures.worst_cases import count_sets, estimate_risks, find_smallest, list_cases, read_set
 from ..product import Product
+from ..statistics.worst_cases import count_sets, estimate_risks, find_smallest, list_cases, read_set
 from ..tables.designs import place_sensors
 from ..tables.failed_missions import KEYS, collect_missions, count_sensors
 from ..tables.study import Study

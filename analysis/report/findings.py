@@ -7,8 +7,8 @@ import pandas as pd
 from evoros.base.errors import InputError, single_line
 
 from ..figures.scores import score_runs
-from ..measures.comparison import compare_treatments, conclude
-from ..measures.statistics import median_interval
+from ..statistics.comparison import compare_treatments, conclude
+from ..statistics.small_samples import median_interval
 from ..tables.quantities import FITNESS, label_fitness
 from ..tables.study import Study
 

@@ -20,9 +20,9 @@ from matplotlib.ticker import MaxNLocator
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 
+from ..designs.cones import fit_window, robot_length
 from ..drawing.cells import LENGTHS as SHORT
 from ..drawing.gallery import LENGTHS
-from ..measures.cones import fit_window, robot_length
 from ..subcommands import parse
 from ..tables.agents import choose_robot
 from ..tables.candidates import place_candidates

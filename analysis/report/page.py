@@ -26,7 +26,7 @@ from .templates import format_table, read_asset, render
 
 HELP = "one HTML page with everything, and the champions' missions to be played"
 FORMATS = ("html",)
-FIGURES = tuple(name for name in SUBCOMMANDS if name not in {"report", "replay", "power", *EXPORTS})
+FIGURES = tuple(name for name in SUBCOMMANDS if name not in {"report", "video", "power", *EXPORTS})
 """The subcommands whose results are in the page."""
 OWN_SECTION = {"compare": "Statistics", "claims": "Claims"}
 """The titles of the subcommands with sections of their own; the others are under Figures."""
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "size of the missions in the page: the best run of each treatment, which is always "
         "included, then the others, as far as they fit; 3"
     )
-    parser.add_argument("--replays", type=float, default=3.0, metavar="MB", help=about)
+    parser.add_argument("--playbacks", type=float, default=3.0, metavar="MB", help=about)
     about = (
         "size of the missions of designs in an archive and a front, as many as fit, from one "
         "that lies apart to the next; 3"
@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Make the page of a study."""
-    playbacks = select_playbacks(study, options.replays * 1e6)
+    playbacks = select_playbacks(study, options.playbacks * 1e6)
     maps = make_maps(study, options)
     missions = collect_missions(maps, study, options.designs * 1e6)
     script = Markup("\n" + "".join(map(read_asset, SCRIPTS)))
@@ -83,7 +83,7 @@ def _list_playbacks(study: Study, playbacks: Mapping[str, Markup]) -> Iterator[J
     """Yield the missions of the champions, for the templates."""
     labels = label_runs(study.records)
     for name, content in playbacks.items():
-        yield {"label": labels[name], "content": content, "players": ["replay"], "key": name}
+        yield {"label": labels[name], "content": content, "players": ["run"], "key": name}
 
 
 def _render_sections(
@@ -104,7 +104,7 @@ def _render_sections(
     for name, each in maps.items():
         yield TITLES[name], Markup("\n").join((missions.render(each), drawn[name]))
     others = sum(record.finished for record in runs) - len(playbacks)
-    yield "Replay", render("player.html", played=len(playbacks), others=others)
+    yield "Player", render("player.html", played=len(playbacks), others=others)
     yield OWN_SECTION["claims"], drawn["claims"]
     yield (
         "Summary",

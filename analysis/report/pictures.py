@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from evoros.base.arrays import Array
 from evoros.storage.figure_context import FigureContext
 
+from ..designs.cones import outline_part, trace_cones
 from ..drawing.style import save
-from ..measures.cones import outline_part, trace_cones
 
 MAX_SVG = 1_000_000
 """Maximum size in bytes of an embedded SVG; larger figures become PNGs."""

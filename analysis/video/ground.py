@@ -12,7 +12,7 @@ from evoros.geometry.footprint import convex_hull, project_shape, top_height
 from evoros.geometry.shapes import Body
 from evoros.storage.figure_context import Part
 
-from ..measures.cones import dilate, outline_part
+from ..designs.cones import dilate, outline_part
 from .camera import Camera, Pixels
 
 Colour = tuple[int, int, int]

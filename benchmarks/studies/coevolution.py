@@ -19,7 +19,7 @@ from noise import COMMON, FINAL, FRESH_TRIALS, IMAGES, Recalled, end, run_long
 
 import evoros
 from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
-from evoros.analysis.measures.statistics import a12, holm, mann_whitney, median_interval
+from evoros.analysis.statistics.small_samples import a12, holm, mann_whitney, median_interval
 from evoros.design.design import Design
 from evoros.executor.protocol import Pool
 from evoros.session import run as session

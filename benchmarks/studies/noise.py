@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 import evoros
 from evoros.allocation.halving import SequentialHalving
 from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
-from evoros.analysis.measures.statistics import a12, holm, mann_whitney, median_interval
+from evoros.analysis.statistics.small_samples import a12, holm, mann_whitney, median_interval
 from evoros.base.arrays import Array
 from evoros.certificate.final_choice import FinalChoice
 from evoros.dispatch.record import MissionResult

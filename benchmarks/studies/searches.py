@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 
 import evoros
 from evoros.analysis.drawing.style import COLUMN_IN, save, use_style
-from evoros.analysis.measures.statistics import a12, holm, mann_whitney, median_interval
+from evoros.analysis.statistics.small_samples import a12, holm, mann_whitney, median_interval
 from evoros.config.compose import compose
 from evoros.mission.plan import VALIDATION
 from evoros.session.given_designs import read_given

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from evoros.analysis.run_figures import draw_figure
 from evoros.base.errors import InputError
+from evoros.cli.interrupts import Interrupts
 from evoros.cli.kind import Kind
 from evoros.cli.reporting import JobResult, explain_end, report_result
-from evoros.cli.signals import Signals
 from evoros.files.origin import read_origin
 from evoros.files.resources import expand_home
 from evoros.terminal.console import DONE, print_result, report_errors
@@ -27,12 +27,12 @@ class Command(Kind):
 
     def __call__(self, arguments: Sequence[str]) -> int:
         """Run the command and return its exit status."""
-        with Signals() as signals:
-            run = partial(_execute, self, list(arguments), signals)
-            return report_errors(self.name, run, signals.explain)
+        with Interrupts() as interrupts:
+            run = partial(_execute, self, list(arguments), interrupts)
+            return report_errors(self.name, run, interrupts.explain)
 
 
-def _execute(command: Command, arguments: list[str], signals: Signals) -> int:
+def _execute(command: Command, arguments: list[str], interrupts: Interrupts) -> int:
     from evoros.config.options import parse_options
 
     options = parse_options(arguments)
@@ -46,24 +46,24 @@ def _execute(command: Command, arguments: list[str], signals: Signals) -> int:
     if any(override.startswith("resume=") for override in options.overrides):
         if options.shows or options.multirun:
             raise InputError("resume=: goes with --config-dir only; leave the other options out")
-        return _resume(command, options, signals)
+        return _resume(command, options, interrupts)
     if options.shows:
         from evoros.config.help import show
 
         return show(command.name, command.primary, arguments)
-    return _start(command, options, signals)
+    return _start(command, options, interrupts)
 
 
-def _resume(command: Command, options: "Options", signals: Signals) -> int:
+def _resume(command: Command, options: "Options", interrupts: Interrupts) -> int:
     """Go on with the work in the folder of ``resume=FOLDER``."""
     target = next(text for text in options.overrides if text.startswith("resume="))
     folder = expand_home(target.partition("=")[2])
     overrides = [text for text in options.overrides if text is not target]
     build = partial(command.load().open, folder, overrides, options.config_dir)
-    return _run_alone(command, build, folder, options.config_dir, signals)
+    return _run_alone(command, build, folder, options.config_dir, interrupts)
 
 
-def _start(command: Command, options: "Options", signals: Signals) -> int:
+def _start(command: Command, options: "Options", interrupts: Interrupts) -> int:
     """Start one job, or the jobs of a sweep."""
     from evoros.config.jobs import Job, Jobs
 
@@ -72,10 +72,10 @@ def _start(command: Command, options: "Options", signals: Signals) -> int:
         from evoros.cli.sweeping import run_by_plugins, run_sweep
 
         run = run_by_plugins if jobs.plugins else run_sweep
-        return run(command, jobs, options.config_dir, signals)
+        return run(command, jobs, options.config_dir, interrupts)
     (job,) = (job for job in jobs if isinstance(job, Job))
     build = partial(command.create, job.config, job.folder)
-    return _run_alone(command, build, job.folder, options.config_dir, signals)
+    return _run_alone(command, build, job.folder, options.config_dir, interrupts)
 
 
 def _run_alone(
@@ -83,7 +83,7 @@ def _run_alone(
     build: "Callable[[], Work]",
     folder: Path,
     config_dir: str | None,
-    signals: Signals,
+    interrupts: Interrupts,
 ) -> int:
     """Build and run the only job, report its result and return the exit status."""
     from evoros.session.progress import Progress
@@ -93,5 +93,5 @@ def _run_alone(
         with Progress() as display:
             build().run(display, draw_figure)
     except (KeyboardInterrupt, Exception) as error:
-        result = explain_end(config_dir, signals, folder, error)
+        result = explain_end(config_dir, interrupts, folder, error)
     return report_result(command, False, folder, result)

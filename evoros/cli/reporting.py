@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evoros.base.errors import EvorosError, RunStopped, single_line
-from evoros.cli.signals import Signals
+from evoros.cli.interrupts import Interrupts
 from evoros.files.disk import exists, explain_rights
 from evoros.files.resources import PACKAGE
 from evoros.terminal.console import (
@@ -38,14 +38,14 @@ class JobResult:
 
 
 def explain_end(
-    config_dir: str | None, signals: Signals, folder: Path, error: BaseException
+    config_dir: str | None, interrupts: Interrupts, folder: Path, error: BaseException
 ) -> JobResult:
     """The result of a job that raised, with the command that resumes it."""
     from evoros.storage.layout import LOG
 
     hint = _resume_hint(folder, config_dir)
     if isinstance(error, KeyboardInterrupt):
-        message, status = signals.explain()
+        message, status = interrupts.explain()
         return JobResult(status, message + hint)
     if isinstance(error, EvorosError):
         if not isinstance(error, RunStopped):

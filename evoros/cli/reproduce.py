@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from evoros.cli.interrupts import Interrupts
 from evoros.cli.reporting import WORST_FIRST, JobResult, explain_end
-from evoros.cli.signals import Signals
 from evoros.files.origin import read_origin
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
@@ -36,27 +36,29 @@ def main() -> None:
 
 def evoros_reproduce(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
-    with Signals() as signals:
-        return report_errors(NAME, lambda: _reproduce(arguments, signals), signals.explain)
+    with Interrupts() as interrupts:
+        return report_errors(NAME, lambda: _reproduce(arguments, interrupts), interrupts.explain)
 
 
-def _reproduce(arguments: Sequence[str], signals: Signals) -> int:
-    from evoros.session.comparison import compare, describe
+def _reproduce(arguments: Sequence[str], interrupts: Interrupts) -> int:
+    from evoros.session.diff import describe_diff, diff_runs
     from evoros.session.reproduction import describe_circumstances, list_reproductions
 
     options = _parser().parse_intermixed_args(list(arguments))
     source, output = expand_home(options.folder), expand_home(options.output)
     reproductions = list_reproductions(source, output)
-    status = _run_all(reproductions, options, signals)
+    status = _run_all(reproductions, options, interrupts)
     if status != DONE:
         return status
     print_result(describe_circumstances(reproductions))
-    comparison = compare(source, output)
-    print_result(describe(comparison).splitlines()[0])
-    return DIFFERENT if comparison.difference else DONE
+    diff = diff_runs(source, output)
+    print_result(describe_diff(diff).splitlines()[0])
+    return DIFFERENT if diff.difference else DONE
 
 
-def _run_all(reproductions: "Sequence[Reproduction]", options: Namespace, signals: Signals) -> int:
+def _run_all(
+    reproductions: "Sequence[Reproduction]", options: Namespace, interrupts: Interrupts
+) -> int:
     """Run all again in one pool; returns the worst exit status."""
     from evoros.cli.sweep import Sweep
     from evoros.cli.sweeping import begin_all
@@ -71,14 +73,14 @@ def _run_all(reproductions: "Sequence[Reproduction]", options: Namespace, signal
             lambda job: build_reproduction(
                 by_folder[job.folder], options.overrides, options.config_dir
             ),
-            partial(explain_end, options.config_dir, signals),
+            partial(explain_end, options.config_dir, interrupts),
             _report,
             display,
         )
-        begin_all(NAME, jobs, sweep, signals)
+        begin_all(NAME, jobs, sweep, interrupts)
     ended = [result.status for _, result in sweep.results]
-    if signals.last is not None:
-        ended.append(signals.explain()[1])
+    if interrupts.last is not None:
+        ended.append(interrupts.explain()[1])
     return next(status for status in WORST_FIRST if status in ended)
 
 

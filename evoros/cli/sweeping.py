@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evoros.base.errors import EvorosError, RunStopped
+from evoros.cli.interrupts import Interrupts
 from evoros.cli.reporting import WORST_FIRST, JobResult, explain_end, report_result
-from evoros.cli.signals import Signals
 from evoros.cli.sweep import Sweep
 from evoros.terminal.console import (
     DONE,
@@ -28,23 +28,25 @@ if TYPE_CHECKING:
     from evoros.session.work import Work
 
 
-def run_sweep(kind: "Kind", jobs: "Jobs", config_dir: str | None, signals: Signals) -> int:
+def run_sweep(kind: "Kind", jobs: "Jobs", config_dir: str | None, interrupts: Interrupts) -> int:
     """Run all jobs of a sweep in one pool, and return the worst exit status."""
     from evoros.session.progress import SweepProgress
 
     build = partial(build_job, kind, config_dir)
-    explain = partial(explain_end, config_dir, signals)
+    explain = partial(explain_end, config_dir, interrupts)
     report = partial(report_result, kind, True)
     with log_everything(), SweepProgress(len(jobs)) as display:
         sweep = Sweep(build, explain, report, display)
-        begun = begin_all(kind.name, jobs, sweep, signals)
-    statuses = [] if signals.last is None else [signals.explain()[1]]
+        begun = begin_all(kind.name, jobs, sweep, interrupts)
+    statuses = [] if interrupts.last is None else [interrupts.explain()[1]]
     if begun < len(jobs):
         statuses.append(STOPPED)
     return _conclude(kind, jobs, sweep.results, statuses)
 
 
-def run_by_plugins(kind: "Kind", jobs: "Jobs", config_dir: str | None, signals: Signals) -> int:
+def run_by_plugins(
+    kind: "Kind", jobs: "Jobs", config_dir: str | None, interrupts: Interrupts
+) -> int:
     """Let the chosen launcher and sweeper of Hydra run jobs; returns the worst exit status."""
     from evoros.cli.launched import JobRunner
     from evoros.config.jobs import SWEEPER
@@ -55,7 +57,7 @@ def run_by_plugins(kind: "Kind", jobs: "Jobs", config_dir: str | None, signals: 
     assert jobs.sweep is not None
     count = None if SWEEPER in jobs.plugins else len(jobs)
     run = JobRunner(
-        partial(build_job, kind, config_dir), partial(explain_end, config_dir, Signals())
+        partial(build_job, kind, config_dir), partial(explain_end, config_dir, Interrupts())
     )
     errors: dict[Path, EvorosError | None]
     try:
@@ -114,7 +116,9 @@ def build_job(kind: "Kind", config_dir: str | None, job: "Job") -> "Work | None"
     return kind.load().reopen(job.config, job.folder, executor, config_dir)
 
 
-def begin_all(name: str, jobs: "Iterable[Job | RefusedJob]", sweep: Sweep, signals: Signals) -> int:
+def begin_all(
+    name: str, jobs: "Iterable[Job | RefusedJob]", sweep: Sweep, interrupts: Interrupts
+) -> int:
     """Begin jobs until a signal comes, wait for them to end, and return how many began."""
     from evoros.config.jobs import RefusedJob
 
@@ -127,7 +131,7 @@ def begin_all(name: str, jobs: "Iterable[Job | RefusedJob]", sweep: Sweep, signa
             else:
                 sweep.begin(job)  # blocks until another job has ended if enough are running
             begun += 1
-            if signals.last is not None:
+            if interrupts.last is not None:
                 break
         sweep.finish()
     except KeyboardInterrupt:  # each job that it stops reports how to resume it

@@ -13,6 +13,7 @@ from numba import types
 from evoros.base.arrays import NO_VALUES
 from evoros.base.rng import generator
 from evoros.compilation.draws import RNG
+from evoros.compilation.interrupts import hold_interrupts
 from evoros.compilation.machine_code import compile_function, compiling
 from evoros.compilation.named_rules import NamedRule, bind, name_rule
 from evoros.compilation.rules import (
@@ -27,7 +28,6 @@ from evoros.compilation.rules import (
     NotCompilable,
     try_compile,
 )
-from evoros.compilation.signals import hold_signals
 from evoros.compilation.substitution import substitute
 from evoros.controller.protocol import LAYER_ARGUMENTS
 from evoros.filter.protocol import FILTER_ARGUMENTS
@@ -104,7 +104,7 @@ def _run(
     loop: Loop, inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays
 ) -> LoopResult:
     """Run a compiled loop from its start to its end."""
-    with hold_signals():
+    with hold_interrupts():
         return loop(inputs, agents, timing, arrays)
 
 

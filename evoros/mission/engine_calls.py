@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from evoros.base.arrays import Array
+from evoros.compilation.interrupts import hold_interrupts
 from evoros.compilation.rules import SIMULATION_RULES, call_address, compile_rule
-from evoros.compilation.signals import hold_signals
 from evoros.mission.loop import Agents, Arrays, LoopInputs, LoopResult, Timing
 from evoros.simulator.protocol import SimulationRules
 
@@ -56,7 +56,7 @@ def run_with_engine(
         (inputs.advance, *own, arrays.commands, timing.tick),
     )
     errors: list[BaseException] = []
-    with hold_signals() as deliver:
+    with hold_interrupts() as deliver:
         callbacks = [_expose(turn, deliver, errors, arrays.states) for turn in turns]
         addresses = [c_void_p.from_buffer_copy(each).value for each in callbacks]
         rules = SimulationRules(*map(compile_rule, ENGINE_RULES, SIMULATION_RULES))

@@ -18,10 +18,10 @@ from evoros.analysis.deploy.ardupilot import list_range_finders
 from evoros.analysis.deploy.champion import read_champion as deploy_champion
 from evoros.analysis.deploy.mounting_plan import plan_mounting
 from evoros.analysis.deploy.ros_parameters import robot_parameters
+from evoros.analysis.designs.raster import count_coverage
 from evoros.analysis.figures.mission import Missions, draw_missions
 from evoros.analysis.figures.overlay import draw_overlay
 from evoros.analysis.figures.panel import draw_panels, rank_pairs
-from evoros.analysis.measures.raster import count_coverage
 from evoros.analysis.report.playback import encode_playback
 from evoros.analysis.tables.agents import read_tracks
 from evoros.analysis.tables.candidates import read_initial_sensors
@@ -274,7 +274,7 @@ def test_a_deployed_package_tells_of_all_sensors_as_in_a_mission(record: Record)
     assert [sensor.name for sensor in plan_mounting(champion).sensors] == links
 
 
-def test_a_replay_tells_bumpers_that_are_closed_and_all_sensors_that_failed(
+def test_a_video_tells_bumpers_that_are_closed_and_all_sensors_that_failed(
     record: Record, trajectory: pd.DataFrame
 ) -> None:
     robot = read_tree(parse((record.path / "champion" / "robot.urdf").read_bytes(), "r"), "r")

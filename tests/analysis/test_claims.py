@@ -19,6 +19,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy import stats
 
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.designs.coverage import HEADINGS_DEG
 from evoros.analysis.drawing.claims_table import draw_claims
 from evoros.analysis.drawing.style import PAGE_IN, save
 from evoros.analysis.evo_ros_2018 import claims_designs, claims_runs
@@ -30,8 +31,7 @@ from evoros.analysis.evo_ros_2018.spread import (
     relative_difference,
     resample_mean_distance,
 )
-from evoros.analysis.measures.coverage import HEADINGS_DEG
-from evoros.analysis.measures.finding import (
+from evoros.analysis.statistics.finding import (
     BUILT_IN,
     NOT_SUPPORTED,
     SUPPORTED,
@@ -39,7 +39,12 @@ from evoros.analysis.measures.finding import (
     judge_above,
     judge_within,
 )
-from evoros.analysis.measures.statistics import Interval, fisher, ratio_interval, share_interval
+from evoros.analysis.statistics.small_samples import (
+    Interval,
+    fisher,
+    ratio_interval,
+    share_interval,
+)
 from evoros.analysis.tables.champion_missions import classify_failure, list_missions
 from evoros.analysis.tables.study import load_study
 from evoros.cli.evaluate import evaluate

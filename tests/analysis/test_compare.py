@@ -24,9 +24,9 @@ from matplotlib.patches import Rectangle
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.drawing.style import save
 from evoros.analysis.figures.compare import draw_comparison
-from evoros.analysis.measures.comparison import compare_treatments, conclude
-from evoros.analysis.measures.effect_sizes import a12_interval
-from evoros.analysis.measures.statistics import holm, mann_whitney, median_interval
+from evoros.analysis.statistics.comparison import compare_treatments, conclude
+from evoros.analysis.statistics.effect_sizes import a12_interval
+from evoros.analysis.statistics.small_samples import holm, mann_whitney, median_interval
 from evoros.analysis.tables.matching import identify_champion
 from evoros.analysis.tables.study import load_study
 from evoros.analysis.tables.validated import list_unused, validate_champions, validates

@@ -20,13 +20,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from evoros.analysis.command import evoros_analyze
+from evoros.analysis.designs import cones, raster
 from evoros.analysis.drawing import paper
 from evoros.analysis.drawing import robot as rover
 from evoros.analysis.drawing.sheet import Sheet
 from evoros.analysis.drawing.style import CATEGORIES
 from evoros.analysis.evo_ros_2018 import failure
 from evoros.analysis.figures import overlay, panel, regions
-from evoros.analysis.measures import cones, raster
 from evoros.analysis.product import Product
 from evoros.analysis.tables.designs import adapt_types
 from evoros.analysis.tables.study import load_study

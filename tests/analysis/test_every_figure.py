@@ -22,7 +22,7 @@ MEASURES = (
     "+measure@objectives.fitness=fitness",
     "+measure@objectives.robustness=least_coverage",
 )
-DRAWN = [name for name in SUBCOMMANDS if name not in {"report", "replay", *EXPORTS}]
+DRAWN = [name for name in SUBCOMMANDS if name not in {"report", "video", *EXPORTS}]
 NEEDS = {"transfer": "pair", "worst": "pair", "factors": "many", "power": "many"}
 """The study that a subcommand is drawn from, if it is not that of two runs."""
 JOURNAL = "font.size: 7\nfont.family: serif\nfigure.figsize: 3.4, 2.5\naxes.linewidth: 0.5\n"

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.measures.effect_sizes import (
+from evoros.analysis.statistics.effect_sizes import (
     MIN_NAMED,
     a12_interval,
     contrast_interval,
     name_magnitude,
 )
-from evoros.analysis.measures.factorial import list_contrasts, permute_effects
-from evoros.analysis.measures.statistics import a12
+from evoros.analysis.statistics.factorial import list_contrasts, permute_effects
+from evoros.analysis.statistics.small_samples import a12
 from evoros.base.arrays import Array
 from evoros.terminal.console import DONE, INPUT
 

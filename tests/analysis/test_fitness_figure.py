@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from evoros.analysis.drawing.style import save
 from evoros.analysis.figures.fitness import draw_fitness
-from evoros.analysis.measures.statistics import Interval
+from evoros.analysis.statistics.small_samples import Interval
 from evoros.analysis.tables.generations import compute_quartiles, select_bests
 
 NAN = math.nan

@@ -10,9 +10,9 @@ import yaml
 from helpers import tiny, vary
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.measures import own_claims
-from evoros.analysis.measures.finding import NOT_SUPPORTED, SUPPORTED, UNKNOWN, Finding
-from evoros.analysis.measures.statistics import mean_interval
+from evoros.analysis.figures import own_claims
+from evoros.analysis.statistics.finding import NOT_SUPPORTED, SUPPORTED, UNKNOWN, Finding
+from evoros.analysis.statistics.small_samples import mean_interval
 from evoros.analysis.tables.claims_file import read_claims
 from evoros.analysis.tables.study import Study, load_study
 from evoros.terminal.console import DONE, INPUT

@@ -10,8 +10,8 @@ from helpers import tiny, vary
 from scipy import stats
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.measures.power import Simulation, find_critical, measure_scatter
-from evoros.analysis.measures.statistics import LEVEL, mann_whitney
+from evoros.analysis.statistics.power import Simulation, find_critical, measure_scatter
+from evoros.analysis.statistics.small_samples import LEVEL, mann_whitney
 from evoros.terminal.console import DONE, INPUT
 
 

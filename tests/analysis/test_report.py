@@ -129,7 +129,7 @@ def test_every_section_is_there_and_names_every_run(report: Path) -> None:
         "Findings",
         "Statistics",
         "Figures",
-        "Replay",
+        "Player",
         "Claims",
         "Summary",
         "Configuration",

@@ -138,7 +138,7 @@ def test_figures_of_one_robot_show_the_first_one_or_the_named_one_and_say_so(
     assert regions is not None
     assert regions.axes[0].get_title(loc="left").startswith("oncoming\n")
     options = ["--format", "gif", "--size", "128x72", "--to", "1"]
-    films = [draw(study, "replay", *options, *of) for of in ((), ("--agent", "oncoming"))]
+    films = [draw(study, "video", *options, *of) for of in ((), ("--agent", "oncoming"))]
     assert [film.messages[1] for film in films] == [
         "the first robot, with oncoming in view; --agent NAME shows another",
         "oncoming, with the first robot in view",

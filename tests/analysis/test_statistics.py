@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from evoros.analysis.measures.statistics import (
+from evoros.analysis.statistics.small_samples import (
     LEVEL,
     Interval,
     a12,

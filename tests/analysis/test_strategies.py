@@ -13,24 +13,24 @@ from scipy import stats
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import cdist
 
-from evoros.analysis.drawing.style import PAGE_IN, letter
-from evoros.analysis.figures.strategies import draw_strategies
-from evoros.analysis.measures.clusters import compare_with_samples, cut_best, find_clusters
-from evoros.analysis.measures.coverage import (
+from evoros.analysis.designs.clusters import compare_with_samples, cut_best, find_clusters
+from evoros.analysis.designs.coverage import (
     HEADINGS_DEG,
     compute_directions,
     compute_profiles,
     normalize_profiles,
     share_ahead,
 )
-from evoros.analysis.measures.design_features import (
+from evoros.analysis.designs.features import (
     ALL,
     FRONT,
     SIDE,
     compare_with_random,
     describe_designs,
 )
-from evoros.analysis.measures.pairs import measure_nearness, paper_rings
+from evoros.analysis.designs.pairs import measure_nearness, paper_rings
+from evoros.analysis.drawing.style import PAGE_IN, letter
+from evoros.analysis.figures.strategies import draw_strategies
 from evoros.failure.spatial import SpatialFailure
 from evoros.filter.protocol import Channels
 from evoros.storage.figure_context import Ring

@@ -66,7 +66,7 @@ REPLICATED = ("factors", "power")
 """The subcommands that need replicates, of which there are none here."""
 FACTOR = ("failure", "failure_a", "failure_b")
 """The columns of what the runs differ in; which tables have them is another test's."""
-SHORT = {"replay": ("--to", "3")}
+SHORT = {"video": ("--to", "3")}
 """Arguments with which a subcommand shows less."""
 
 

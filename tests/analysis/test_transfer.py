@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from evoros.analysis.command import evoros_analyze
 from evoros.analysis.figures.ladder import draw_ladder
 from evoros.analysis.figures.transfer import draw_transfer, summarize
-from evoros.analysis.measures.statistics import mean_interval, spearman
+from evoros.analysis.statistics.small_samples import mean_interval, spearman
 from evoros.analysis.tables.ladder import climb
 from evoros.analysis.tables.paired_scores import pair_scores
 from evoros.analysis.tables.study import load_study

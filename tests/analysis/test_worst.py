@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from evoros.analysis.command import evoros_analyze
-from evoros.analysis.measures.worst_cases import (
+from evoros.analysis.statistics.worst_cases import (
     count_sets,
     estimate_risks,
     find_smallest,

@@ -157,7 +157,7 @@ def test_a_run_that_can_be_read_only_is_evaluated_compared_and_shown(
         arguments = [*TINY, "executor=serial", f"designs={whole}", "hydra.run.dir=scores"]
         status, _, errors = command("evoros.cli.evaluate", *arguments, cwd=tmp_path)
         assert status == DONE, errors
-        status, output, errors = command("evoros.cli.compare", str(whole), str(whole), cwd=tmp_path)
+        status, output, errors = command("evoros.cli.diff", str(whole), str(whole), cwd=tmp_path)
         assert (status, errors) == (DONE, [])
         assert output.startswith("equal")
         status, output, errors = command("evoros.cli.status", str(whole), cwd=tmp_path)
@@ -177,7 +177,7 @@ def test_a_run_that_can_be_read_only_is_evaluated_compared_and_shown(
         ("evoros.cli.run", ["--config-dir", str(USER_PARTS), "resume=run"], INPUT),
         ("evoros.cli.evaluate", [*TINY, "designs=run", "hydra.run.dir=scores"], STOPPED),
         ("evoros.cli.status", ["run"], INPUT),
-        ("evoros.cli.compare", ["run", "run"], INPUT),
+        ("evoros.cli.diff", ["run", "run"], INPUT),
         ("evoros.analysis.command", ["fitness", "run"], INPUT),
     ],
 )

@@ -10,7 +10,7 @@ import pytest
 from helpers import TINY, content, everything, resume, tiny
 
 from evoros.analysis.command import evoros_analyze
-from evoros.cli.compare import evoros_compare
+from evoros.cli.diff import evoros_diff
 from evoros.cli.evaluate import evaluate
 from evoros.cli.inspect import evoros_inspect
 from evoros.cli.run import evoros
@@ -79,7 +79,7 @@ def test_a_log_on_a_full_disk_stops_nothing_and_is_told_once(
         (evoros, ["--config-dir", NOBODY]),
         (evaluate, [f"designs='{NOBODY}'"]),
         (evoros_analyze, ["fitness", NOBODY]),
-        (evoros_compare, [NOBODY, NOBODY]),
+        (evoros_diff, [NOBODY, NOBODY]),
         (evoros_inspect, ["robot", NOBODY]),
         (evoros_status, [NOBODY]),
         (evoros_world, [f"{NOBODY}/world.sdf"]),

@@ -53,7 +53,7 @@ def lines() -> list[list[str]]:
 def smaller(words: list[str]) -> list[str]:
     """The arguments, with those of the smaller study in place of the same keys."""
     name, *arguments = words
-    added = CLIP if arguments[0] == "replay" else SMALL.get(name, [])
+    added = CLIP if arguments[0] == "video" else SMALL.get(name, [])
     keys = {word.partition("=")[0] for word in added if "=" in word}
     return [*(word for word in arguments if word.partition("=")[0] not in keys), *added]
 

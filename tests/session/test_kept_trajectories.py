@@ -140,7 +140,7 @@ def test_a_run_may_keep_none(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert not [name for name in everything(folder) if "trajector" in name]
     warnings = [line for line in capsys.readouterr().err.splitlines() if "record=none" in line]
     assert len(warnings) == 1
-    for subcommand in ("mission", "replay", "bag"):
+    for subcommand in ("mission", "video", "bag"):
         assert evoros_analyze([subcommand, str(folder), "--output", str(tmp_path)]) == INPUT
         (line,) = capsys.readouterr().err.splitlines()
         assert line.endswith("keep them (record=none); start a run with record=champion")

@@ -17,7 +17,7 @@ from dask_cases import cluster
 from helpers import everything
 from mpi_cases import start_job
 
-from evoros.session.comparison import compare
+from evoros.session.diff import diff_runs
 from evoros.terminal.console import DONE
 
 SMALL = ("simulator=planar", "executor.workers=1", "figures=[]", "record=all")
@@ -107,7 +107,7 @@ def test_every_executor_has_the_same_folder_with_all_instructions_and_older_ones
         mixed.add_worker(older_processor())
         chosen = ["executor=dask", mixed.key, f"hydra.run.dir={tmp_path / 'mixed'}"]
         run_command([*arguments, *chosen], {})
-    compared = [compare(folders[0], folder) for folder in folders[1:]]
+    compared = [diff_runs(folders[0], folder) for folder in folders[1:]]
     assert [each.difference for each in compared] == [""] * 3
     assert {each.missions for each in compared} == {compared[0].missions}
 

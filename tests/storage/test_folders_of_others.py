@@ -12,7 +12,7 @@ from helpers import TINY, USER_PARTS, copied, everything, reseal, resume, scored
 import evoros
 from evoros.analysis.command import evoros_analyze
 from evoros.base.errors import InputError
-from evoros.cli.compare import evoros_compare
+from evoros.cli.diff import evoros_diff
 from evoros.cli.evaluate import evaluate
 from evoros.cli.run import evoros as evolve
 from evoros.session import resume as resuming
@@ -33,7 +33,7 @@ COMMANDS: dict[str, Callable[[Path, Path], int]] = {
     "evaluate": lambda folder, out: evaluate(
         [*TINY, "executor=serial", f"designs={folder}", f"hydra.run.dir={out}"]
     ),
-    "compare": lambda folder, out: evoros_compare([str(folder), str(folder)]),
+    "compare": lambda folder, out: evoros_diff([str(folder), str(folder)]),
 }
 
 

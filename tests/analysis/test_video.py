@@ -1,4 +1,4 @@
-"""A replay shows what is recorded: where the robot was, and what its sensors saw."""
+"""A video shows what is recorded: where the robot was, and what its sensors saw."""
 
 import io
 import math
@@ -54,7 +54,7 @@ OPEN = World("open", (GROUND,), COURSE, "open.sdf", "0")
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    folder = tmp_path_factory.mktemp("replay") / "run"
+    folder = tmp_path_factory.mktemp("video") / "run"
     assert tiny(folder, "failure.latest_s=3.0") == DONE
     return load_run(folder)
 
@@ -457,10 +457,10 @@ def test_a_gif_plays_the_pictures_and_rests_on_the_last(pictures: list[Pixels]) 
 def test_the_command_gives_the_same_bytes_again(kind: str, run: Run, tmp_path: Path) -> None:
     videos = []
     for number in range(2):
-        arguments = ["replay", str(run.path), "--format", kind, "--size", "128x72", "--fps", "5"]
+        arguments = ["video", str(run.path), "--format", kind, "--size", "128x72", "--fps", "5"]
         output = tmp_path / str(number)
         assert evoros_analyze([*arguments, "--to", "3", "--output", str(output)]) == DONE
-        videos.append((output / f"replay.{kind}").read_bytes())
+        videos.append((output / f"video.{kind}").read_bytes())
     assert videos[0] == videos[1]
 
 
@@ -478,7 +478,7 @@ def test_another_trajectory_gives_another_video(
 def test_the_example_films_another_mission(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    section = (ROOT / "docs" / "analysis.md").read_text().split("\n## replay\n")[1]
+    section = (ROOT / "docs" / "analysis.md").read_text().split("\n## video\n")[1]
     (block, *_) = re.findall(r"^```python\n(.*?)^```$", section, re.M | re.S)
     (tmp_path / "outputs").mkdir()
     (tmp_path / "outputs" / "mine").symlink_to(run.path)
@@ -514,7 +514,7 @@ def test_a_damaged_trajectory_is_said_in_one_line(
     change(pd.read_csv(path)).to_csv(path, index=False)
     reseal(run.path)
     try:
-        arguments = ["replay", str(run.path), "--to", "0.5", "--output", str(tmp_path / "out")]
+        arguments = ["video", str(run.path), "--to", "0.5", "--output", str(tmp_path / "out")]
         assert evoros_analyze(arguments) == INPUT
     finally:
         path.write_text(whole)
@@ -542,7 +542,7 @@ def test_a_damaged_trajectory_is_said_in_one_line(
 def test_a_wrong_option_is_said_in_one_line(
     more: list[str], part: str, run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["replay", str(run.path), "--output", str(tmp_path / "out"), *more]
+    arguments = ["video", str(run.path), "--output", str(tmp_path / "out"), *more]
     assert evoros_analyze(arguments) == INPUT
     said = capsys.readouterr().err
     assert said.count("\n") == 1
@@ -555,7 +555,7 @@ def test_where_pybullet_is_missing_the_cure_is_said_in_one_line(
     monkeypatch.setitem(sys.modules, "pybullet", None)
     import_pybullet.cache_clear()
     try:
-        assert evoros_analyze(["replay", str(run.path), "--output", str(tmp_path)]) == INPUT
+        assert evoros_analyze(["video", str(run.path), "--output", str(tmp_path)]) == INPUT
     finally:
         import_pybullet.cache_clear()
     said = capsys.readouterr().err
@@ -571,11 +571,11 @@ def test_a_run_that_is_not_finished_is_said_in_one_line(
     status = tmp_path / "run" / "status.json"
     status.write_text(status.read_text().replace('"finished"', '"stopped"'))
     reseal(tmp_path / "run")
-    assert evoros_analyze(["replay", str(tmp_path / "run"), *name]) == INPUT
+    assert evoros_analyze(["video", str(tmp_path / "run"), *name]) == INPUT
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert "resume" in said
-    assert not (tmp_path / "run" / "figures" / "replay.mp4").exists()
+    assert not (tmp_path / "run" / "figures" / "video.mp4").exists()
 
 
 def test_another_robot_is_seen_where_it_is_and_nowhere_else(

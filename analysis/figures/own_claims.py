@@ -11,18 +11,9 @@ import pandas as pd
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 
-from ..tables.candidates import read_generations, read_initial_sensors
-from ..tables.champion_missions import list_missions, list_random_missions
-from ..tables.claims_file import ABOVE, BELOW, OwnClaim
-from ..tables.designs import read_champion
-from ..tables.factors import name_part
-from ..tables.generations import trace_fitness
-from ..tables.records import Record
-from ..tables.study import Study
-from ..tables.validated import validate_champions
-from .design_features import describe_designs
-from .effect_sizes import contrast_interval
-from .finding import (
+from ..designs.features import describe_designs
+from ..statistics.effect_sizes import contrast_interval
+from ..statistics.finding import (
     NUMBER,
     SHARE,
     Against,
@@ -33,7 +24,16 @@ from .finding import (
     require_beyond_random,
     require_replicates,
 )
-from .statistics import NOTHING, Interval, mean_interval, share_interval
+from ..statistics.small_samples import NOTHING, Interval, mean_interval, share_interval
+from ..tables.candidates import read_generations, read_initial_sensors
+from ..tables.champion_missions import list_missions, list_random_missions
+from ..tables.claims_file import ABOVE, BELOW, OwnClaim
+from ..tables.designs import read_champion
+from ..tables.factors import name_part
+from ..tables.generations import trace_fitness
+from ..tables.records import Record
+from ..tables.study import Study
+from ..tables.validated import validate_champions
 
 FEATURES = ("sensors", "ahead", "redundant", "closest_m", "lost")
 """Features of designs, see ``describe_designs``."""

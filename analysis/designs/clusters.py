@@ -16,7 +16,7 @@ from scipy.spatial.distance import pdist, squareform
 
 from evoros.base.arrays import Array
 
-from .statistics import LEVEL, SEED
+from ..statistics.small_samples import LEVEL, SEED
 
 MAX_CLUSTERS = 5
 MIN_POINTS = 5

@@ -49,7 +49,7 @@ MADE_BY = (
 
 
 @dataclass
-class Comparison:
+class Diff:
     """What was compared; ``difference`` is the first difference, or empty."""
 
     folders: int = 0
@@ -59,22 +59,22 @@ class Comparison:
     circumstances: dict[str, None] = field(default_factory=dict)  # in order, each once
 
 
-def compare(one: Path, other: Path) -> Comparison:
+def diff_runs(one: Path, other: Path) -> Diff:
     """Compare two runs or evaluations, or all below two folders, which have to have equal paths.
 
     Raises:
         InputError: there are none, or a file is damaged.
     """
-    comparison = Comparison()
+    diff = Diff()
     for name, present in _pair(one, other).items():
         missing = [path for path, found in zip((one, other), present, strict=True) if not found]
         if missing:
-            comparison.difference = f"{name}: there is none in {missing[0]}"
+            diff.difference = f"{name}: there is none in {missing[0]}"
         else:
-            _compare_folders(one / name, other / name, comparison)
-        if comparison.difference:
-            return comparison
-    return comparison
+            _diff_folders(one / name, other / name, diff)
+        if diff.difference:
+            return diff
+    return diff
 
 
 def _pair(one: Path, other: Path) -> dict[str, tuple[bool, bool]]:
@@ -97,23 +97,23 @@ def _pair(one: Path, other: Path) -> dict[str, tuple[bool, bool]]:
     return {name: (name in found[0], name in found[1]) for name in dict.fromkeys(chain(*found))}
 
 
-def _compare_folders(one: Path, other: Path, comparison: Comparison) -> None:
+def _diff_folders(one: Path, other: Path, diff: Diff) -> None:
     for folder in (one, other):
         verify_folder(folder)
-    comparison.folders += 1
-    for difference in _list_differences(one, other, comparison):
+    diff.folders += 1
+    for difference in _list_differences(one, other, diff):
         if difference:
-            comparison.difference = difference
+            diff.difference = difference
             return
-        comparison.files += 1
+        diff.files += 1
 
 
-def _list_differences(one: Path, other: Path, comparison: Comparison) -> Iterator[str]:
+def _list_differences(one: Path, other: Path, diff: Diff) -> Iterator[str]:
     """Yield the difference of each file, or an empty text for equal ones, in order."""
-    yield _compare_configurations(one, other, comparison)
-    yield _compare_manifests(one, other, comparison)
+    yield _diff_configurations(one, other, diff)
+    yield _diff_manifests(one, other, diff)
     difference, count = compare_missions(one, other)
-    comparison.missions += count
+    diff.missions += count
     yield difference
     for name in _list_files(one, other):
         absent = [folder for folder in (one, other) if not (folder / name).is_file()]
@@ -131,17 +131,17 @@ def _list_files(one: Path, other: Path) -> Iterator[str]:
         yield from (name for name in names if (one / name).is_file() or (other / name).is_file())
 
 
-def _compare_configurations(one: Path, other: Path, comparison: Comparison) -> str:
+def _diff_configurations(one: Path, other: Path, diff: Diff) -> str:
     first, second = (flatten_recorded(folder / CONFIG) for folder in (one, other))
     for key in _differing(first, second):
         if key.partition(".")[0] not in FREE:
             values = [values.get(key, NOTHING) for values in (first, second)]
             return f"{CONFIG}: {tell(key, one, values[0], other, values[1])}"
-        comparison.circumstances[key.partition(".")[0]] = None
+        diff.circumstances[key.partition(".")[0]] = None
     return ""
 
 
-def _compare_manifests(one: Path, other: Path, comparison: Comparison) -> str:
+def _diff_manifests(one: Path, other: Path, diff: Diff) -> str:
     """Compare the hashes of what the folders were made from, and note who made them."""
     first, second = (read_json(folder / MANIFEST) for folder in (one, other))
     same_text = (one / CONFIG).read_bytes() == (other / CONFIG).read_bytes()
@@ -150,10 +150,10 @@ def _compare_manifests(one: Path, other: Path, comparison: Comparison) -> str:
         if same_text or not name.startswith(OWN_HASHES):
             return f"{MANIFEST}: the hash of {name} differs between {one} and {other}"
     for name in _differing(*({key: m.get(key) for key in MADE_BY} for m in (first, second))):
-        comparison.circumstances[name] = None
+        diff.circumstances[name] = None
     states = [read_json(folder / STATUS).get("state") for folder in (one, other)]
     if states[0] != states[1]:
-        comparison.circumstances["state"] = None
+        diff.circumstances["state"] = None
     return ""
 
 
@@ -161,12 +161,12 @@ def _differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
     return [key for key in dict.fromkeys([*one, *other]) if one.get(key) != other.get(key)]
 
 
-def describe(comparison: Comparison) -> str:
+def describe_diff(diff: Diff) -> str:
     """Describe the result in one or two lines."""
-    if comparison.difference:
-        return f"different: {comparison.difference}"
-    runs = f"{comparison.folders} folders, " if comparison.folders > 1 else ""
-    lines = [f"equal: {runs}{comparison.missions} missions, {comparison.files} files"]
-    if comparison.circumstances:
-        lines.append(f"made with another {', '.join(comparison.circumstances)}")
+    if diff.difference:
+        return f"different: {diff.difference}"
+    runs = f"{diff.folders} folders, " if diff.folders > 1 else ""
+    lines = [f"equal: {runs}{diff.missions} missions, {diff.files} files"]
+    if diff.circumstances:
+        lines.append(f"made with another {', '.join(diff.circumstances)}")
     return "\n".join(lines)

@@ -10,7 +10,7 @@ from evoros.base.arrays import Array
 
 from ..tables.quantities import FITNESS
 from .effect_sizes import a12_interval, name_magnitude
-from .statistics import (
+from .small_samples import (
     LEVEL,
     holm,
     mann_whitney,

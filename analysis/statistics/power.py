@@ -10,7 +10,7 @@ from scipy import stats
 
 from evoros.base.arrays import Array
 
-from .statistics import LEVEL, SEED, Interval, mann_whitney
+from .small_samples import LEVEL, SEED, Interval, mann_whitney
 
 SAMPLES = 2000
 """Simulated comparisons; a power has a standard error of 1.1 % at most."""

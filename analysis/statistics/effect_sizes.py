@@ -7,7 +7,7 @@ from scipy import optimize, stats
 
 from evoros.base.arrays import Array
 
-from .statistics import LEVEL, Interval, Sample, a12, magnitude
+from .small_samples import LEVEL, Interval, Sample, a12, magnitude
 
 MIN_NAMED = 5
 """With fewer values on a side, the interval of A12 spans most magnitudes, and none is named."""

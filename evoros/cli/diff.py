@@ -1,4 +1,4 @@
-"""The command ``evoros-compare``: tells whether two runs are equal, or their first difference."""
+"""The command ``evoros-diff``: tells whether two runs are equal, or their first difference."""
 
 from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
 from evoros.terminal.console import DONE, print_result, report_errors, run_main
 
-NAME = "evoros-compare"
+NAME = "evoros-diff"
 DIFFERENT = 1
 """Exit status."""
 ABOUT = f"""{NAME} tells whether two runs or evaluations are equal, or their first difference.
@@ -22,22 +22,22 @@ evoros-analyze compare is another command: it compares treatments, with tests an
 
 def main() -> None:
     """Entry point of the console script."""
-    run_main(evoros_compare)
+    run_main(evoros_diff)
 
 
-def evoros_compare(arguments: Sequence[str]) -> int:
+def evoros_diff(arguments: Sequence[str]) -> int:
     """Run the command and return its exit status."""
-    return report_errors(NAME, lambda: _compare(arguments))
+    return report_errors(NAME, lambda: _diff(arguments))
 
 
-def _compare(arguments: Sequence[str]) -> int:
-    from evoros.session.comparison import compare, describe
+def _diff(arguments: Sequence[str]) -> int:
+    from evoros.session.diff import describe_diff, diff_runs
 
     parser = CommandParser(NAME, description=ABOUT, formatter_class=RawDescriptionHelpFormatter)
     for name in ("A", "B"):
         parser.add_argument(name, type=expand_home)
     parser.add_argument("--version", action="version", version=f"{NAME} {read_origin().version}")
     options = parser.parse_args(list(arguments))
-    comparison = compare(options.A, options.B)
-    print_result(describe(comparison))
-    return DIFFERENT if comparison.difference else DONE
+    diff = diff_runs(options.A, options.B)
+    print_result(describe_diff(diff))
+    return DIFFERENT if diff.difference else DONE

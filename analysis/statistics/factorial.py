@@ -16,7 +16,7 @@ from scipy import stats
 from evoros.base.arrays import Array
 
 from .effect_sizes import contrast_interval
-from .statistics import RESAMPLES, SEED, Interval
+from .small_samples import RESAMPLES, SEED, Interval
 
 CELLS = 2_000_000
 """Values that are permuted at a time; a limit of memory."""

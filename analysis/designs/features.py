@@ -7,10 +7,7 @@ import pandas as pd
 
 from evoros.storage.figure_context import Ring
 
-from .clusters import Clusters, compare_with_samples, find_clusters
-from .coverage import DESIGN, HEADINGS_DEG, compute_directions, compute_profiles, share_ahead
-from .pairs import NEAR_DEG, NEAR_M, measure_nearness, paper_rings
-from .statistics import (
+from ..statistics.small_samples import (
     Interval,
     fisher,
     holm,
@@ -19,6 +16,9 @@ from .statistics import (
     median_interval,
     share_interval,
 )
+from .clusters import Clusters, compare_with_samples, find_clusters
+from .coverage import DESIGN, HEADINGS_DEG, compute_directions, compute_profiles, share_ahead
+from .pairs import NEAR_DEG, NEAR_M, measure_nearness, paper_rings
 
 FRONT, SIDE, NEITHER = "front array", "side mounts", "no sensors"
 ALL = "all"

@@ -6,26 +6,26 @@ from types import FrameType
 from evoros.terminal.console import STOPPED, explain_interrupt
 
 
-class Signals:
+class Interrupts:
     """A context manager that turns SIGINT and SIGTERM into KeyboardInterrupt."""
 
     def __init__(self) -> None:
         self.last: int | None = None  # the signal that came last
 
-    def __enter__(self) -> "Signals":
+    def __enter__(self) -> "Interrupts":
         self._handlers = {
-            number: signal.signal(number, self._interrupt)
-            for number in (signal.SIGINT, signal.SIGTERM)
-            if signal.getsignal(number) != signal.SIG_IGN  # as under nohup
+            signum: signal.signal(signum, self._interrupt)
+            for signum in (signal.SIGINT, signal.SIGTERM)
+            if signal.getsignal(signum) != signal.SIG_IGN  # as under nohup
         }
         return self
 
     def __exit__(self, *_: object) -> None:
-        for number, handler in self._handlers.items():
-            signal.signal(number, handler)
+        for signum, handler in self._handlers.items():
+            signal.signal(signum, handler)
 
-    def _interrupt(self, number: int, frame: FrameType | None) -> None:
-        self.last = number
+    def _interrupt(self, signum: int, frame: FrameType | None) -> None:
+        self.last = signum
         # Not an Exception: code that catches those, such as logging, must not swallow it.
         raise KeyboardInterrupt
 

@@ -13,7 +13,7 @@ HELD = [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
 
 
 @contextmanager
-def hold_signals() -> Iterator[Callable[[], None]]:
+def hold_interrupts() -> Iterator[Callable[[], None]]:
     """Hold back the handlers of signals until the end; the yielded function calls those due before.
 
     A handler may raise, as that of Ctrl-C does, wherever Python code runs in the main thread. numba
@@ -22,21 +22,21 @@ def hold_signals() -> Iterator[Callable[[], None]]:
     handlers: dict[int, Callable[[int, Any], object]] = {}
     due: list[int] = []
 
-    def note(number: int, frame: Any) -> None:
-        due.append(number)
+    def note(signum: int, frame: Any) -> None:
+        due.append(signum)
 
     def deliver() -> None:
         while due:
-            number = due.pop(0)
-            handlers[number](number, sys._getframe())
+            signum = due.pop(0)
+            handlers[signum](signum, sys._getframe())
 
     with ExitStack() as stack:  # each handler comes back, even if one of the others raises then
         stack.callback(deliver)
         if current_thread() is main_thread():  # no other thread may set a handler, or runs one
-            for number in HELD:
-                handler = signal.getsignal(number)
+            for signum in HELD:
+                handler = signal.getsignal(signum)
                 if callable(handler):
-                    handlers[number] = handler
-                    stack.callback(signal.signal, number, handler)
-                    signal.signal(number, note)
+                    handlers[signum] = handler
+                    stack.callback(signal.signal, signum, handler)
+                    signal.signal(signum, note)
         yield deliver

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .statistics import NOTHING, Interval
+from .small_samples import NOTHING, Interval
 
 SUPPORTED, NOT_SUPPORTED, UNKNOWN = "supported", "not supported", "cannot be said"
 BUILT_IN = "built in"

@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from ..tables.failed_missions import KEYS
-from .statistics import share_interval
+from .small_samples import share_interval
 
 CASES = (*KEYS, "failed_sensors", "failed", "failed_at_s", "missions", "stopped", "stopped_in")
 SETS = (*KEYS, "sensors", "failed", "sets", "of", "stopping", "missions", "stopped")

@@ -1,0 +1,1 @@
+"""Numbers of sensor designs: what they cover, how they cluster, how they differ from random."""

@@ -1,1 +1,0 @@
-"""Numbers computed from tables: statistics, and measures of designs and runs."""

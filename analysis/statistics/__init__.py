@@ -1,0 +1,1 @@
+"""Tests, intervals and effect sizes of small samples, and their findings."""
