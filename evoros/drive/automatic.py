@@ -9,13 +9,7 @@ from typing import Annotated
 
 from evoros.base.checks import POSITIVE, checked, one_of
 from evoros.drive.ackermann import AckermannDescription
-from evoros.drive.candidates import (
-    NEARLY_ALIGNED,
-    TURNING,
-    Candidate,
-    find_candidates,
-    pair_up,
-)
+from evoros.drive.candidates import NEARLY_ALIGNED, TURNING, Candidate, find_candidates, pair_up
 from evoros.drive.differential import DifferentialDescription
 from evoros.drive.protocol import Drive, DriveDescription
 from evoros.drive.refusals import find_diagonal, refuse_misaligned, refuse_sideways

@@ -10,13 +10,7 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import length, product
-from evoros.drive.candidates import (
-    NEARLY_ALIGNED,
-    TURNING,
-    Candidate,
-    find_misaligned,
-    pair_up,
-)
+from evoros.drive.candidates import NEARLY_ALIGNED, TURNING, Candidate, find_misaligned, pair_up
 from evoros.drive.wheels import LEFT, UP
 from evoros.formats.urdf.gazebo import Plugin
 from evoros.formats.urdf.parts import Joint

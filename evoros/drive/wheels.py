@@ -28,8 +28,7 @@ CASTER_GAP_M = 12e-3
 FORWARD, LEFT, UP = range(3)
 
 ANGLE = Rule(
-    "an angle greater than 0 and less than pi/2",
-    lambda v: POSITIVE.holds(v) and v < 0.5 * math.pi,
+    "an angle greater than 0 and less than pi/2", lambda v: POSITIVE.holds(v) and v < 0.5 * math.pi
 )
 
 

@@ -13,15 +13,7 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.compilable import compilable
 from evoros.compilation.rules import A1, A2, NOTHING, compile_rule
-from evoros.geometry.ray import (
-    AT_X,
-    AT_Y,
-    AT_Z,
-    BOUND,
-    Frame,
-    cast_rays,
-    turn_frame,
-)
+from evoros.geometry.ray import AT_X, AT_Y, AT_Z, BOUND, Frame, cast_rays, turn_frame
 from evoros.robot.model import Robot
 from evoros.robot.occlusion import OccluderRows
 from evoros.robot.rays import DIRECTION, HOUSING, LIMIT, ORIGIN, lay_out_rays

@@ -88,13 +88,7 @@ def _directions() -> Array:
     turns = np.arange(_SECTORS) * (2 * math.pi / _SECTORS)
     tilt, turn = (angles.ravel() for angles in np.meshgrid(tilts, turns))
     across = sin_all(tilt)
-    return np.column_stack(
-        [
-            across * cos_all(turn),
-            across * sin_all(turn),
-            cos_all(tilt),
-        ]
-    )
+    return np.column_stack([across * cos_all(turn), across * sin_all(turn), cos_all(tilt)])
 
 
 def _heights_above(points: Array, planes: Array) -> list[float]:

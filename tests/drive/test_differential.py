@@ -19,10 +19,7 @@ from evoros.formats.urdf.tree import Urdf, read_tree
 
 
 def drive(
-    wheelbase: float = 0.3,
-    track: float = 0.29,
-    limit: float = 0.9,
-    fastest: float = 0.45,
+    wheelbase: float = 0.3, track: float = 0.29, limit: float = 0.9, fastest: float = 0.45
 ) -> Differential:
     return Differential(
         wheel_joints=("l", "r"),

@@ -10,11 +10,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from evoros.base.errors import InputError
-from evoros.drive.skid_steer import (
-    SkidSteer,
-    SkidSteerDescription,
-    compute_turning_resistance,
-)
+from evoros.drive.skid_steer import SkidSteer, SkidSteerDescription, compute_turning_resistance
 from evoros.formats.urdf.tree import Urdf, read_tree
 
 length = st.floats(0.05, 2.0)

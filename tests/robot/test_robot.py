@@ -12,16 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 from planar_cases import start, state_of, world_of
-from robot_cases import (
-    ROBOTS,
-    SENSORS,
-    car,
-    configuration,
-    independent,
-    load,
-    rover,
-    some_mounts,
-)
+from robot_cases import ROBOTS, SENSORS, car, configuration, independent, load, rover, some_mounts
 
 from evoros.base.arrays import YAW_RATE, Array
 from evoros.formats.urdf.tree import read_tree

@@ -9,12 +9,7 @@ from dataclasses import dataclass
 from lxml.etree import _Element as Element
 
 from evoros.formats.pose import parse_pose
-from evoros.formats.strict_xml import (
-    element_error,
-    find_child,
-    quote,
-    read_name,
-)
+from evoros.formats.strict_xml import element_error, find_child, quote, read_name
 from evoros.geometry.shapes import Pose
 
 Path = tuple[str, ...]

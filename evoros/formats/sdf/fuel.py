@@ -15,10 +15,7 @@ _ADDRESS = re.compile(
     r"(?P<name>[^/]+)(?:/(?P<version>[0-9]+|tip))?(?:/files)?(?:/(?P<inner>.*))?",
     re.IGNORECASE,
 )
-_CACHES = {
-    "GZ_FUEL_CACHE_PATH": "~/.gz/fuel",
-    "IGN_FUEL_CACHE_PATH": "~/.ignition/fuel",
-}
+_CACHES = {"GZ_FUEL_CACHE_PATH": "~/.gz/fuel", "IGN_FUEL_CACHE_PATH": "~/.ignition/fuel"}
 # The server has two names, and a cache may know a model by either.
 _HOSTS = ("fuel.gazebosim.org", "fuel.ignitionrobotics.org")
 

@@ -180,7 +180,4 @@ def _read_submesh(submesh: Element | None) -> tuple[str, bool]:
     if submesh is None:
         return "", False
     name, center = find_child(submesh, "name"), find_child(submesh, "center")
-    return (
-        "" if name is None else read_text(name),
-        center is not None and read_flag(center),
-    )
+    return ("" if name is None else read_text(name), center is not None and read_flag(center))

@@ -10,12 +10,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import product
 from evoros.formats.strict_xml import element_error, local_tag, read_name
-from evoros.formats.urdf.gazebo import (
-    FrictionAxis,
-    Plugin,
-    read_friction_axes,
-    read_plugins,
-)
+from evoros.formats.urdf.gazebo import FrictionAxis, Plugin, read_friction_axes, read_plugins
 from evoros.formats.urdf.parts import Joint, read_joint, read_shapes, read_visuals
 from evoros.geometry.shapes import Pose, Shape
 
