@@ -1,4 +1,4 @@
-"""What a drive must offer."""
+"""The interface of drives."""
 
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
@@ -7,11 +7,11 @@ from evoros.formats.urdf.tree import Urdf
 
 
 class Drive(Protocol):
-    """A drive on its robot: what simulators and controllers need of it."""
+    """A drive on its robot, as simulators and controllers need it."""
 
     @property
     def max_speed_mps(self) -> float:
-        """Greatest speed, straight ahead, of the point at ``rear_axle_x_m``."""
+        """Maximum speed, straight ahead, of the point at ``rear_axle_x_m``."""
         ...
 
     @property
@@ -19,19 +19,19 @@ class Drive(Protocol):
         """How far to the side of that point the limit of the speed applies.
 
         In a turn the speed of the point is at most
-        ``max_speed_mps / (1 + |curvature| * speed_limit_offset_m)``. The offset is 0 if the limit
-        is that of the point itself, and half the track if each of two wheels has a limit.
+        ``max_speed_mps / (1 + |curvature| * speed_limit_offset_m)``. The offset is 0 if the point
+        itself has the limit, and half the track if each of two wheels has one.
         """
         ...
 
     @property
     def steering_limit(self) -> float:
-        """Full lock: the greatest steering angle [rad] of the bicycle model."""
+        """Full lock: the maximum steering angle [rad] of the bicycle model."""
         ...
 
     @property
     def wheelbase_m(self) -> float:
-        """Of the bicycle model: curvature = tan(steering) / wheelbase."""
+        """Wheelbase of the bicycle model: curvature = tan(steering) / wheelbase."""
         ...
 
     @property
@@ -76,7 +76,7 @@ class DriveDescription(Protocol):
 
     @property
     def steering_joints(self) -> Sequence[str]:
-        """Of all drives; empty if nothing is steered."""
+        """The joints that steer; empty if nothing is steered."""
         ...
 
     @property
@@ -87,14 +87,6 @@ class DriveDescription(Protocol):
     @property
     def caster_links(self) -> Sequence[str]:
         """Links that slide on the ground."""
-        ...
-
-    def choose(self, urdf: Urdf) -> "DriveDescription":
-        """The description to use for this robot: itself, unless it finds the joints by itself.
-
-        Raises:
-            InputError: it finds none.
-        """
         ...
 
     def fit(self, urdf: Urdf) -> Drive:

@@ -1,4 +1,4 @@
-"""What readers leave out or assume: one line a kind on the terminal, all of it in the log file."""
+"""Lines on omissions and assumptions of readers: one a kind on the terminal, all in the log file."""
 
 import logging
 import re
@@ -30,7 +30,7 @@ class Notes:
         """Note that an element is left out or completed; ``problem`` completes a sentence.
 
         Notes of one ``kind``, by default of one tag with one problem, become one line. There the
-        element appears with ``name``, by default that of its model or robot.
+        element appears with ``name``, by default its model's or robot's.
         """
         kind = kind or f"{local_tag(element)} {problem}"
         self._put(f"{locate(element)} {problem}", kind, name or name_of(element), logging.WARNING)

@@ -94,12 +94,12 @@ def _adapt_drive(
     elements: Element, urdf: Urdf, drive: DriveDescription
 ) -> tuple[DriveDescription, list[Wheel], list[str]]:
     """Choose the drive and rewrite its joints and wheels; return these in the root's frame."""
-    found, notes = isinstance(drive, AutomaticDescription), Notes([], [], [], [])
-    chosen = drive.choose(urdf)
+    automatic, notes = isinstance(drive, AutomaticDescription), Notes([], [], [], [])
+    chosen = drive.choose(urdf) if isinstance(drive, AutomaticDescription) else drive
     stop = max(float(getattr(chosen, "steering_limit_rad", 0.0)), STEERING_STOP_RAD)
     for name in chosen.steering_joints:
-        adapt_steering(elements, urdf, name, found, stop, notes)
-    wheels = [adapt_wheel(elements, urdf, name, found, notes) for name in chosen.wheel_joints]
+        adapt_steering(elements, urdf, name, automatic, stop, notes)
+    wheels = [adapt_wheel(elements, urdf, name, automatic, notes) for name in chosen.wheel_joints]
     lines = {
         "joints whose axis points to the right or down are turned round": notes.turned_round,
         "wheels that stand askew are set across the robot": notes.straightened,

@@ -5,9 +5,11 @@ from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.files.resources import find_file
+from evoros.formats.lenient_xml import is_xacro
 from evoros.formats.sdf.reader import SdfWorld, read_sdf
 from evoros.formats.sdf.reading import SdfOptions
-from evoros.formats.sdf.xacro import expand_world, is_xacro
+from evoros.formats.urdf.packages import index_packages
+from evoros.formats.urdf.xacro_expansion import ReadOptions, choose_instead, expand
 from evoros.world.course import Course
 from evoros.world.embedded import free_bodies
 from evoros.world.floors import settle
@@ -53,8 +55,11 @@ def read_world(sdf: str, options: SdfOptions, arguments: Mapping[str, object]) -
     path = find_file(sdf, "worlds")
     content, source = path.read_bytes(), sdf
     if is_xacro(path, content):
-        content = expand_world(path, arguments, options.model_paths)
-        source = f"{sdf} (expanded)"
+        folders = options.model_paths
+        xacro = ReadOptions(arguments=arguments, packages=folders, packages_key="model_paths")
+        text, absences = expand(path, xacro, index_packages(path, folders))
+        absences.require_none(choose_instead(absences, xacro))
+        content, source = text.encode(), f"{sdf} (expanded)"
     elif arguments:
         raise InputError(
             f"{sdf}: a world without xacro takes no arguments, not {sorted(arguments)}; "

@@ -8,11 +8,10 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from evoros.files.resources import expand_home
-from evoros.formats.letter_case import find_in_any_case
 from evoros.formats.missing import Remedy
 from evoros.formats.notes import Notes
 from evoros.formats.sdf.fuel import find_in_cache, parse_address, where_to_get
-from evoros.formats.urdf.installed import find_installed
+from evoros.formats.urdf.installed import find_in_any_case, find_installed
 from evoros.formats.urdf.packages import PackageIndex, index_packages
 
 _VARIABLES = (

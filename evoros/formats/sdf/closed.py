@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from evoros.base.errors import InputError
-from evoros.formats.sdf.xacro import is_xacro
+from evoros.formats.lenient_xml import is_xacro
 from evoros.formats.strict_xml import parse
 
 _NAME = re.compile(r"[\w-][\w.-]*")

@@ -20,12 +20,12 @@ from evoros.formats.lenient_xml import parse_leniently
 from evoros.formats.sdf.bodies import build_fixed_bodies, build_movable_body
 from evoros.formats.sdf.elements import check_elements
 from evoros.formats.sdf.frames import Frames, Path, read_pose
+from evoros.formats.sdf.geometry import scale_model
 from evoros.formats.sdf.inclusion import expand_includes
 from evoros.formats.sdf.links import Link, read_link
 from evoros.formats.sdf.named_files import drop_loose_joints, require_files
 from evoros.formats.sdf.old_versions import modernize
 from evoros.formats.sdf.reading import Reading, SdfOptions
-from evoros.formats.sdf.scaling import scale_model
 from evoros.formats.sdf.vehicles import settle_vehicles
 from evoros.formats.strict_xml import (
     element_error,

@@ -45,7 +45,7 @@ def read(name: str, options: ReadOptions | None = None) -> tuple[Path, Element]:
     if file.suffix == ".xacro" or any(map(_XACRO.search, root.nsmap.values())):
         text, absences = expand(file, options, packages)
         root = parse_leniently(text.encode(), f"{file}{EXPANDED}")
-        if b":macro" in content and not absences.names:
+        if b":macro" in content and not absences.names():
             _check_robot(root, file)
     else:
         root = _fill_placeholders(content.decode(errors="replace"), file, options.arguments, root)

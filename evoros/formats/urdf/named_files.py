@@ -7,10 +7,10 @@ from pathlib import Path
 from lxml.etree import _Element as Element
 
 from evoros.base.errors import InputError
-from evoros.formats.letter_case import find_in_any_case
 from evoros.formats.missing import Absence, Absences, Remedy
 from evoros.formats.notes import Notes
 from evoros.formats.strict_xml import element_error, locate, place_of, source_of
+from evoros.formats.urdf.installed import find_in_any_case
 from evoros.formats.urdf.installed import locate as locate_installed
 from evoros.formats.urdf.packages import PackageIndex
 from evoros.formats.urdf.xacro_packages import IGNORED
@@ -57,7 +57,7 @@ def collect_absent_meshes(root: Element, absences: Absences, packages: PackageIn
     links = root.findall("link")
     bare = [link for link in links if link.find("collision") is None]
     meshes = [mesh for link in links for mesh in link.iterfind("collision/geometry/mesh")]
-    if absences.names or any(map(_is_absent, meshes)):
+    if absences.names() or any(map(_is_absent, meshes)):
         meshes += [mesh for link in bare for mesh in link.iterfind("visual/geometry/mesh")]
     for mesh in filter(_is_absent, meshes):
         name = str(mesh.get("filename"))

@@ -71,9 +71,9 @@ def expand(file: Path, options: ReadOptions, packages: PackageIndex) -> tuple[st
             f"it knows {', '.join(answer['known']) or 'none'}"
         )
     _tell_skipped(file, answer)
-    if absences.names and not answer["needed"] and not _hangs(answer["text"]):
+    if absences.names() and not answer["needed"] and not _hangs(answer["text"]):
         text = "%s: left out, because they are absent and nothing that is used needs them: %s"
-        _LOG.warning(text, file, ", ".join(absences.names))
+        _LOG.warning(text, file, ", ".join(absences.names()))
         return str(answer["text"]), Absences(str(file))
     return str(answer["text"]), absences
 
@@ -82,12 +82,12 @@ def choose_instead(absences: Absences, options: ReadOptions) -> str:
     """Return the keys to type in place of getting what is absent."""
     if options.packages_key != ReadOptions.packages_key:  # a world, which ignores no packages
         return "delete what names them"
-    packages = absences.names_of("package")
+    packages = absences.names("package")
     choices = []
     if packages:
         ignored = ",".join([*options.ignored_packages, *packages])
         choices.append(f"type 'robot.ignored_packages=[{ignored}]' if only accessories need it")
-    if absences.names_of("mesh"):
+    if absences.names("mesh"):
         choices.append("set robot.missing=leave_out or robot.missing=box for meshes")
     return ", or ".join(choices)
 

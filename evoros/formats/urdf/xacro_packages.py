@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from evoros.formats.letter_case import find_in_any_case
-from evoros.formats.urdf.installed import locate
+from evoros.formats.urdf.installed import find_in_any_case, locate
 from evoros.formats.urdf.packages import PackageIndex
 
 IGNORED = "/ignored-package"
