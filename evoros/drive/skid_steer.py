@@ -30,9 +30,10 @@ def compute_turning_resistance(wheel_x_m: Sequence[float], track_m: float) -> fl
 
     ``wheel_x_m`` are the places along the robot of the wheels of one side.
 
-    All wheels carry the same load, with Coulomb friction, equal in all directions. In a turn at the rate w about the middle of the wheels, the wheel at x slides sideways at
-    ``x w`` and, because its rim is faster than the ground passes, lengthwise at ``s``. Each force
-    is against its slip, so that the turning moment of the wheels vanishes if
+    All wheels carry the same load, with Coulomb friction, equal in all directions. In a turn at the
+    rate w about the middle of the wheels, the wheel at x slides sideways at ``x w`` and, because
+    its rim is faster than the ground passes, lengthwise at ``s``. Each force is against its slip,
+    so that the turning moment of the wheels vanishes if
 
         sum_i [(track / 2) s - x_i^2 w] / sqrt(s^2 + x_i^2 w^2) = 0.
 

@@ -20,31 +20,30 @@ def draw_obstacles(
     """Yield ``count`` obstacles among those already placed; fewer if one finds no room."""
     names = list(kinds)
     shares = np.cumsum([kind.share for kind in kinds.values()])
-    for number in range(1, count + 1):
+    for rank in range(1, count + 1):
         index = int(np.searchsorted(shares, rng.random() * shares[-1], side="right"))
         kind = kinds[names[index]]
         shape = kind.draw(rng)
         pose = placed.place(shape, rng)
         if pose is None:
             return
-        mass = kind.mass_kg
-        inertia = None if mass is None else solid_moments(shape, mass)
-        yield Body(f"{names[index]}_{number}", pose, (shape,), mass, inertia=inertia)
+        inertia = None if kind.mass_kg is None else solid_moments(shape, kind.mass_kg)
+        yield Body(f"{names[index]}_{rank}", pose, (shape,), kind.mass_kg, inertia=inertia)
 
 
 def build_walls(low: Array, high: Array) -> tuple[Body, ...]:
     """Build four walls around a field with these opposite corners (2,) [m]."""
     (x, y), (length, width) = (low + high) / 2, high - low
     offset = WALL_WIDTH_M / 2
-    outer_length = length + 2 * WALL_WIDTH_M
-    return (
-        _build_wall("south", x, low[1] - offset, outer_length, WALL_WIDTH_M),
-        _build_wall("north", x, high[1] + offset, outer_length, WALL_WIDTH_M),
-        _build_wall("west", low[0] - offset, y, WALL_WIDTH_M, width),
-        _build_wall("east", high[0] + offset, y, WALL_WIDTH_M, width),
+    along_x = Shape("box", (length + 2 * WALL_WIDTH_M, WALL_WIDTH_M, WALL_HEIGHT_M))
+    along_y = Shape("box", (WALL_WIDTH_M, width, WALL_HEIGHT_M))
+    walls = (
+        ("south", (x, low[1] - offset), along_x),
+        ("north", (x, high[1] + offset), along_x),
+        ("west", (low[0] - offset, y), along_y),
+        ("east", (high[0] + offset, y), along_y),
     )
-
-
-def _build_wall(side: str, x: float, y: float, length: float, width: float) -> Body:
-    box = Shape("box", (length, width, WALL_HEIGHT_M))
-    return Body(f"wall_{side}", Pose((x, y, WALL_HEIGHT_M / 2)), (box,))
+    return tuple(
+        Body(f"wall_{side}", Pose((*middle, WALL_HEIGHT_M / 2)), (box,))
+        for side, middle, box in walls
+    )

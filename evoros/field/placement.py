@@ -20,7 +20,7 @@ class PlacedObstacles:
     """The obstacles so far, and the room that the next one must leave.
 
     ``low`` and ``high`` are opposite corners (2,) [m] of the field, whose outermost ``inset`` [m]
-    stays free; ``points`` (n, 2) [m] are those of the route. Obstacles stay ``clearing`` [m] away
+    stays free; the route has ``points`` (n, 2) [m]. Obstacles stay ``clearing`` [m] away
     from these points and ``gap`` [m] from each other, and leave the way of ``passage`` open.
     """
 

@@ -1,4 +1,4 @@
-"""Lines on omissions and assumptions of readers: one a kind on the terminal, all in the log file."""
+"""Notes of readers on omissions and assumptions: a line a kind on the terminal, all in the log."""
 
 import logging
 import re

@@ -63,7 +63,8 @@ def gazebo_rays(
     Of the filters in ``noise``, Gazebo itself knows Gaussian noise only.
     """
     fans = [("horizontal", horizontal), *([("vertical", vertical)] if vertical else [])]
-    noises = [each for each in noise if isinstance(each, GaussianNoise)]
+    sigmas = [part.sigma_m for part in noise if isinstance(part, GaussianNoise)]
+    sigma = math.sqrt(sum(sigma * sigma for sigma in sigmas))  # of the sum of independent noises
     return _SENSOR.format(
         name=quoteattr(name),
         topic=escape(name),
@@ -71,10 +72,5 @@ def gazebo_rays(
         fans="".join(_FAN.format(axis=axis, **fan._asdict()) for axis, fan in fans),
         range_min=sensor.range_min_m,
         range_max=sensor.range_max_m,
-        noise=_NOISE.format(sigma=_combine(noises)) if noises else "",
+        noise=_NOISE.format(sigma=sigma) if sigmas else "",
     )
-
-
-def _combine(noises: Iterable[GaussianNoise]) -> float:
-    """Return the standard deviation [m] of the sum of independent noises."""
-    return math.sqrt(sum(noise.sigma_m * noise.sigma_m for noise in noises))

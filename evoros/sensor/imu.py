@@ -32,7 +32,7 @@ class Imu:
     """Angular rates and accelerations along the axes of its frame, x forward and z up.
 
     A reading is the mean over the time since the last one. The acceleration is what a mass in the
-    sensor feels: at rest on level ground it is that of gravity, upwards. The first reading has the
+    sensor feels: at rest on level ground it is gravity, upwards. The first reading has the
     present rate and gravity alone. The defaults are near InvenSense's MPU-9250.
     """
 

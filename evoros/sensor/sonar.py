@@ -63,7 +63,7 @@ class Sonar:
     def gazebo(self, name: str) -> str:
         """The SDF ``<sensor>`` called ``name``, which is its topic too.
 
-        Gazebo publishes all rays, of which the reader takes the least. Of the filters, Gazebo
+        Gazebo publishes all rays, of which the reader takes the minimum. Of the filters, Gazebo
         itself knows Gaussian noise only.
         """
         edge = math.radians(self.fov_deg) / 2 if self.rays_per_axis > 1 else 0.0

@@ -39,7 +39,7 @@ def find_lifts(bodies: Sequence[Body], solids: Solids, sunk: Mapping[int, float]
     depths [m] of bodies in the ground.
     """
     shapes = {i: solids.shapes_of(i) for i, body in enumerate(bodies) if body.mass is not None}
-    lowest = {i: float(solids.low[own, 2].min()) for i, own in shapes.items()}
+    lowest = {i: float(solids.low[rows, 2].min()) for i, rows in shapes.items()}
     lifts, waiting = Lifts(), set(shapes)
     for i in sorted(shapes, key=lambda i: (lowest[i], i)):
         waiting.remove(i)

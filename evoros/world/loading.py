@@ -29,11 +29,11 @@ def load_world(
     """Load the world of an SDF file, with ground below the course and no body in another one.
 
     ``sdf`` is a path, which may be relative to the bundled folder ``worlds``. ``model_paths`` are
-    folders that hold the models and meshes that it names, ``world_name`` is that of several in the
-    file, and ``arguments`` are for a file with xacro. ``missing`` (``error``, ``leave_out`` or
-    ``box``) states what to do with absent models and meshes, ``vehicles`` (``leave_out`` or
-    ``hold_still``) what with vehicles, and ``mesh_up_axis`` (``ignore`` or ``apply``) whether DAE
-    files are turned as their ``<up_axis>`` says. In messages the world has the name of its file;
+    folders that hold the models and meshes that it names, ``world_name`` selects one of several
+    worlds in the file, and ``arguments`` are for a file with xacro. ``missing`` (``error``,
+    ``leave_out`` or ``box``) states what to do with absent models and meshes, ``vehicles``
+    (``leave_out`` or ``hold_still``) what with vehicles, and ``mesh_up_axis`` (``ignore`` or
+    ``apply``) whether DAE files are turned as their ``<up_axis>`` says. In messages the world has the name of its file;
     tables name it by its key in the configuration.
 
     Raises:

@@ -50,11 +50,11 @@ def split_obstacles(world: World, height_m: float) -> tuple[tuple[Body, ...], tu
     bodies = standing_obstacles(world)
     parts = [_place(body, height_m) for body in bodies]
     fixed, pushable = [], []
-    for i, (body, own) in enumerate(zip(bodies, parts, strict=True)):
-        others = (other for j, other in enumerate(parts) if j != i)
-        stands = body.mass is not None and min(part.bottom for part in own) <= GAP_M
-        if stands and not any(_overlap(own, other) for other in others):
-            pushable.append(_describe(body, own))
+    for i, body in enumerate(bodies):
+        others = [part for j, other in enumerate(parts) if j != i for part in other]
+        stands = body.mass is not None and min(part.bottom for part in parts[i]) <= GAP_M
+        if stands and all(_penetration(a, b) <= OVERLAP_M for b in others for a in parts[i]):
+            pushable.append(_describe(body, parts[i]))
         else:
             fixed.append(body)
     return tuple(fixed), tuple(pushable)
@@ -69,10 +69,6 @@ def _place(body: Body, height_m: float) -> tuple[Part, ...]:
         area = project_shape(shape, pose, 0.0, height_m) if low else project_shape(shape, pose)
         parts.append(Part(shape, pose, area, bottom, top))
     return tuple(parts)
-
-
-def _overlap(first: Sequence[Part], second: Sequence[Part]) -> bool:
-    return any(_penetration(a, b) > OVERLAP_M for a in first for b in second)
 
 
 def _penetration(first: Part, second: Part) -> float:

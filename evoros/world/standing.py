@@ -5,7 +5,6 @@ clearance and pictures, which know no height of the ground, take them from here.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -17,8 +16,8 @@ from evoros.geometry.footprint import (
     top_height,
 )
 from evoros.geometry.polygon import polygon_distance
-from evoros.geometry.shapes import Body, Pose
-from evoros.world.floors import ground_height, has_level_ground
+from evoros.geometry.shapes import Body
+from evoros.world.floors import ground_height, has_level_ground, raise_body
 from evoros.world.model import World
 
 GAP_M = 0.002
@@ -52,7 +51,9 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
     bodies = [body for body in all_bodies if not body.is_ground]
     floor = [body for body in all_bodies if body.is_ground]
     is_level = has_level_ground(all_bodies)
-    grounds = [0.0 if is_level else _ground_below(floor, body) for body in bodies]
+    grounds = [
+        0.0 if is_level else ground_height(floor, body.pose.position[:2]) or 0.0 for body in bodies
+    ]
     lowest = [min(bottom_height(s, body.pose @ s.pose) for s in body.shapes) for body in bodies]
     falls = [
         body.mass is not None and bottom - ground > GAP_M
@@ -63,13 +64,9 @@ def stand(all_bodies: Sequence[Body]) -> tuple[Body, ...]:
                    for p in _place(body)]  # fmt: skip
         for i in sorted(range(len(bodies)), key=lowest.__getitem__):
             if falls[i]:
-                bodies[i] = _lower(bodies[i], _drop(_place(bodies[i]), settled, grounds[i]))
+                bodies[i] = raise_body(bodies[i], -_drop(_place(bodies[i]), settled, grounds[i]))
                 settled += _place(bodies[i])
-    return tuple(_lower(body, ground) for body, ground in zip(bodies, grounds, strict=True))
-
-
-def _ground_below(floor: Sequence[Body], body: Body) -> float:
-    return ground_height(floor, body.pose.position[:2]) or 0.0
+    return tuple(raise_body(body, -ground) for body, ground in zip(bodies, grounds, strict=True))
 
 
 def _place(body: Body) -> list[_Placed]:
@@ -93,7 +90,7 @@ def _drop(shapes: Sequence[_Placed], settled: Sequence[_Placed], ground: float) 
 
 
 def _overlapping(shape: _Placed, others: Sequence[_Placed]) -> Iterator[_Placed]:
-    """Yield those of ``others`` whose footprint the inner part of a shape's footprint meets."""
+    """Yield the ``others`` whose footprint the inner part of a shape's footprint meets."""
     x, y, reach = bounding_circle(shape.area)
     inner = (shape.area.vertices - (x, y)) * _INNER + (x, y)
     for other in others:
@@ -104,10 +101,3 @@ def _overlapping(shape: _Placed, others: Sequence[_Placed]) -> Iterator[_Placed]
         radius = shape.area.radius * _INNER + other.area.radius
         if polygon_distance(inner, other.area.vertices, radius) <= radius:
             yield other
-
-
-def _lower(body: Body, height: float) -> Body:
-    if height == 0.0:
-        return body
-    x, y, z = body.pose.position
-    return replace(body, pose=Pose((x, y, z - height), body.pose.quaternion))

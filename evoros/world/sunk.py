@@ -12,7 +12,7 @@ from evoros.geometry.footprint import height_points
 from evoros.geometry.overlap import Solid
 from evoros.geometry.polyhedron import hull_planes, placed_corners
 from evoros.geometry.shapes import Body, Pose, Shape
-from evoros.world.floors import interpolate_heights, plane_normal
+from evoros.world.floors import ground_shapes, interpolate_heights, plane_normal
 from evoros.world.solids import SLACK_M, Solids
 
 _SIDEWAYS = 1e-9  # a face whose unit normal rises by less is vertical
@@ -22,14 +22,8 @@ _RINGS, _SECTORS = 8, 16  # of directions in which points of a round shape are l
 
 def find_sunk(bodies: Sequence[Body], solids: Solids) -> dict[int, float]:
     """Return the depths [m] of movable bodies that reach below planes and height fields."""
-    grounds = [
-        (shape, body.pose @ shape.pose)
-        for body in bodies
-        if body.is_ground
-        for shape in body.shapes
-    ]
     depths: dict[int, float] = {}
-    for shape, pose in grounds:
+    for shape, pose in ground_shapes(bodies):
         field = _Field(shape, pose) if shape.kind == "heightfield" else None
         for i, solid in zip(solids.body.tolist(), solids.shapes, strict=True):
             if bodies[i].mass is None:
@@ -61,7 +55,9 @@ class _Field:
 
         The points are corners of the solid, and the points of the field that are below or in it.
         """
-        points = _surface(solid)
+        points = solid.points
+        if solid.shape.kind not in ("box", "convex"):  # enough to tell the underside of a round one
+            points = np.concatenate([points, *(solid.farthest(d)[None] for d in _directions())])
         depths = [0.0]
         for x, y, z in points.tolist():
             inside = self._into.transform((x, y, 0.0))
@@ -73,13 +69,6 @@ class _Field:
         if near.any():
             depths += _heights_above(self._corners[near], hull_planes(points)[0])
         return max(depths)
-
-
-def _surface(solid: Solid) -> Array:
-    """Return points (n, 3) [m] on a solid, enough to tell the underside of a round one."""
-    if solid.shape.kind in ("box", "convex"):
-        return solid.points
-    return np.concatenate([solid.points, *(solid.farthest(d)[None] for d in _directions())])
 
 
 @cache
