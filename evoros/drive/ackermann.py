@@ -115,11 +115,7 @@ class AckermannDescription:
         return (*self.front_wheel_joints, *self.rear_wheel_joints)
 
     def fit(self, urdf: Urdf) -> Ackermann:
-        """The drive with the wheelbase, tracks, radius and stops of this robot.
-
-        Raises:
-            InputError: a joint is missing, or does not fit such a drive.
-        """
+        """The drive with the wheelbase, tracks, radius and stops of this robot."""
         names = self.wheel_joints
         centers, radii = zip(*(wheel(urdf, name) for name in names), strict=True)
         radius = same_radius(urdf, radii)

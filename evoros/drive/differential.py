@@ -68,11 +68,7 @@ class DifferentialDescription:
     max_speed_mps: Annotated[float, POSITIVE]  # of each wheel, along the ground
 
     def fit(self, urdf: Urdf) -> Differential:
-        """The drive with the track and radius of this robot.
-
-        Raises:
-            InputError: a joint or link is missing, or does not fit such a drive.
-        """
+        """The drive with the track and radius of this robot."""
         centers, radii = zip(*(wheel(urdf, name) for name in self.wheel_joints), strict=True)
         radius = same_radius(urdf, radii)
         x, track = axle(urdf, self.wheel_joints, centers, radius)

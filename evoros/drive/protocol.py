@@ -12,7 +12,6 @@ class Drive(Protocol):
     @property
     def max_speed_mps(self) -> float:
         """Maximum speed, straight ahead, of the point at ``rear_axle_x_m``."""
-        ...
 
     @property
     def speed_limit_offset_m(self) -> float:
@@ -22,17 +21,14 @@ class Drive(Protocol):
         ``max_speed_mps / (1 + |curvature| * speed_limit_offset_m)``. The offset is 0 if the point
         itself has the limit, and half the track if each of two wheels has one.
         """
-        ...
 
     @property
     def steering_limit(self) -> float:
         """Full lock: the maximum steering angle [rad] of the bicycle model."""
-        ...
 
     @property
     def wheelbase_m(self) -> float:
         """Wheelbase of the bicycle model: curvature = tan(steering) / wheelbase."""
-        ...
 
     @property
     def turn_ratio(self) -> float:
@@ -40,7 +36,6 @@ class Drive(Protocol):
 
         It is 1 but for a drive whose wheels slip when it turns.
         """
-        ...
 
     @property
     def rear_axle_x_m(self) -> float:
@@ -48,26 +43,21 @@ class Drive(Protocol):
 
         The rear axle, unless the rear of the robot slides.
         """
-        ...
 
     @property
     def steering_joints(self) -> tuple[str, ...]:
         """Controlled by position."""
-        ...
 
     @property
     def wheel_joints(self) -> tuple[str, ...]:
         """Controlled by velocity. Their links touch the ground and nothing else."""
-        ...
 
     @property
     def caster_links(self) -> tuple[str, ...]:
         """Links that slide on the ground without friction and touch nothing else."""
-        ...
 
     def targets(self, speed: float, steering: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Angles [rad] of the steering joints and rates [rad/s] of the wheel joints."""
-        ...
 
 
 @runtime_checkable
@@ -77,17 +67,14 @@ class DriveDescription(Protocol):
     @property
     def steering_joints(self) -> Sequence[str]:
         """The joints that steer; empty if nothing is steered."""
-        ...
 
     @property
     def wheel_joints(self) -> Sequence[str]:
         """The joints of all driven wheels."""
-        ...
 
     @property
     def caster_links(self) -> Sequence[str]:
         """Links that slide on the ground."""
-        ...
 
     def fit(self, urdf: Urdf) -> Drive:
         """The drive on this robot.
@@ -95,4 +82,3 @@ class DriveDescription(Protocol):
         Raises:
             InputError: a joint is missing, or does not fit such a drive.
         """
-        ...

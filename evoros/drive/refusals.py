@@ -51,11 +51,7 @@ def refuse_sideways(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
 
 
 def refuse_misaligned(urdf: Urdf, wheels: Sequence[Candidate]) -> None:
-    """Refuse a robot with wheels on joints that point elsewhere than across it.
-
-    Raises:
-        InputError: there are such joints; the error tells which of them steer.
-    """
+    """Refuse a robot with wheels on joints that point elsewhere than across it."""
     joints = find_misaligned(urdf, wheels)
     if joints:
         raise misaligned_error(urdf, joints, _choose_kind(wheels))

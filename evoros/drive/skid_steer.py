@@ -129,11 +129,7 @@ class SkidSteerDescription:
         return (*self.left_wheel_joints, *self.right_wheel_joints)
 
     def fit(self, urdf: Urdf) -> SkidSteer:
-        """The drive with the tracks, radius and turning resistance of this robot.
-
-        Raises:
-            InputError: a joint or link is missing, or does not fit such a drive.
-        """
+        """The drive with the tracks, radius and turning resistance of this robot."""
         pairs = list(zip(self.left_wheel_joints, self.right_wheel_joints, strict=False))
         if not len(pairs) == len(self.left_wheel_joints) == len(self.right_wheel_joints):
             raise urdf.error("both sides must have as many wheels", "name the joints of each pair")

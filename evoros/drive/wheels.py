@@ -66,11 +66,7 @@ def tell_offset(urdf: Urdf, offset: float, what: str) -> None:
 
 
 def driven_joint(urdf: Urdf, name: str, kind: str, axis: int) -> Joint:
-    """A joint that can be driven, about the robot's axis FORWARD, LEFT or UP.
-
-    Raises:
-        InputError: it is missing, of another type, without effort, or about another axis.
-    """
+    """A joint that can be driven, about the robot's axis FORWARD, LEFT or UP."""
     joint = urdf.find_joint(name, kind)
     if joint.effort <= 0:
         fix = 'give it <limit effort="..." velocity="..."/>'
@@ -83,11 +79,7 @@ def driven_joint(urdf: Urdf, name: str, kind: str, axis: int) -> Joint:
 
 
 def wheel(urdf: Urdf, name: str) -> tuple[Array, float]:
-    """Centre (3,) [m] in the robot's frame and radius [m] of the wheel on a joint.
-
-    Raises:
-        InputError: the joint cannot drive, or its link is not a wheel on the ground.
-    """
+    """Centre (3,) [m] in the robot's frame and radius [m] of the wheel on a joint."""
     link = driven_joint(urdf, name, "continuous", LEFT).child
     shapes = urdf.shapes[link]
     if len(shapes) != 1 or shapes[0].kind not in ("cylinder", "sphere"):
@@ -130,11 +122,7 @@ def axle(
 
 
 def same_radius(urdf: Urdf, radii: Sequence[float]) -> float:
-    """The radius [m] of all wheels.
-
-    Raises:
-        InputError: they differ.
-    """
+    """The radius [m] of all wheels."""
     radius = math.fsum(radii) / len(radii)
     if max(radii) - min(radii) > tolerated(radius):
         sizes = ", ".join(f"{radius:g}" for radius in radii)
@@ -144,11 +132,7 @@ def same_radius(urdf: Urdf, radii: Sequence[float]) -> float:
 
 
 def check_caster(urdf: Urdf, link: str, wheels: Sequence[str]) -> None:
-    """Check that a caster has a shape, whose lowest point is on the ground.
-
-    Raises:
-        InputError: it has none, is not on the ground, or is one of the ``wheels`` (joints).
-    """
+    """Check that a caster has a shape, whose lowest point is on the ground."""
     if link in {urdf.joints[name].child for name in wheels}:
         raise urdf.error(f"caster {link!r} must not be a driven wheel", "name another link")
     if link not in urdf.poses:

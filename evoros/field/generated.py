@@ -118,11 +118,7 @@ class Field:
         return replace(self, others=tuple(courses))
 
     def draw_world(self, draws: str) -> World:
-        """Draw the field under this key of random draws, once in a process.
-
-        Raises:
-            InputError: the density leaves no room for all obstacles.
-        """
+        """Draw the field under this key of random draws, once in a process."""
         return _draw_world(self, draws)
 
     def draw_bodies(self, draws: str) -> tuple[Body, ...]:
@@ -148,7 +144,6 @@ class Field:
         raise invalid(self, "density", self.density, rule, fix)
 
     def _surround(self, walls: Sequence[Body]) -> PlacedObstacles:
-        """Return the empty field inside the walls."""
         inset, points = self.gap_m if walls else 0.0, np.concatenate(self._routes)
         passage = self._open_passage(walls)
         return PlacedObstacles(*self.corners, inset, points, self.clearing_m, self.gap_m, passage)

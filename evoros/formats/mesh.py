@@ -1,6 +1,7 @@
 """Read a mesh file as convex shapes."""
 
 import hashlib
+import itertools
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError
 from evoros.base.linear import product
 from evoros.files.resources import read_file
-from evoros.formats.mesh_cache import Found, load, store
+from evoros.formats.mesh_cache import Division, load, store
 from evoros.formats.mesh_dae import Submesh, read_dae
 from evoros.geometry.shapes import Shape, Vector
 
@@ -29,12 +30,12 @@ class Mesh:
     """A mesh as convex shapes."""
 
     shapes: tuple[Shape, ...]
-    deviation_m: float  # largest distance of the mesh's surface from that of the shapes
+    deviation_m: float  # largest distance of the mesh's surface from the shapes'
     remarks: tuple[str, ...]  # what is left out or not applied
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is approximated, left out or not applied."""
+        """All approximations, then the ``remarks``."""
         if self.deviation_m <= TOLD_M:
             return self.remarks
         count = len(self.shapes)
@@ -76,8 +77,7 @@ def read_hull(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> Shape:
     points = _triangles(path, scale, "", False).reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     if float((high - low).max()) < 1e-3:
-        problem = "must have a part of at least 1 mm"
-        raise InputError(f"{path}: {problem}; correct the scale, or export the mesh again")
+        raise _too_small(path)
     return _shape(_corners(_find_extremes(points)))
 
 
@@ -91,15 +91,14 @@ def find_hull_gap(path: Path, scale: Vector = (1.0, 1.0, 1.0)) -> float:
 
 
 def _find_extremes(points: Array) -> Array:
-    """Return the corners of a hull, simplified, or those of a box around points that are flat."""
+    """Return the corners of a simplified hull, or of a box around points that are flat."""
     from evoros.geometry.hull import make_hull, simplify  # with scipy, which takes long to import
 
     hull = make_hull(points)
     if hull is not None:
         return simplify(hull)[0].corners
     low, high = points.min(axis=0), np.maximum(points.max(axis=0), points.min(axis=0) + 1e-3)
-    return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1])
-                     for z in (low[2], high[2])])  # fmt: skip
+    return np.array([*itertools.product(*zip(low, high, strict=True))])
 
 
 def hull_of(shapes: Iterable[Shape]) -> Shape:
@@ -117,7 +116,6 @@ def hull_of(shapes: Iterable[Shape]) -> Shape:
 
 
 def _read_content(path: Path) -> bytes:
-    """Return the content of a file of a known format."""
     if path.suffix.lower() not in FORMATS:
         known = ", ".join(FORMATS)
         raise InputError(f"{path}: must be a mesh of a known format ({known}); convert it to one")
@@ -126,34 +124,33 @@ def _read_content(path: Path) -> bytes:
 
 @lru_cache(maxsize=1024)
 def _read(path: Path, key: str, scale: Vector, submesh: str, center: bool, up_axis: bool) -> Mesh:
-    found = load(key)
-    if found is None:
-        found = _convert(_triangles(path, scale, submesh, center, up_axis))
-        if not found.parts:
-            problem = "must have a part of at least 1 mm"
-            raise InputError(f"{path}: {problem}; correct the scale, or export the mesh again")
-        store(key, found)
-    remarks = tuple(_list_remarks(path, found, up_axis))
-    return Mesh(tuple(map(_shape, found.parts)), found.deviation_m, remarks)
+    division = load(key)
+    if division is None:
+        from evoros.geometry.mesh_parts import divide_mesh  # with scipy, which takes long to import
+
+        parts = divide_mesh(_triangles(path, scale, submesh, center, up_axis))
+        corners = tuple(_corners(hull.corners) for hull in parts.hulls)
+        division = Division(corners, parts.dropped, parts.deviation)
+        if not division.parts:
+            raise _too_small(path)
+        store(key, division)
+    remarks = tuple(_list_remarks(path, division.dropped, up_axis))
+    return Mesh(tuple(map(_shape, division.parts)), division.deviation_m, remarks)
 
 
-def _list_remarks(path: Path, found: Found, up_axis: bool) -> Iterator[str]:
-    """Yield what is left out or not applied."""
-    if found.dropped:
-        yield f"parts below 1 mm are left out, {found.dropped} in number"
+def _too_small(path: Path) -> InputError:
+    problem = "must have a part of at least 1 mm"
+    return InputError(f"{path}: {problem}; correct the scale, or export the mesh again")
+
+
+def _list_remarks(path: Path, dropped: int, up_axis: bool) -> Iterator[str]:
+    if dropped:
+        yield f"parts below 1 mm are left out, {dropped} in number"
     with path.open("rb") as file:
         axis = re.search(rb"<up_axis>\s*([XY]_UP)", file.read(100_000))
     if axis and path.suffix.lower() == ".dae" and not up_axis:
         name = axis[1].decode()
         yield f"its up axis {name} is not applied, as in Gazebo Classic and RViz; z is up"
-
-
-def _convert(triangles: Array) -> Found:
-    from evoros.geometry.mesh_parts import divide_mesh  # with scipy, which takes long to import
-
-    parts = divide_mesh(triangles)
-    corners = tuple(_corners(hull.corners) for hull in parts.hulls)
-    return Found(corners, parts.dropped, parts.deviation)
 
 
 def _corners(points: Array) -> Corners:

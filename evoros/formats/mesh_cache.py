@@ -16,15 +16,15 @@ VERSION = 1  # changes with the algorithm
 
 
 @dataclass(frozen=True)
-class Found:
+class Division:
     """The convex parts of a mesh."""
 
     parts: tuple[tuple[Vector, ...], ...]  # the corners [m] of each part
     dropped: int  # number of parts that are too small to count
-    deviation_m: float  # largest distance of the mesh's surface from that of the parts
+    deviation_m: float  # largest distance of the mesh's surface from the parts'
 
 
-def load(key: str) -> Found | None:
+def load(key: str) -> Division | None:
     """Return the parts stored under a key; None if there are none."""
     with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
         stored = json.loads(_file(key).read_text())
@@ -32,17 +32,17 @@ def load(key: str) -> Found | None:
             tuple((float(x), float(y), float(z)) for x, y, z in part) for part in stored["parts"]
         )
         if parts and all(len(part) >= 4 for part in parts):
-            return Found(parts, int(stored["dropped"]), float(stored["deviation_m"]))
+            return Division(parts, int(stored["dropped"]), float(stored["deviation_m"]))
     return None
 
 
-def store(key: str, found: Found) -> None:
+def store(key: str, division: Division) -> None:
     """Store parts under a key, all or nothing, for this and other processes."""
     file = _file(key)
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.NamedTemporaryFile("w", dir=file.parent, delete=False) as unfinished:
-            json.dump(asdict(found), unfinished)
+            json.dump(asdict(division), unfinished)
         os.replace(unfinished.name, file)
 
 

@@ -102,11 +102,7 @@ def quote(text: str) -> str:
 
 
 def find_child(element: Element, tag: str) -> Element | None:
-    """Return the only child of this name, or None.
-
-    Raises:
-        InputError: there are several.
-    """
+    """Return the only child of this name, or None."""
     children = element.findall(tag)
     if len(children) > 1:
         problem = f"is given {len(children)} times in <{local_tag(element)}>"
@@ -115,11 +111,7 @@ def find_child(element: Element, tag: str) -> Element | None:
 
 
 def require_child(element: Element, tag: str) -> Element:
-    """Return the only child of this name.
-
-    Raises:
-        InputError: there is none, or there are several.
-    """
+    """Return the only child of this name."""
     child = find_child(element, tag)
     if child is None:
         raise element_error(element, f"must have a <{tag}>", f"add a <{tag}>")
@@ -184,6 +176,11 @@ def read_child_numbers(element: Element, tag: str, default: tuple[float, ...]) -
 def read_flag(element: Element) -> bool:
     """Return true or false, also written 1 or 0."""
     return _parse_flag(element, read_text(element), "must be")
+
+
+def is_set(element: Element, attribute: str) -> bool:
+    """Whether an attribute is true; one without a sense counts as false, as in Gazebo."""
+    return element.get(attribute, "").strip().lower() in ("true", "1")
 
 
 def read_flag_attribute(element: Element, attribute: str) -> bool:

@@ -18,13 +18,14 @@ from evoros.drive.automatic import AutomaticDescription
 from evoros.drive.candidates import CASTER
 from evoros.drive.differential import DifferentialDescription
 from evoros.drive.protocol import DriveDescription
-from evoros.drive.rolling import Wheel, shape_points
+from evoros.drive.rolling import Wheel
 from evoros.formats.urdf.elements import require_limit
 from evoros.formats.urdf.inertias import correct_inertias, give_mass
 from evoros.formats.urdf.solids import SolidsReader
 from evoros.formats.urdf.tree import Urdf, read_tree
 from evoros.geometry.shapes import Pose, Shape
 from evoros.robot.body_adaptation import (
+    collision_points,
     complete_body,
     hold_joints,
     place_on_ground,
@@ -54,8 +55,7 @@ class AdaptedRobot:
     urdf: Urdf
     drive: DriveDescription
     exposed_casters: Mapping[str, str]
-    """Links that were made of parts of the body that slide on the ground, and the links they are
-    from."""
+    """Links made of parts of the body that slide on the ground, with the links they are from."""
 
 
 def adapt(description: Element, source: str, drive: DriveDescription, missing: str) -> AdaptedRobot:
@@ -68,10 +68,10 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
     reader.rewrite_collisions(elements)
     notes = show_as_collisions(elements, read_tree(elements, source), reader)
     urdf = read_tree(elements, source)
-    chosen, wheels, found = _adapt_drive(elements, urdf, drive)
+    chosen, wheels, drive_notes = _adapt_drive(elements, urdf, drive)
     driven = (*chosen.wheel_joints, *chosen.steering_joints)
     urdf = read_tree(elements, source)
-    notes += found + hold_joints(elements, urdf, driven)
+    notes += drive_notes + hold_joints(elements, urdf, driven)
     notes += place_on_ground(elements, urdf, wheels)
     urdf = read_tree(elements, source)
     rolling = {urdf.joints[name].child for name in chosen.wheel_joints}
@@ -81,8 +81,9 @@ def adapt(description: Element, source: str, drive: DriveDescription, missing: s
     notes += _complete_masses(elements, read_tree(elements, source), chosen, wheels)
     casters, chosen = _adapt_casters(elements, source, chosen, wheels, rolling_groups)
     rolling = rolling_groups | {*chosen.caster_links}
-    notes += _replace_lost_body(elements, source, chosen, wheels, rolling, reader)
+    lost = replace_lost_body(elements, read_tree(elements, source), rolling, reader, wheels)
     urdf = read_tree(elements, source)
+    notes += lost + (_complete_masses(elements, urdf, chosen, wheels) if lost else [])
     notes += [*casters.notes, *_complete_motors(elements, urdf, driven, wheels[0].radius)]
     reader.mesh_notes.report()
     for note in [*reader.finish(), *notes]:
@@ -113,11 +114,7 @@ def _extent(urdf: Urdf, wheels: Sequence[Wheel]) -> float:
     """Return the diagonal [m] of a box around the robot: no mass is farther away."""
     points = [wheel.centre[None] for wheel in wheels]
     points += [np.array([pose.position]) for pose in urdf.poses.values()]
-    points += [
-        shape_points(shape, urdf.poses[name] @ shape.pose)
-        for name, shapes in urdf.shapes.items()
-        for shape in shapes
-    ]
+    points.append(collision_points(urdf, urdf.shapes))
     return length(np.ptp(np.concatenate(points), axis=0))
 
 
@@ -134,8 +131,10 @@ def _complete_masses(
             given.append(child)
     for name in drive.steering_joints:
         child = urdf.joints[name].child
-        if not _has_mass(links, urdf, child):
-            _give_share(links[child], wheels[0].radius)
+        if not _has_mass(
+            links, urdf, child
+        ):  # a small part: a cube with the wheel's radius as edge
+            give_mass(links[child], [(Shape("box", (wheels[0].radius,) * 3), Pose())])
             given.append(child)
     group = urdf.rigid_group(urdf.root)
     body = {name: pose for name, pose in group.items() if not CASTER.search(name)}
@@ -149,28 +148,8 @@ def _complete_masses(
     return [f"masses are assumed from the size (500 kg/m3), of {', '.join(given)}"]
 
 
-def _replace_lost_body(
-    elements: Element,
-    source: str,
-    drive: DriveDescription,
-    wheels: Sequence[Wheel],
-    rolling: set[str],
-    reader: SolidsReader,
-) -> list[str]:
-    """Give a body whose meshes are missing a box, and a mass if it has none."""
-    notes = replace_lost_body(elements, read_tree(elements, source), rolling, reader, wheels)
-    if notes:
-        notes += _complete_masses(elements, read_tree(elements, source), drive, wheels)
-    return notes
-
-
 def _has_mass(links: dict[str, Element], urdf: Urdf, link: str) -> bool:
     return any(links[name].find("inertial") is not None for name in urdf.rigid_group(link))
-
-
-def _give_share(link: Element, radius: float) -> None:
-    """Give a steering link the mass of a small part: a cube with the wheel's radius as edge."""
-    give_mass(link, [(Shape("box", (radius, radius, radius)), Pose())])
 
 
 def _adapt_casters(
@@ -185,13 +164,9 @@ def _adapt_casters(
     casters = find_casters(elements, read_tree(elements, source), rolling, given)
     urdf = read_tree(elements, source)
     if isinstance(drive, DifferentialDescription):
-        points = [
-            shape_points(shape, urdf.poses[name] @ shape.pose)
-            for name, shapes in urdf.shapes.items()
-            for shape in shapes
-        ]
+        points = collision_points(urdf, urdf.shapes)
         axle_x = float(np.mean([wheel.centre[0] for wheel in wheels]))
-        added = add_supports(elements, urdf, axle_x, casters.links, np.concatenate(points))
+        added = add_supports(elements, urdf, axle_x, casters.links, points)
         casters = Casters(
             (*casters.links, *added.links), casters.exposed, (*casters.notes, *added.notes)
         )

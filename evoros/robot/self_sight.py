@@ -29,7 +29,7 @@ _OUTSIDE_M = 100.0
 
 
 class SelfSight(NamedTuple):
-    """What a mounted sensor sees of its robot, over the whole sweep of the steering."""
+    """The nearest part of the robot that a sensor sees, over the whole sweep of the steering."""
 
     name: str  # of the sensor's link
     mount: Mount
@@ -90,7 +90,7 @@ def find_blind_shares(robot: Robot) -> Array:
 def cast_at_robot(occluders: OccluderRows, rays: Array) -> tuple[Array, Array]:
     """Return the distance (k,) [m] of the nearest shape on each ray, and its occluder (k,).
 
-    The distance is infinite where there is none.
+    The distance is infinite if no shape is on the ray.
     """
     distances, numbers = np.full(len(rays), math.inf), np.full(len(rays), -1.0)
     rule = compile_rule(meet_shapes, NOTHING(A2, A2, A1, A1, A1, A2, A2, A2, A1, A1))
@@ -111,7 +111,7 @@ def meet_shapes(
     distances: Array,
     numbers: Array,
 ) -> None:
-    """Lower the distance [m] of each ray to that of the nearest shape; write whose it is.
+    """Lower the distance [m] of each ray to the nearest shape's; write whose it is.
 
     ``backward`` (k, 3) are the rays' opposite directions.
     """

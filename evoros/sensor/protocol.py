@@ -70,41 +70,33 @@ class Sensor(Protocol):
     @property
     def period_s(self) -> float:
         """Time between two readings."""
-        ...
 
     @property
     def measures(self) -> str:
         """The measurement it needs: ``range`` for a ``RangeSensor``, or a signal."""
-        ...
 
     @property
     def channels(self) -> Sequence[Channel]:
         """The values of one reading, at least one."""
-        ...
 
     @property
     def filters(self) -> Mapping[str, Filter]:
         """By name, applied in order to the readings of this type: first of all its noise."""
-        ...
 
     @property
     def size_m(self) -> Sequence[float]:
         """Lengths (3,) of its body, a box about its frame's origin; it touches nothing."""
-        ...
 
     @property
     def mass_kg(self) -> float:
         """Mass of its body, greater than 0: simulators drop a body without mass."""
-        ...
 
     @property
     def price(self) -> float:
         """Its cost, at least 0, in a unit of the user's choice."""
-        ...
 
     def gazebo(self, name: str) -> str:
         """The ``<sensor>`` element (SDF) that makes Gazebo simulate this sensor."""
-        ...
 
 
 @runtime_checkable
@@ -114,20 +106,16 @@ class RangeSensor(Sensor, Protocol):
     @property
     def range_min_m(self) -> float:
         """The minimum reading."""
-        ...
 
     @property
     def range_max_m(self) -> float:
         """The maximum reading, also if it sees nothing."""
-        ...
 
     def rays(self) -> Array:
         """(k, 3) unit vectors in the sensor's frame, x forward."""
-        ...
 
     def channel_of(self) -> NDArray[np.int64]:
         """(k,) the channel of each ray, whose reading is the nearest hit of all its rays."""
-        ...
 
 
 @runtime_checkable
@@ -140,11 +128,9 @@ class SignalSensor(Sensor, Protocol):
 
         It takes the arguments that it uses, of those in ``SENSOR_ARGUMENTS``.
         """
-        ...
 
     def start(self) -> Started:
         """Return the parameters and the memory of ``rule`` for one mission."""
-        ...
 
 
 @runtime_checkable
@@ -158,12 +144,10 @@ class ContactSensor(SignalSensor, Protocol):
     @property
     def width_m(self) -> float:
         """From its left to its right edge; the mount is in the middle."""
-        ...
 
     @property
     def depth_m(self) -> float:
         """How far behind the mount it begins."""
-        ...
 
 
 def check_limits(sensor: RangeSensor) -> None:

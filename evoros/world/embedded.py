@@ -50,7 +50,6 @@ def free_bodies(bodies: Sequence[Body], source: str) -> tuple[Body, ...]:
 
 
 def _find_pairs(bodies: Sequence[Body], solids: Solids) -> _Pairs:
-    """Return the pairs of bodies that overlap."""
     pairs: _Pairs = {}
     for shape, i in enumerate(solids.body.tolist()):
         if bodies[i].mass is None:
@@ -66,7 +65,6 @@ def _find_pairs(bodies: Sequence[Body], solids: Solids) -> _Pairs:
 
 
 def _hold(bodies: Sequence[Body], pairs: _Pairs, lifts: Lifts, source: str) -> tuple[Body, ...]:
-    """Join or fix the bodies that still overlap."""
     groups = _group_pairs([*pairs, *((i, i) for i in lifts.stuck)])
     fixed = {
         i

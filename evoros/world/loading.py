@@ -33,8 +33,8 @@ def load_world(
     worlds in the file, and ``arguments`` are for a file with xacro. ``missing`` (``error``,
     ``leave_out`` or ``box``) states what to do with absent models and meshes, ``vehicles``
     (``leave_out`` or ``hold_still``) what with vehicles, and ``mesh_up_axis`` (``ignore`` or
-    ``apply``) whether DAE files are turned as their ``<up_axis>`` says. In messages the world has the name of its file;
-    tables name it by its key in the configuration.
+    ``apply``) whether DAE files are turned as their ``<up_axis>`` says. In messages the world has
+    the name of its file; tables name it by its key in the configuration.
 
     Raises:
         InputError: a file is missing or cannot be used, or a waypoint lies in an obstacle.

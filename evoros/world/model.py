@@ -24,7 +24,6 @@ class WorldSampler(Protocol):
 
     def draw_world(self, draws: str) -> "World":
         """Draw the world of a mission, whose key ``draws`` determines all its random numbers."""
-        ...
 
 
 @runtime_checkable
@@ -33,7 +32,6 @@ class TeamSampler(WorldSampler, Protocol):
 
     def keep_free(self, courses: Sequence[Course]) -> Self:
         """Return the sampler that keeps these courses free besides the first robot's."""
-        ...
 
 
 A_SAMPLER = instance_of(WorldSampler, "a world sampler (draw_world)")

@@ -95,7 +95,6 @@ def _centre(shape: Shape, pose: Pose) -> tuple[Shape, Pose]:
 
 
 def _to_row(shape: Shape, pose: Pose, footprint: Footprint, faces: tuple[int, int]) -> list[float]:
-    """Return the row of an obstacle for ``evoros.geometry.ray``."""
     kinds = {"box": BOX, "cylinder": CYLINDER, "sphere": SPHERE, "convex": CONVEX}
     x, y, radius = bounding_circle(footprint)
     # Rays need a circle around the centre of the shape, which may lie beside the footprint's.

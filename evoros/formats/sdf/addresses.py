@@ -99,8 +99,9 @@ class Addresses:
                 yield folder / rest
         for start in (beside, self._file.parent):
             yield from _around(start, path, first, rest)
-        for folder in _environment_folders():
-            yield folder / path
+        for variable in _VARIABLES:
+            for entry in filter(None, os.environ.get(variable, "").split(os.pathsep)):
+                yield expand_home(entry) / path
         if named:
             package = self._packages.find(first)
             if package is not None:
@@ -135,10 +136,3 @@ def _normalize(uri: str) -> str:
 def _strip_scheme(uri: str) -> str:
     scheme = next((scheme for scheme in _SCHEMES if uri.startswith(scheme)), "")
     return unquote(uri[len(scheme) :]) if scheme else uri
-
-
-def _environment_folders() -> Iterator[Path]:
-    for variable in _VARIABLES:
-        for entry in os.environ.get(variable, "").split(os.pathsep):
-            if entry:
-                yield expand_home(entry)

@@ -85,11 +85,7 @@ _HARMLESS = re.compile(
 
 
 def check_elements(root: Element, notes: Notes) -> None:
-    """Note every element of a document that is not used although it may matter, kind by kind.
-
-    Raises:
-        InputError: an element is of xacro, which has to be expanded first.
-    """
+    """Note every element of a document that is not used although it may matter, kind by kind."""
     _check(root, "sdf", notes)
     _note_plugins(root, notes)
 

@@ -45,22 +45,18 @@ def parse_address(uri: str) -> FuelAddress | None:
 
 def find_in_cache(address: FuelAddress, declared: Sequence[Path]) -> Path | None:
     """Return the model's folder, or the file in it, from the cache or a declared model folder."""
-    for folder in (*_cached_folders(address), *_declared_folders(address, declared)):
-        place = folder / address.inner
-        if place.exists():
-            return place
-    return None
+    names = (address.name, address.name.replace(" ", "_"))
+    given = (_child(folder, name) for folder in declared for name in names)
+    places = (folder / address.inner for folder in (*_cached_folders(address), *given) if folder)
+    return next((place for place in places if place.exists()), None)
 
 
 def where_to_get(address: FuelAddress, uri: str) -> tuple[str, Remedy]:
     """Return what is missing and where it is expected, and the command that gets it."""
     cache = next(_cache_folders())
     expected = cache / address.host / address.owner.lower() / address.kind / address.name.lower()
-    model = (
-        uri
-        if not address.inner
-        else uri[: uri.index(f"/{address.kind}/")] + (f"/{address.kind}/{address.name}")
-    )
+    kind = f"/{address.kind}/"
+    model = uri[: uri.index(kind)] + kind + address.name if address.inner else uri
     return (
         f"names a model of Fuel that is not in the local cache, where {expected} is expected",
         Remedy("get with: {}", f'gz fuel download -u "{model}"'),
@@ -84,14 +80,6 @@ def _cached_folders(address: FuelAddress) -> Iterator[Path]:
                 versions = [v for v in model.iterdir() if v.name.isdigit() and v.is_dir()]
                 wanted = [v for v in versions if address.version in ("", v.name)]
                 yield from sorted(wanted, key=lambda v: int(v.name), reverse=True)
-
-
-def _declared_folders(address: FuelAddress, declared: Sequence[Path]) -> Iterator[Path]:
-    for folder in declared:
-        for name in (address.name, address.name.replace(" ", "_")):
-            model = _child(folder, name)
-            if model is not None:
-                yield model
 
 
 def _child(folder: Path, name: str) -> Path | None:

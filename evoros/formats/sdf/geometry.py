@@ -41,11 +41,7 @@ _SIDES = 24  # of the polygons that stand for circles
 
 
 def read_geometry(geometry: Element, reading: Reading) -> tuple[Shape, ...]:
-    """Read the shapes of a ``<geometry>`` in its frame; none if it is empty or an image.
-
-    Raises:
-        InputError: the geometry cannot be read.
-    """
+    """Read the shapes of a ``<geometry>`` in its frame; none if it is empty or an image."""
     solids = [child for child in geometry if not child.prefix]
     kinds = {str(child.tag) for child in solids}
     if not solids or (len(solids) > 1 and kinds != {"polyline"}):

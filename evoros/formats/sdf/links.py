@@ -85,11 +85,10 @@ def _is_held(link: Element, solids: Sequence[Solid], reading: Reading) -> bool:
             reading.notes.add(element, problem)
             return True
     kinds = {shape.kind for solid in solids for shape in solid.shapes}
-    for kind in ("plane", "heightfield"):
-        if kind in kinds:
-            reading.notes.add(link, f"has a {kind} and is fixed where it is, as it cannot move")
-            return True
-    return False
+    kind = next((kind for kind in ("plane", "heightfield") if kind in kinds), "")
+    if kind:
+        reading.notes.add(link, f"has a {kind} and is fixed where it is, as it cannot move")
+    return bool(kind)
 
 
 def _read_shapes(
@@ -116,7 +115,7 @@ def _read_shapes(
 
 
 def _read_friction(collision: Element) -> float:
-    """Read the coefficient mu: that for ODE, else that for Bullet, else SDF's default 1."""
+    """Read the coefficient mu for ODE, else for Bullet, else take SDF's default 1."""
     surface = find_child(collision, "surface")
     if surface is None:
         return 1.0
@@ -139,7 +138,7 @@ def _read_coefficient(element: Element | None) -> list[float]:
 
 
 def _read_density(collision: Element, link: Element) -> float:
-    """Return the density [kg/m3] of a collision, else that of its link, else that of water."""
+    """Return the density [kg/m3] of a collision, else of its link, else of water."""
     for element in (collision.find("density"), link.find("inertial/density")):
         if element is not None:
             return read_positive(element, 1)[0]

@@ -44,7 +44,6 @@ def substitute_box(
 
 
 def _bounding_box(shapes: tuple[Shape, ...]) -> Shape | None:
-    """Return a box around shapes, along the axes of their frame."""
     points: list[Vector] = []
     for shape in shapes:
         if shape.kind in ("plane", "heightfield"):

@@ -121,18 +121,15 @@ def _format_model(body: Body, files: dict[int, str]) -> str:
         _format_solid(place, shape, body.friction, files)
         for place, shape in enumerate(body.shapes, start=1)
     ]
-    content = solids if body.mass is None else [_format_inertial(body), *solids]
+    if body.mass is not None:
+        moments = "" if body.inertia is None else _MOMENTS.format(*map(_format_exact, body.inertia))
+        solids.insert(0, _INERTIAL.format(mass=_format_exact(body.mass), moments=moments))
     return _MODEL.format(
         name=quoteattr(body.name.replace("::", "-")),  # `::` separates the names in a path
         static="      <static>true</static>\n" if body.mass is None else "",
         pose=_format_pose(body.pose),
-        content="\n".join(content),
+        content="\n".join(solids),
     )
-
-
-def _format_inertial(body: Body) -> str:
-    moments = "" if body.inertia is None else _MOMENTS.format(*map(_format_exact, body.inertia))
-    return _INERTIAL.format(mass=_format_exact(body.mass or 0.0), moments=moments)
 
 
 def _format_solid(place: int, shape: Shape, friction: float, files: dict[int, str]) -> str:
@@ -158,7 +155,6 @@ def _compute_angles(pose: Pose) -> tuple[float, float, float]:
 
 
 def _format_rounded(length: float) -> str:
-    """Format a length [m] or an angle [rad]."""
     return f"{round(length, 9) + 0.0:.9f}".rstrip("0").rstrip(".")  # + 0.0 avoids -0
 
 
@@ -180,7 +176,6 @@ def _format_obj(shapes: Iterable[Shape]) -> str:
 
 
 def _height_range(shape: Shape) -> tuple[float, float]:
-    """Return the lowest and the highest height [m] of a height field."""
     heights = np.array(shape.heights)
     return float(heights.min()), float(heights.max())
 

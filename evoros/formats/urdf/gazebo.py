@@ -1,6 +1,6 @@
 """Reads the elements of a URDF that are for Gazebo: plugins and the friction of links."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,30 +29,26 @@ class FrictionAxis(NamedTuple):
 
 def read_plugins(robot: Element) -> tuple[Plugin, ...]:
     """Read all plugins of a ``<robot>``."""
-    return tuple(map(_read_plugin, robot.iterfind("gazebo//plugin")))
-
-
-def _read_plugin(plugin: Element) -> Plugin:
-    texts: dict[str, tuple[str, ...]] = {}
-    for child in plugin:
-        if isinstance(child.tag, str) and child.text and child.text.strip():
-            texts[child.tag] = (*texts.get(child.tag, ()), child.text.strip())
-    return Plugin(f"{plugin.get('filename', '')} {plugin.get('name', '')}", texts)
+    plugins = []
+    for plugin in robot.iterfind("gazebo//plugin"):
+        texts: dict[str, tuple[str, ...]] = {}
+        for child in plugin:
+            if isinstance(child.tag, str) and child.text and child.text.strip():
+                texts[child.tag] = (*texts.get(child.tag, ()), child.text.strip())
+        name = f"{plugin.get('filename', '')} {plugin.get('name', '')}"
+        plugins.append(Plugin(name, texts))
+    return tuple(plugins)
 
 
 def read_friction_axes(robot: Element) -> dict[str, FrictionAxis]:
-    """Read ``<fdir1>`` of the links that have one, and check the coefficients of all.
-
-    Raises:
-        InputError: a direction is not of three numbers, or a coefficient is below 0.
-    """
+    """Read ``<fdir1>`` of the links that have one, and check the coefficients of all."""
     axes = {}
     for gazebo in robot.iterfind("gazebo[@reference]"):
-        for element in _find_all(gazebo, _COEFFICIENTS):
+        for element in (child for tag in _COEFFICIENTS for child in gazebo.iter(tag)):
             if parse_numbers(element, _read_text(element), 1)[0] < 0.0:
                 problem = f"must be at least 0, not {_read_text(element)}"
                 raise element_error(element, problem, "write a coefficient of friction from 0 up")
-        for element in _find_all(gazebo, ("fdir1",)):
+        for element in gazebo.iter("fdir1"):
             frames = [v for name, v in element.attrib.items() if str(name).endswith("expressed_in")]
             numbers = parse_numbers(element, _read_text(element), 3)
             frame = str((*frames, "")[0])
@@ -60,10 +56,6 @@ def read_friction_axes(robot: Element) -> dict[str, FrictionAxis]:
     return axes
 
 
-def _find_all(gazebo: Element, tags: tuple[str, ...]) -> Iterator[Element]:
-    return (child for tag in tags for child in gazebo.iter(tag))
-
-
 def _read_text(element: Element) -> str:
-    """Return what Gazebo takes: the attribute ``value`` or the text."""
+    """Return the attribute ``value`` or the text, as Gazebo does."""
     return str(element.get("value") or element.text or "").strip()

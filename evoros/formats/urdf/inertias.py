@@ -19,17 +19,14 @@ DENSITY_KG_M3 = 500.0
 
 _MIN_GYRATION_M = 1e-4
 _DEFAULT_GYRATION_M = 0.02  # of a link without shapes
+_NAMED = 6  # links that a message names
 
 
 def correct_inertias(robot: Element, extent_m: float) -> list[str]:
     """Replace impossible inertias; return a line for each kind of them.
 
     A link without a mass becomes a frame. A tensor is impossible if no body of positive density
-    has it, or if its mass would lie farther out than the robot's extent [m].
-
-    Raises:
-        InputError: a mass is negative, or a value is not a number.
-    """
+    has it, or if its mass would lie farther out than the robot's extent [m]."""
     massless, replaced = [], []
     for link in robot.findall("link"):
         inertial = find_child(link, "inertial")
@@ -51,10 +48,9 @@ def correct_inertias(robot: Element, extent_m: float) -> list[str]:
     return notes
 
 
-def _list(names: Sequence[str], most: int = 6) -> str:
-    """Return names as a text, shortened if there are many."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def _list(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
 
 
 def _read_mass(inertial: Element) -> float:

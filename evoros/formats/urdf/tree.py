@@ -36,11 +36,7 @@ class Urdf:
         return InputError(f"{self.source}: {problem}; {fix}")
 
     def find_joint(self, name: str, *types: str) -> Joint:
-        """Return the joint of this name.
-
-        Raises:
-            InputError: there is none, or its type is none of ``types``.
-        """
+        """Return the joint of this name."""
         joint = self.joints.get(name)
         if joint is None:
             known = ", ".join(sorted(self.joints)) or "none"
@@ -102,17 +98,19 @@ def read_tree(robot: Element, source: str) -> Urdf:
         visuals={name: read_visuals(link) for name, link in links.items()},
         plugins=read_plugins(robot),
         actuated=_find_actuated(robot),
-        meshes={name: _name_meshes(link) for name, link in links.items()},
+        meshes={
+            name: tuple(
+                str(mesh.get("filename", "")).rpartition("/")[2]
+                for mesh in link.iterfind("*/geometry/mesh")
+            )
+            for name, link in links.items()
+        },
         friction_axes=read_friction_axes(robot),
     )
 
 
 def read_frames(robot: Element, source: str) -> Urdf:
-    """Read the links and joints of a ``<robot>`` without its shapes, which may be of any kind.
-
-    Raises:
-        InputError: an element is missing or invalid, or the links form no tree.
-    """
+    """Read the links and joints of a ``<robot>`` without its shapes, which may be of any kind."""
     bare = deepcopy(robot)
     for link in bare.findall("link"):
         for shape in [*link.findall("collision"), *link.findall("visual")]:
@@ -120,18 +118,13 @@ def read_frames(robot: Element, source: str) -> Urdf:
     return read_tree(bare, source)
 
 
-def _name_meshes(link: Element) -> tuple[str, ...]:
-    meshes = link.iterfind("*/geometry/mesh")
-    return tuple(str(mesh.get("filename", "")).rpartition("/")[2] for mesh in meshes)
-
-
 def _find_actuated(robot: Element) -> frozenset[str]:
     """Find the joints that have an actuator or a command interface."""
-    names = {str(joint.get("name")) for joint in robot.iterfind("transmission/joint")}
-    for joint in robot.iterfind("ros2_control/joint"):
-        if joint.find("command_interface") is not None:
-            names.add(str(joint.get("name")))
-    return frozenset(names)
+    joints = [
+        *robot.iterfind("transmission/joint"),
+        *robot.iterfind("ros2_control/joint[command_interface]"),
+    ]
+    return frozenset(str(joint.get("name")) for joint in joints)
 
 
 def _find_by_name(robot: Element, tag: str) -> dict[str, Element]:
@@ -154,8 +147,8 @@ def _find_root(robot: Element, links: Mapping[str, Element], joints: Mapping[str
         joint_above[joint.child] = joint.name
     roots = [name for name in links if name not in joint_above]
     if len(roots) != 1:
-        found = ", ".join(roots[:5]) or "none"
-        problem = f"must have one link that is no joint's child, not {found}"
+        names = ", ".join(roots[:5]) or "none"
+        problem = f"must have one link that is no joint's child, not {names}"
         raise element_error(robot, problem, "connect all links to one by joints, without a circle")
     return roots[0]
 
