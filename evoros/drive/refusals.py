@@ -12,9 +12,8 @@ from evoros.base.errors import InputError
 from evoros.base.linear import length, product
 from evoros.drive.candidates import NEARLY_ALIGNED, TURNING, Candidate, find_misaligned, pair_up
 from evoros.drive.wheels import LEFT, UP
-from evoros.formats.urdf.gazebo import Plugin
 from evoros.formats.urdf.parts import Joint
-from evoros.formats.urdf.tree import Urdf
+from evoros.formats.urdf.tree import Plugin, Urdf
 
 _KINDS = {
     "mecanum": re.compile(r"mecanum", re.IGNORECASE),

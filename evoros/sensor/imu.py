@@ -12,16 +12,10 @@ from evoros.base.arrays import Array
 from evoros.base.checks import NOT_NEGATIVE, POSITIVE, checked
 from evoros.base.compilable import compilable
 from evoros.filter.protocol import FILTERS, Filter
+from evoros.sensor.gazebo_rays import gazebo_sensor
 from evoros.sensor.protocol import BOX, MOTION, Channel
 from evoros.sensor.signals import GRAVITY, ORIENTATION, TURNING, VELOCITY
 
-_SENSOR = """\
-<sensor name="{name}" type="imu">
-  <topic>{name}</topic>
-  <update_rate>{rate}</update_rate>
-  <always_on>true</always_on>
-</sensor>
-"""
 _AXES = ("x", "y", "z")
 _SMALL_RAD = 1e-9  # half a turn below which its axis is not known
 
@@ -108,7 +102,7 @@ class Imu:
 
     def gazebo(self, name: str) -> str:
         """The SDF ``<sensor>`` called ``name``, which is its topic too; without its noise."""
-        return _SENSOR.format(name=name, rate=1 / self.period_s)
+        return gazebo_sensor(name, "imu", self.period_s)
 
 
 @compilable

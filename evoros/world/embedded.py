@@ -18,9 +18,8 @@ from evoros.geometry.inertia import joint_moments
 from evoros.geometry.overlap import overlap_depth
 from evoros.geometry.shapes import Body
 from evoros.world.floors import raise_body
-from evoros.world.lifting import Lifts, find_lifts
+from evoros.world.lifting import Lifts, find_lifts, find_sunk
 from evoros.world.solids import SLACK_M, Solids
-from evoros.world.sunk import find_sunk
 
 _LOG = logging.getLogger(__name__)
 

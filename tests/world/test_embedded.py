@@ -12,9 +12,9 @@ from evoros.config.compose import compose
 from evoros.geometry.overlap import Solid, overlap_depth
 from evoros.geometry.shapes import Body, Pose, Shape, Vector
 from evoros.world.embedded import free_bodies
+from evoros.world.lifting import find_sunk
 from evoros.world.loading import load_world
 from evoros.world.solids import SLACK_M, Solids
-from evoros.world.sunk import find_sunk
 
 CUBE = Shape("box", (0.4, 0.4, 0.4))
 POST = Shape("cylinder", (0.075, 1.0))
