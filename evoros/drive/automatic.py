@@ -77,11 +77,8 @@ class AutomaticDescription:
         self, front: tuple[Candidate, Candidate], rear: tuple[Candidate, Candidate]
     ) -> AckermannDescription:
         steering = [wheel.steering for wheel in front if wheel.steering is not None]
-        limits = [
-            min(joint.upper, -joint.lower)
-            for joint in steering
-            if joint.type == "revolute" and min(joint.upper, -joint.lower) > 0.0
-        ]
+        stops = [min(j.upper, -j.lower) for j in steering if j.type == "revolute"]
+        limits = [stop for stop in stops if stop > 0.0]
         stop = min([*limits, MAX_DEFAULT_STEERING_RAD]) if limits else DEFAULT_STEERING_RAD
         return AckermannDescription(
             steering_joints=tuple(joint.name for joint in steering),

@@ -124,18 +124,15 @@ def _complete_masses(
     """Give a mass to wheels, steering links and a body that have none."""
     links = {str(link.get("name")): link for link in elements.findall("link")}
     given = []
-    for name in drive.wheel_joints:
+    for name in (*drive.wheel_joints, *drive.steering_joints):
         child = urdf.joints[name].child
-        if not _has_mass(links, urdf, child):
-            give_mass(links[child], [(shape, shape.pose) for shape in urdf.shapes[child]])
-            given.append(child)
-    for name in drive.steering_joints:
-        child = urdf.joints[name].child
-        if not _has_mass(
-            links, urdf, child
-        ):  # a small part: a cube with the wheel's radius as edge
-            give_mass(links[child], [(Shape("box", (wheels[0].radius,) * 3), Pose())])
-            given.append(child)
+        if any(links[part].find("inertial") is not None for part in urdf.rigid_group(child)):
+            continue
+        shapes = [(shape, shape.pose) for shape in urdf.shapes[child]]
+        if name in drive.steering_joints:  # a small part: a cube with the wheel's radius as edge
+            shapes = [(Shape("box", (wheels[0].radius,) * 3), Pose())]
+        give_mass(links[child], shapes)
+        given.append(child)
     group = urdf.rigid_group(urdf.root)
     body = {name: pose for name, pose in group.items() if not CASTER.search(name)}
     if not any(links[name].find("inertial") is not None for name in body):
@@ -143,13 +140,8 @@ def _complete_masses(
         if shapes:
             give_mass(links[urdf.root], shapes)
             given.append(urdf.root)
-    if not given:
-        return []
-    return [f"masses are assumed from the size (500 kg/m3), of {', '.join(given)}"]
-
-
-def _has_mass(links: dict[str, Element], urdf: Urdf, link: str) -> bool:
-    return any(links[name].find("inertial") is not None for name in urdf.rigid_group(link))
+    note = f"masses are assumed from the size (500 kg/m3), of {', '.join(given)}"
+    return [note] if given else []
 
 
 def _adapt_casters(
@@ -167,9 +159,8 @@ def _adapt_casters(
         points = collision_points(urdf, urdf.shapes)
         axle_x = float(np.mean([wheel.centre[0] for wheel in wheels]))
         added = add_supports(elements, urdf, axle_x, casters.links, points)
-        casters = Casters(
-            (*casters.links, *added.links), casters.exposed, (*casters.notes, *added.notes)
-        )
+        links, notes = (*casters.links, *added.links), (*casters.notes, *added.notes)
+        casters = Casters(links, casters.exposed, notes)
     if casters.links == given:
         return casters, drive
     return casters, replace(drive, caster_links=casters.links)  # type: ignore[type-var]
@@ -186,6 +177,5 @@ def _complete_motors(
         limit = require_limit(find_joint(elements, name))
         limit.set("effort", repr(torque))
         limit.set("velocity", limit.get("velocity", repr(MOTOR_VELOCITY)))
-    if not weak:
-        return []
-    return [f"joints without effort get {torque:.3g} N m (weight times radius): {', '.join(weak)}"]
+    note = f"joints without effort get {torque:.3g} N m (weight times radius): {', '.join(weak)}"
+    return [note] if weak else []

@@ -30,9 +30,8 @@ def hold_joints(elements: Element, urdf: Urdf, driven: Collection[str]) -> list[
     for joint in elements.findall("joint"):
         if joint.get("name") in held:
             fix_joint(joint)
-    if not held:
-        return []
-    return [f"{len(held)} joints beside the drive are held at zero: {', '.join(held)}"]
+    note = f"{len(held)} joints beside the drive are held at zero: {', '.join(held)}"
+    return [note] if held else []
 
 
 def place_on_ground(elements: Element, urdf: Urdf, wheels: Sequence[Wheel]) -> list[str]:
@@ -165,9 +164,8 @@ def show_as_collisions(elements: Element, urdf: Urdf, reader: SolidsReader) -> l
         shapes = [s for visual in link.findall("visual") for s in reader.read(link, visual)]
         link.extend([build_collision(shape) for shape in shapes])
         changed += [name] if shapes else []
-    if not changed:
-        return []
-    return [f"links without collision shapes collide with what they show: {', '.join(changed)}"]
+    note = f"links without collision shapes collide with what they show: {', '.join(changed)}"
+    return [note] if changed else []
 
 
 def _looks_round(urdf: Urdf, name: str) -> bool:

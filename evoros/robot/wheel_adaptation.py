@@ -35,7 +35,8 @@ class Notes(NamedTuple):
 def adapt_wheel(elements: Element, urdf: Urdf, name: str, fixed: bool, notes: Notes) -> Wheel:
     """Make a joint turn forwards about the left, and its wheel one cylinder; return the wheel.
 
-    ``fixed`` allows a fixed joint, which then turns. The result is in the root's frame."""
+    ``fixed`` allows a fixed joint, which then turns. The result is in the root's frame.
+    """
     joint = urdf.find_joint(name, *TURNING, *(("fixed",) if fixed else ()))
     rotation, shapes = urdf.poses[joint.child].rotation, group_shapes(urdf, joint.child)
     if not shapes:

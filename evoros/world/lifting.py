@@ -26,14 +26,14 @@ def find_sunk(bodies: Sequence[Body], solids: Solids) -> dict[int, float]:
     """Return the depths [m] of movable bodies that reach below planes and height fields."""
     depths: dict[int, float] = {}
     for shape, pose in ground_shapes(bodies):
-        field = _Field(shape, pose) if shape.kind == "heightfield" else None
+        heights = _Field(shape, pose) if shape.kind == "heightfield" else None
         for i, solid in zip(solids.body.tolist(), solids.shapes, strict=True):
             if bodies[i].mass is None:
                 continue
             if shape.kind == "plane":
                 depths[i] = max(depths.get(i, 0.0), _depth_in_plane(solid, shape, pose))
-            elif field is not None:
-                depths[i] = max(depths.get(i, 0.0), field.depth(solid))
+            elif heights is not None:
+                depths[i] = max(depths.get(i, 0.0), heights.depth(solid))
     return {i: depth for i, depth in depths.items() if depth > SLACK_M}
 
 

@@ -20,7 +20,8 @@ _MAP_TAGS = {33550, 33922, 34264, 34735}  # pixel scale, tie points, transformat
 def read_heightmap(heightmap: Element, reading: Reading) -> Shape:
     """Read a height field: its brightest pixel is at the height ``<size>`` states, black at 0.
 
-    The first row of the image has the maximum y."""
+    The first row of the image has the maximum y.
+    """
     element = find_uri(heightmap)
     if element is None:
         raise element_error(heightmap, "must have a <uri>", "name an image in grey scale")

@@ -35,7 +35,8 @@ _NEWEST = 12
 def expand_includes(container: Element, reading: Reading, chain: tuple[Path, ...] = ()) -> None:
     """Replace the includes of a world or model, and of all models in it.
 
-    ``chain`` are the files whose inclusion led here."""
+    ``chain`` are the files whose inclusion led here.
+    """
     for model in container.findall("model"):
         expand_includes(model, reading, chain)
     for include in container.findall("include"):

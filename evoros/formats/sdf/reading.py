@@ -16,7 +16,7 @@ from evoros.formats.missing import MISSING_RULE, Absences
 from evoros.formats.notes import Notes
 from evoros.formats.sdf.addresses import Addresses
 from evoros.formats.sdf.old_versions import modernize
-from evoros.formats.strict_xml import SOURCE
+from evoros.formats.strict_xml import SOURCE, walk_up
 
 LOG = logging.getLogger("evoros.sdf")
 
@@ -82,9 +82,6 @@ class Reading:
 
     def folder_of(self, element: Element) -> Path:
         """Return the folder of the file that an element was read from."""
-        while element is not None:
-            source = element.get(SOURCE)
-            if source is not None and source.startswith("/"):
-                return Path(source).parent
-            element = element.getparent()  # type: ignore[assignment]
-        return self.file.parent
+        sources = (str(owner.get(SOURCE, "")) for owner in walk_up(element))
+        source = next((source for source in sources if source.startswith("/")), self.file)
+        return Path(source).parent

@@ -26,7 +26,8 @@ def correct_inertias(robot: Element, extent_m: float) -> list[str]:
     """Replace impossible inertias; return a line for each kind of them.
 
     A link without a mass becomes a frame. A tensor is impossible if no body of positive density
-    has it, or if its mass would lie farther out than the robot's extent [m]."""
+    has it, or if its mass would lie farther out than the robot's extent [m].
+    """
     massless, replaced = [], []
     for link in robot.findall("link"):
         inertial = find_child(link, "inertial")

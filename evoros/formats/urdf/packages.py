@@ -46,7 +46,8 @@ def index_packages(
 
     They are found in the declared folders, in ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``, and
     in the tree around the package that the file lies in: beside it, beside its parent and so on,
-    ``_LEVELS_UP`` folders up."""
+    ``_LEVELS_UP`` folders up.
+    """
     around = [folder for folder in file.parents if (folder / "package.xml").is_file()][:1]
     roots = [file.parent, *around]
     for name in declared:

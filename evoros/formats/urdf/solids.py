@@ -81,7 +81,8 @@ class SolidsReader:
     def read(self, link: Element, part: Element, hull: bool = True) -> tuple[Shape, ...]:
         """Read the solids of a ``<collision>`` or ``<visual>``, posed in the frame of its link.
 
-        Of a mesh, it is the hull or convex parts."""
+        Of a mesh, it is the hull or convex parts.
+        """
         geometry = part.find("geometry")
         if geometry is None or not len(geometry):
             self._names[_EMPTY].append(str(link.get("name")))
