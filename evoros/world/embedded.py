@@ -91,11 +91,12 @@ def _tell_lifts(bodies: Sequence[Body], lifts: Lifts, source: str) -> None:
         deepest = max(depths, key=depths.__getitem__)
         carried = len(lifts.heights) - len(depths)
         on_top = f", with {carried} on top" if carried else ""
-        _LOG.warning(
-            "%s: %s in the ground or in a body below, at most by %.3g m (%r); lifted to the "
-            "surface%s; correct <pose> for another place",
-            *(source, _count(depths), depths[deepest], bodies[deepest].name, on_top),
+        text = (
+            f"{_count(depths)} in the ground or in a body below, at most by "
+            f"{depths[deepest]:.3g} m ({bodies[deepest].name!r}); lifted to the surface{on_top}; "
+            f"correct <pose> for another place"
         )
+        _LOG.warning("%s: %s", source, text)
 
 
 def _tell_fixed(
@@ -109,11 +110,12 @@ def _tell_fixed(
             depths[i] = max(depths.get(i, (0.0, "")), (depth, repr(bodies[j].name)))
     deepest = max(depths, key=depths.__getitem__)
     depth, other = depths[deepest]
-    _LOG.warning(
-        "%s: %s in fixed bodies, or in bodies that do, at most by %.3g m (%r in %s); fixed in "
-        "place, so that no robot pushes them; correct <pose> to part the bodies",
-        *(source, _count(fixed), depth, bodies[deepest].name, other),
+    text = (
+        f"{_count(fixed)} in fixed bodies, or in bodies that do, at most by {depth:.3g} m "
+        f"({bodies[deepest].name!r} in {other}); fixed in place, so that no robot pushes them; "
+        f"correct <pose> to part the bodies"
     )
+    _LOG.warning("%s: %s", source, text)
 
 
 def _tell_joined(
@@ -124,11 +126,11 @@ def _tell_joined(
     members = {i for group in groups for i in group}
     depth, i, j = max((depth, i, j) for (i, j), depth in pairs.items() if i in members)
     joined = "one body" if len(groups) == 1 else f"{len(groups)} bodies"
-    _LOG.warning(
-        "%s: %s in one another, at most by %.3g m (%r in %r); they move as %s; correct <pose> to "
-        "part the bodies",
-        *(source, _count(members), depth, bodies[i].name, bodies[j].name, joined),
+    text = (
+        f"{_count(members)} in one another, at most by {depth:.3g} m ({bodies[i].name!r} in "
+        f"{bodies[j].name!r}); they move as {joined}; correct <pose> to part the bodies"
     )
+    _LOG.warning("%s: %s", source, text)
 
 
 def _count(members: Collection[int]) -> str:

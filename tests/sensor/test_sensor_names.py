@@ -1,4 +1,4 @@
-"""The names of mounted sensors are free, and those of a whole robot tell which they are."""
+"""The names of mounted sensors are free, and the links of a whole robot tell which they are."""
 
 from hypothesis import given
 from hypothesis import strategies as st

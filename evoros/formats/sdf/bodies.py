@@ -52,7 +52,7 @@ def build_movable_body(links: Sequence[Link], alone: bool, notes: Notes) -> list
     if any(solid.friction != friction for solid in solids):
         friction = min(solids, key=_bottom).friction
         values = ", ".join(f"{value:g}" for value in sorted({s.friction for s in solids}))
-        problem = f"has collisions of friction {values}; all get that of the lowest, {friction:g}"
+        problem = f"has collisions of friction {values}; all get the lowest one's, {friction:g}"
         notes.add(first.element, problem, "frictions")
     name = first.path[0] if alone else "::".join(first.path)
     return [Body(name, pose, shapes, mass, friction, moments)]

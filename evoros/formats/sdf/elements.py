@@ -117,7 +117,7 @@ def _note_plugins(root: Element, notes: Notes) -> None:
     for plugin in root.iter("plugin"):
         parent = plugin.getparent()
         if parent is None or parent.tag not in ("world", "model", "sdf"):
-            continue  # those of sensors, visuals and the window
+            continue  # plugins of sensors, visuals and the window
         name = plugin.get("filename", "").strip() or plugin.get("name", "").strip() or "(no name)"
         if _HARMLESS.search(f"{name} {plugin.get('name', '')}"):
             harmless.setdefault(name, plugin)

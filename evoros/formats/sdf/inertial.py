@@ -15,7 +15,7 @@ from evoros.geometry.inertia import solid_centre, solid_volume, symmetric_tensor
 from evoros.geometry.shapes import Pose, Shape
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-_ASSUMED = "that of homogeneous shapes is assumed"
+_ASSUMED = "the inertia of homogeneous shapes is assumed"
 
 
 @dataclass(frozen=True, eq=False)

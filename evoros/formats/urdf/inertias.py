@@ -45,7 +45,9 @@ def correct_inertias(robot: Element, extent_m: float) -> list[str]:
     if massless:
         notes.append(f"links with a mass of 0 are taken as frames: {_list(massless)}")
     if replaced:
-        notes.append(f"impossible inertias are replaced by those of the shapes: {_list(replaced)}")
+        notes.append(
+            f"impossible inertias are replaced by inertias of the shapes: {_list(replaced)}"
+        )
     return notes
 
 

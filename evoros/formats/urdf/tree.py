@@ -87,7 +87,7 @@ class Urdf:
         return InputError(f"{self.source}: {problem}; {fix}")
 
     def find_joint(self, name: str, *types: str) -> Joint:
-        """Return the joint of this name."""
+        """Return the joint of this name, which must be of one of the ``types``."""
         joint = self.joints.get(name)
         if joint is None:
             known = ", ".join(sorted(self.joints)) or "none"
