@@ -33,7 +33,7 @@ from evoros.simulator.protocol import AdvanceRule, ObserveRule, SenseRule
 RUNNING, COMPLETED, COLLISION, TIME_LIMIT = range(4)
 """How a robot's part of the mission ended; RUNNING: the mission ended before it."""
 
-# What the loop counts of a robot, each a row of ``Arrays.counts``.
+# The counts of a robot, each a row of ``Arrays.counts``.
 VISITED, COLLISIONS, FIRST_COLLISION, TOUCHING, DECIDED, ENDED, END_TICK, END_ROW = range(8)
 """Waypoints reached; contacts begun, and the tick of the first one, -1 without any; whether it
 touches something; the mode of the last decision; how, when and in which row it ended."""
@@ -50,7 +50,7 @@ class FilterStage(NamedTuple):
     rng: Generator
     source: Array  # a view of the values that it reads
     values: Array  # a view of the values that it changes
-    agent: int = 0  # the number of its robot
+    agent: int = 0  # the index of its robot
 
 
 class LayerStage(NamedTuple):
@@ -62,7 +62,7 @@ class LayerStage(NamedTuple):
 
 
 class LoopInputs(NamedTuple):
-    """The rules of a mission, with their parameters and memory; those of all robots in turn."""
+    """The rules of a mission, with their parameters and memory; robots come one after another."""
 
     observe: ObserveRule
     sense: SenseRule
@@ -76,7 +76,7 @@ class LoopInputs(NamedTuple):
 
 
 class Agents(NamedTuple):
-    """What each robot has to do, and where its values are in the arrays; an entry for each.
+    """The duties of each robot, and the places of its values in the arrays; an entry for each.
 
     It is a tuple of tuples, because compiled code would count the references to arrays in it at
     every access.
@@ -125,9 +125,7 @@ class LoopResult(NamedTuple):
     finite: bool  # whether the states were finite to the end
 
 
-def publish(signal: Array, values: Array) -> None:
-    """Copy the true ranges to the readings; the rule of every type of range sensor."""
-    values[:] = signal
+Loop = Callable[[LoopInputs, Agents, Timing, Arrays], LoopResult]
 
 
 def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays) -> LoopResult:
@@ -173,13 +171,13 @@ def run_loop(inputs: LoopInputs, agents: Agents, timing: Timing, arrays: Arrays)
                 if j == i:
                     change(constants, kept, rng, source, values, time)
             leg = legs[i * LEG_SIZE : (i + 1) * LEG_SIZE]
-            own = readings[agents.readings[i] : agents.readings[i + 1]]
+            seen = readings[agents.readings[i] : agents.readings[i + 1]]
             command = commands[i * COMMAND_SIZE : (i + 1) * COMMAND_SIZE]
             mode, first = 0, agents.layers[i]
-            for number in range(first, agents.layers[i + 1]):
-                decide, constants, kept = layers[number]
-                if decide(constants, kept, pose, leg, own, time, command):
-                    mode = number - first + 1
+            for place in range(first, agents.layers[i + 1]):
+                decide, constants, kept = layers[place]
+                if decide(constants, kept, pose, leg, seen, time, command):
+                    mode = place - first + 1
                     break
             decisions[first + i + mode] += 1.0
             decided[i] = mode

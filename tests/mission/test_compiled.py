@@ -29,9 +29,9 @@ from evoros.files.resources import PACKAGE
 from evoros.filter.protocol import ALTERS, FILTER_ARGUMENTS, Channels
 from evoros.mission.compiled_loop import prepare, prepare_interpreted
 from evoros.mission.loop import LoopInputs, run_loop
-from evoros.mission.loop_inputs import collect_inputs
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
+from evoros.mission.start import collect_inputs
 from evoros.preflight.preflight import preflight
 from evoros.simulator.engines.planar_rules import advance, observe
 from evoros.simulator.engines.planar_sensing import sense
