@@ -51,7 +51,7 @@ class Neural:
     bearing to the waypoint and the speed. The outputs change the way of a robot that heads for the
     waypoint at ``speed_mps``, which it does if all weights are 0. The mirror image of the inputs of
     a ``symmetric`` network gives the mirror image of the command. The hidden neurons of a
-    ``recurrent`` one see their own last values too.
+    ``recurrent`` one also see their last values.
 
     Without ``weights`` all are 0; their order is that of ``list_weights``. If they evolve, each
     weight is a gene from ``-weight_limit`` to ``weight_limit``.
@@ -94,7 +94,7 @@ class Neural:
 
     @property
     def evolved(self) -> Mapping[str, EvolvedValue]:
-        """The genes of the weights, by name; those of a neuron are inherited together."""
+        """The genes of the weights, by name; the genes of a neuron are inherited together."""
         if not self.evolve:
             return {}
         limit = float(self.weight_limit)

@@ -1,4 +1,4 @@
-"""A controller in a program of the user's own, in any language."""
+"""A controller in a program of the user, in any language."""
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager

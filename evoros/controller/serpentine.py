@@ -7,16 +7,7 @@ from typing import Annotated, ClassVar, NamedTuple
 from numpy.random import Generator
 
 from evoros.base import elementary
-from evoros.base.arrays import (
-    DRIVE_SPEED,
-    STEERING,
-    TO_X,
-    TO_Y,
-    YAW,
-    Array,
-    X,
-    Y,
-)
+from evoros.base.arrays import DRIVE_SPEED, STEERING, TO_X, TO_Y, YAW, Array, X, Y
 from evoros.base.checks import POSITIVE, Rule, checked, is_number
 from evoros.robot.model import Robot
 

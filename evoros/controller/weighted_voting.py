@@ -87,10 +87,8 @@ class WeightedVoting:
     def rule(parameters: Parameters, readings: Array, command: Array) -> bool:
         """Decide if a sensor reads less than the threshold; silence (NaN) is no vote."""
         threshold = parameters.range
-        left = 0.0
-        right = 0.0
-        ahead = threshold  # the nearest reading of one sensor that votes for the left
-        aside = threshold  # and for the right
+        left = right = 0.0
+        ahead = aside = threshold  # the nearest reading of a sensor that votes for left and right
         for i in range(len(readings)):
             reading = float(readings[i])
             if reading < threshold:
@@ -101,8 +99,7 @@ class WeightedVoting:
             if parameters.last[i] > 0.0:
                 left += threshold - ahead
                 right += threshold - aside
-                ahead = threshold
-                aside = threshold
+                ahead = aside = threshold
         if left == 0.0 and right == 0.0:
             return False
         surplus = left - right

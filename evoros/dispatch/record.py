@@ -1,4 +1,4 @@
-"""What keeps the outcomes of missions."""
+"""The protocol of what keeps the outcomes of missions."""
 
 from collections.abc import Sequence
 from typing import Protocol

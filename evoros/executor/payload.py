@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from evoros.base.errors import InputError
 
 KEPT = 16
-"""Shared contents that a process keeps, the least recently used ones go first."""
+"""Shared contents that a process keeps; the least recently used ones go first."""
 
 MISSING, RETURNED, RAISED, PILOT_LOST = range(4)
 """Kinds of answers; to a call whose shared contents are ``MISSING`` they are sent with it again."""
@@ -44,7 +44,7 @@ class Call:
 
 
 class Answer(NamedTuple):
-    """What a process answers: the pickled result or exception, or nothing if it is ``MISSING``."""
+    """The answer of a process: the pickled result or exception, or nothing if ``MISSING``."""
 
     kind: int
     content: bytes = b""
@@ -64,23 +64,22 @@ class Kept:
     def add(self, contents: Sequence[Shared]) -> None:
         """Keep contents."""
         with self._lock:
-            for each in contents:
-                self._kept[each.digest] = each
-                self._kept.move_to_end(each.digest)
+            for shared in contents:
+                self._kept[shared.digest] = shared
+                self._kept.move_to_end(shared.digest)
             while len(self._kept) > KEPT:
                 self._kept.popitem(last=False)
 
     def get(self, digest: bytes) -> Shared:
-        """Return what has been kept.
+        """Return a kept content.
 
         Raises:
-            MissingError: it has not.
+            MissingError: it has not been kept.
         """
         with self._lock:
-            try:
-                self._kept.move_to_end(digest)
-            except KeyError:
-                raise MissingError from None
+            if digest not in self._kept:
+                raise MissingError
+            self._kept.move_to_end(digest)
             return self._kept[digest]
 
 

@@ -17,7 +17,7 @@ class Mission:
     trial: int
     purpose: str  # selection, confirmation, validation, final or evaluation
     draws: str  # the key of all random draws
-    case: Case | None = None  # what the first robot meets; None: what the failure model draws
+    case: Case | None = None  # for robots that meet cases; None: the failure model draws
 
     @property
     def conditions(self) -> str:

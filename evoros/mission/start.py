@@ -62,8 +62,8 @@ def start(
     sense, decide = zip(*steps, strict=True)
     common = math.gcd(*sense, *decide)
     tick = common * scenario.simulator.time_step
-    # All robots have the time limit of the world's course. A row for each decision of one robot
-    # keeps the others' columns aligned with it; any would do, and the first one is always there.
+    # The time limit is the world's, the same for all robots. A trajectory has one clock for all
+    # rows: the decisions of the first robot, which every mission has.
     limit = math.ceil(round(participants[0].course.time_limit_s / tick, 6))
     period = decide[0] // common
     timing = Timing(tick, period * math.ceil(MIN_RECORD_S / (period * tick) - 1e-9), limit)

@@ -22,8 +22,8 @@ from evoros.controller.neural import Neural
 from evoros.design.genes import Gene
 from evoros.evolution.experiment import Experiment
 from evoros.mission.compiled_loop import prepare_interpreted
-from evoros.mission.declared_genes import find_declared_genes
 from evoros.mission.live_layers import start_layers
+from evoros.mission.member import find_declared_genes
 from evoros.mission.rollout import run_mission
 from evoros.robot.model import Robot
 from evoros.sensor.protocol import Mount

@@ -22,8 +22,8 @@ from evoros.base.errors import InputError, RunStopped, SimulationError, WorkerLo
 from evoros.config.compose import compose
 from evoros.design.design import Design
 from evoros.dispatch import calls, dispatcher
+from evoros.dispatch.calls import FIRST, GROWTH, Pace
 from evoros.dispatch.dispatcher import CALLS_PER_WORKER, Dispatcher
-from evoros.dispatch.pace import FIRST, GROWTH, Pace
 from evoros.dispatch.record import MissionResult
 from evoros.evolution.experiment import Experiment
 from evoros.executor.processes import Processes
@@ -327,7 +327,8 @@ def test_short_missions_go_together_and_long_ones_alone(monkeypatch: pytest.Monk
 
 def begin(pool: Watched) -> dispatcher._Batch:
     scenario = experiment().scenario
-    return dispatcher._Batch(scenario, calls.pack(scenario), pool, iter(missions()), Pace())
+    batch = Dispatcher(pool, STOP), scenario, calls.pack(scenario), iter(missions())
+    return dispatcher._Batch(*batch)
 
 
 @pytest.mark.parametrize("workers", [1, 3])
@@ -337,7 +338,7 @@ def test_only_a_few_calls_are_submitted_ahead(workers: int) -> None:
     while batch.submit():
         assert len(pool.calls) <= workers * CALLS_PER_WORKER
         pool.finish()
-        batch.collect(Dispatcher(pool, STOP))
+        batch.collect()
     assert pool.most == workers * CALLS_PER_WORKER
 
 

@@ -226,7 +226,7 @@ def test_a_call_for_workers_that_have_all_left_runs_in_one_that_joins(tmp_path: 
 
 def pack_request(function: Callable[..., Any], *args: object) -> Request:
     call = pack_call(function, args)
-    return Request("pool", Limits(60.0, 1, None), None, call.name, call.payload, ())
+    return Request("pool", Limits(time_limit_s=60.0), None, call.name, call.payload, ())
 
 
 def test_the_number_of_workers_follows_the_cluster(tmp_path: Path) -> None:

@@ -132,7 +132,7 @@ from evoros.executor.attempts import Limits
 from evoros.executor.mpi_heartbeat import Silences
 from evoros.executor.remote import RemotePool
 if __name__ == "__main__":
-    limits = Limits(60, 0, None)
+    limits = Limits(time_limit_s=60, retries=0)
     transport = mpi_transport.MpiTransport(MPIPoolExecutor(main=False), 1, Silences(3.0))
     pool = RemotePool(transport, limits, False)
     assert pool.submit(process_id).result(60)

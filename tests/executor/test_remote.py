@@ -32,7 +32,7 @@ from evoros.executor.node import REFUSED
 from evoros.executor.payload import KEPT, MISSING, RETURNED, Kept, MissingError, Shared, unpack_call
 from evoros.executor.remote import RawAnswer, RemotePool
 
-LIMITS = Limits(60.0, 1, None)
+LIMITS = Limits(time_limit_s=60.0)
 
 
 @dataclass
