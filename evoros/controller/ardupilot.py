@@ -33,7 +33,7 @@ class ArduPilot(ArduPilotSettings):
     """Starts ``binary``, an ardurover for the simulation, for each mission.
 
     The autopilot has its route before the mission begins, is armed and in AUTO. docs/ardupilot.md
-    describes what it is told and what its outputs mean.
+    describes its inputs and outputs.
 
     Raises:
         InputError: a value breaks its rule.

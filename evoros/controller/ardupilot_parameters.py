@@ -70,7 +70,7 @@ def list_range_finders(robot: Robot) -> list[tuple[int, RangeSensor]]:
 def _describe_range_finders(robot: Robot) -> Iterator[tuple[str, float]]:
     """Yield the parameters of the range finders.
 
-    The limits have the names of all versions, because each passes over those of the others.
+    The limits have the names of all versions, because each ignores the others' names.
     """
     poses = robot.sensor_poses.tolist()
     for index, (mount, sensor) in enumerate(list_range_finders(robot), 1):

@@ -59,7 +59,7 @@ class LineController:
     environment: Annotated[Mapping[str, str], mapping_of(str, "texts")] = field(
         default_factory=dict
     )  # further variables of the command
-    files: Annotated[Sequence[str], TEXTS] = ()  # further files that decide what the command does
+    files: Annotated[Sequence[str], TEXTS] = ()  # further files that the command depends on
     command_timeout_s: Annotated[float | None, NOT_NEGATIVE] = None  # simulated; None: never
     start_limit_s: Annotated[float, POSITIVE] = 30.0  # wall clock
     answer_limit_s: Annotated[float, POSITIVE] = 10.0  # wall clock

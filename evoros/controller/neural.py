@@ -53,7 +53,7 @@ class Neural:
     a ``symmetric`` network gives the mirror image of the command. The hidden neurons of a
     ``recurrent`` one also see their last values.
 
-    Without ``weights`` all are 0; their order is that of ``list_weights``. If they evolve, each
+    Without ``weights`` all are 0; ``list_weights`` has their order. If they evolve, each
     weight is a gene from ``-weight_limit`` to ``weight_limit``.
 
     Raises:
@@ -110,7 +110,7 @@ class Neural:
         """Start the network for one mission: one memory, and a rule for each mode.
 
         Raises:
-            InputError: ``speed_mps`` exceeds what the robot can drive.
+            InputError: ``speed_mps`` exceeds the robot's maximum speed.
         """
         parameters, hidden = self._parameters(robot), [np.zeros(self.hidden) for _ in range(4)]
         memory = Memory(np.zeros(self.sectors), *hidden)
@@ -123,7 +123,7 @@ class Neural:
             raise invalid(self, "speed_mps", self.speed_mps, rule, "lower it")
         shares = share_sectors(robot.channel_yaws(), self.sectors, math.radians(self.span_deg))
         limits = [
-            min(self.range_m, channel.high)  # what a range reads if it sees nothing
+            min(self.range_m, channel.high)  # the reading of a range that sees nothing
             for sensor in robot.mounted_sensors()
             for channel in sensor.channels
         ]

@@ -25,7 +25,7 @@ class WeightedVoting:
 
     A reading below ``range_m`` is a vote of weight ``range_m - reading``: for the left from a
     sensor that faces right or ahead (within ``ahead_deg``, itself included), for the right from
-    one that faces left. A sensor with several beams has a vote for each side, that of the nearest
+    one that faces left. A sensor with several beams has a vote for each side, from the nearest
     reading of its beams that face the other. Sensors that cast no rays have none. The robot steers
     towards the greater sum by ``|difference| / max_range_m`` of full lock, at most full lock (Eq.
     2); equal sums go straight on. If the sums differ by at most ``deadlock_difference_m`` and both

@@ -25,5 +25,5 @@ class MissionRecord(Protocol):
         ...
 
     def keep_log(self, mission: Mission, log: str) -> None:
-        """Keep what the controller of a lost mission printed."""
+        """Keep the prints of the controller of a lost mission."""
         ...

@@ -76,7 +76,7 @@ class Companion:
         self._unpacked: dict[bytes, list[str]] = {}  # folders by digest of the archive
 
     def serve(self, connection: Connection) -> None:
-        """Answer what a thread of the worker sends, to its end."""
+        """Answer the messages of a thread of the worker, to its end."""
         with suppress(EOFError), connection:
             while True:
                 message: Request | Stop = connection.recv()

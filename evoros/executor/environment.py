@@ -30,7 +30,7 @@ BINARY = (elementary.atan2, elementary.hypot, elementary.power)
 DEVIATES = 10_000
 """One normal deviate in 4000 is from the tail, and one exponential in 2200."""
 LIBRARY_SAMPLES = 20_000
-"""Of the C library's more: few of its values differ between processors."""
+"""Points for the C library, more because few of its values differ between processors."""
 
 
 @cache

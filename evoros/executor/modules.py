@@ -13,7 +13,7 @@ from evoros.base.errors import InputError
 from evoros.executor.payload import Shared
 
 MAX_BYTES = 64 * 2**20
-"""Of all modules together; more are a folder that holds something else besides."""
+"""The maximum of all modules together; more are a folder that holds something else besides."""
 _OURS = ("evoros", "__main__")
 _NEVER = ("__pycache__",)
 _EPOCH = (1980, 1, 1, 0, 0, 0)

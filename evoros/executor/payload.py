@@ -1,4 +1,4 @@
-"""Calls and answers as bytes. What many calls share travels once to each process."""
+"""Calls and answers as bytes. Contents that many calls share travel once to each process."""
 
 import hashlib
 import pickle
@@ -36,7 +36,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class Call:
-    """A pickled call; ``shared`` are those of its arguments that the bytes name by digest."""
+    """A pickled call; ``shared`` has the arguments that the bytes name by digest."""
 
     name: str
     payload: bytes = field(repr=False)
@@ -51,7 +51,7 @@ class Answer(NamedTuple):
 
 
 class MissingError(Exception):
-    """A process has not kept what a call shares with others."""
+    """A process has not kept a shared content of a call."""
 
 
 class Kept:
@@ -112,7 +112,7 @@ def unpack_call(payload: bytes, kept: Kept) -> tuple[Callable[..., Any], tuple[A
     """Unpickle a call.
 
     Raises:
-        MissingError: ``kept`` lacks what it shares.
+        MissingError: ``kept`` lacks a shared content.
     """
     function, sent = pickle.loads(payload)
     args = (kept.get(arg.digest) if isinstance(arg, _Reference) else arg for arg in sent)

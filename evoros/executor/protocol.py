@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 
 
 class Pool(Protocol):
-    """The workers of an open executor; ``submit`` is that of ``concurrent.futures.Executor``."""
+    """The workers of an open executor; ``submit`` is as in ``concurrent.futures.Executor``."""
 
     @property
     def workers(self) -> int:

@@ -62,7 +62,7 @@ def _interpret(rule: Any) -> Any:
 def prepare(inputs: LoopInputs) -> tuple[Loop, LoopInputs]:
     """Return the compiled loop if all rules can be compiled, else the interpreted loop.
 
-    Rules of motion need not be compiled: the compiled loop can call those of a live engine. The
+    Rules of motion need not be compiled: the compiled loop can call a live engine's rules. The
     interpreted loop calls those rules of a ``RuleSimulation``'s mission that can be compiled.
     """
     motion = SimulationRules(*map(_compile_if_possible, inputs[:3], SIMULATION_RULES))

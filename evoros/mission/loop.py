@@ -108,7 +108,7 @@ class Arrays(NamedTuple):
     poses: Array  # (robots * STATE_SIZE,) as localized
     legs: Array  # (robots * LEG_SIZE,)
     commands: Array  # (robots * COMMAND_SIZE,)
-    signals: Array  # what the simulation senses: true ranges [m], signals of other sensors
+    signals: Array  # of the simulation: true ranges [m], signals of other sensors
     readings: Array  # (channels,) of all sensors, after the filters
     decisions: Array  # (robots + layers,) how many each layer took; first: how many none took
     counts: Array  # (COUNTS, robots)

@@ -31,7 +31,7 @@ class Mission:
 
 
 def name_conditions(draws: str, case: str) -> str:
-    """Name what a mission meets by the key of its draws and the text of its case, if any."""
+    """Name a mission's conditions by the key of its draws and the text of its case, if any."""
     return f"{draws} {case}" if case else draws
 
 

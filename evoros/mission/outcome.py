@@ -21,7 +21,7 @@ TRAJECTORY = (
     "visited",
     "contact",
 )
-ROBOT_COLUMNS = TRAJECTORY[1:]  # of each robot; those of agents as NAME.x_m ...
+ROBOT_COLUMNS = TRAJECTORY[1:]  # of each robot; agents have NAME.x_m ...
 TIME, AT_X, AT_Y, HEADING, PACE, STEER, MODE, VISITED, TOUCHES = range(len(TRAJECTORY))
 
 ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")

@@ -1,4 +1,4 @@
-"""Starts the filters of a mission, between what sensors measure and what the controller reads."""
+"""Starts the filters of a mission, between the sensors and the controller."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -35,7 +35,7 @@ def describe_sensors(robot: Robot) -> Channels:
 def draw_faults(
     failure: Failure, robot: Robot, draws: Draws, trial: int, case: Case | None = None
 ) -> tuple[Fault, ...]:
-    """Return the faults of a stated case, or draw those of a mission of this trial.
+    """Return the faults of a stated case, or draw faults for a mission of this trial.
 
     Raises:
         InputError: a fault has not one onset for each sensor; compiled code would read past them.

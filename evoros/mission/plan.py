@@ -39,7 +39,7 @@ class Plan:
     policy: str  # one of POLICIES: selection repeats its draws within it
     most_trials: int = 0  # of a design in one generation, in selection, if more than ``trials``
     most_validation_trials: int = 0  # of a champion, if more than ``validation_trials``
-    evaluation_draws: str = EVALUATION  # or VALIDATION: those of a run's validation
+    evaluation_draws: str = EVALUATION  # or VALIDATION: the draws of a run's validation
     revalidation_trials: int = 0  # of an evaluation under the draws of a validation
 
     def missions(
@@ -65,7 +65,7 @@ class Plan:
     ) -> list[Mission]:
         """Return the missions that give a design its fitness.
 
-        ``trials`` numbers those of this generation, by default as many as each new design gets.
+        ``trials`` numbers the trials of this generation, by default a new design's trials.
         ``earlier`` counts the design's trials in earlier generations; no draw is met again. With
         ``cases``, the trial 0 of a generation meets the first, and so on.
         """
@@ -87,8 +87,8 @@ class Plan:
     ) -> list[Mission]:
         """Return missions under draws that no selection uses, the same for every design.
 
-        Their trials are numbered after those of the selection. A champion may get a ``count`` of
-        more trials than ``validation_trials``; these are numbered after those of the confirmation.
+        Their trials are numbered after the selection's. A champion may get a ``count`` of more
+        trials than ``validation_trials``; these are numbered after the confirmation's.
         """
         count = self.validation_trials if count is None else count
         trials = range(self._selected, self._selected + min(count, self.validation_trials))
@@ -118,7 +118,7 @@ class Plan:
     ) -> list[Mission]:
         """Return the missions of ``selection``, with the same draws, for another simulator.
 
-        Their trials are numbered after those of the validation.
+        Their trials are numbered after the validation's.
         """
         after = self._selected + self.validation_trials
         return [
@@ -149,7 +149,7 @@ class Plan:
         """Return missions of an evaluation that meet a case, under the draws of its first trials.
 
         ``index`` numbers the case; ``repeats`` counts its missions in each world, from 0 to
-        below ``MOST_REPEATS``. Trials are numbered after those of ``evaluation``, so that each has
+        below ``MOST_REPEATS``. Trials are numbered after the evaluation's, so that each has
         the parity of the trial whose draws it has.
         """
         first = self.trials + self.trials % 2 + index * MOST_REPEATS

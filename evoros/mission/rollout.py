@@ -29,9 +29,9 @@ def run_mission(
 ) -> tuple[Outcomes, Array]:
     """Run a mission and return its outcomes and its trajectory, (rows, columns).
 
-    The columns are those of ``Scenario.name_columns``. A failure of the simulation is an outcome,
-    because it would recur. So are evolved values that a part refuses, because other designs can
-    still be evaluated.
+    ``Scenario.name_columns`` names the columns. A failure of the simulation is an outcome, because
+    it would recur. So are evolved values that a part refuses, because other designs can still be
+    evaluated.
 
     Raises:
         InputError: a part refuses to start for another reason than an evolved value.

@@ -36,7 +36,7 @@ def require_world(name: str, world: object) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)  # so it can be the key of what is computed from it once
+@dataclass(frozen=True, eq=False)  # so it can be the key of a cache
 @checked
 class Scenario:
     """Everything that a mission needs besides its design, the name of its world and its draws.
@@ -95,8 +95,8 @@ class Scenario:
         """Require that the parts of a robot fit the simulator and the worlds.
 
         Raises:
-            InputError: a period or a time limit does not fit, or a sensor measures what the
-                simulator does not offer.
+            InputError: a period or a time limit does not fit, or a sensor measures a
+                quantity that the simulator does not offer.
         """
         self.count_steps("controller.period_s", member.controller.period_s)
         for name, sensor in member.design.sensors.items():
@@ -168,7 +168,7 @@ class Scenario:
         return counts
 
     def name_columns(self, design: Design) -> list[str]:
-        """Return the columns of a trajectory: the time, and then those of each robot."""
+        """Return the columns of a trajectory: the time, and then each robot's."""
         columns = [TRAJECTORY[TIME]]
         for member in self.members:
             columns += member.name_columns(member.find_design(design))

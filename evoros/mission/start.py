@@ -53,7 +53,7 @@ def start(
     participants: Sequence[Participant],
     layers: Sequence[Sequence[LayerStage]],
 ) -> Started:
-    """Start the filters of a mission; ``layers`` are those of each robot's controller.
+    """Start the filters of a mission; ``layers`` has the layers of each robot's controller.
 
     Raises:
         InputError: a filter refuses to start.
@@ -124,7 +124,7 @@ def _start_stages(
     arrays: Arrays,
     tick: float,
 ) -> list[Stages]:
-    """Start the filters of each robot's sensors, and those of its localization."""
+    """Start the filters of each robot's sensors and localization."""
     stages = []
     signal = reading = 0
     for index, participant in enumerate(participants):

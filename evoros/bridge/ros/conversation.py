@@ -96,7 +96,7 @@ def end(why: str) -> NoReturn:
 
 
 class Wheels:
-    """Turns the commands of ROS into those of evoros, which clips them."""
+    """Turns commands of ROS into speed and steering angle, which evoros clips."""
 
     def __init__(self, drive: dict[str, float], twist: str) -> None:
         """``twist``: the meaning of a Twist's angular.z, yaw_rate [rad/s] or steering [rad]."""

@@ -61,7 +61,7 @@ class Messages:
     def of(self, tick: Tick) -> Iterator[list[tuple[str, Any]]]:
         """Yield topics and messages in the order in which the nodes shall get them.
 
-        Those of one list belong together: the ranges of a tick.
+        The messages of one list belong together: the ranges of a tick.
         """
         stamp = self._stamp(*ros_time(tick.time))
         if tick.leg != self._goal_leg:

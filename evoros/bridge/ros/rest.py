@@ -32,7 +32,7 @@ SET_TIMER_SLACK, SET_SUBREAPER = 29, 36
 
 
 class Hidden(Exception):
-    """A process of the mission does not let this one see what it waits for."""
+    """A process of the mission hides from this one."""
 
     def __init__(self, error: PermissionError) -> None:
         """``error``: on opening or reading a file of the process in /proc."""
@@ -52,7 +52,7 @@ class Rest:
         ``isolated``: the mission has a process namespace, everyone in which is watched.
 
         Raises:
-            OSError: the kernel does not tell what is needed.
+            OSError: the kernel lacks a file that is needed.
         """
         self._isolated = isolated
         self._threads: list[WatchedThread] = []
@@ -145,7 +145,7 @@ class Rest:
         return frozenset(self._list_threads())
 
     def _draw_up(self) -> None:
-        """Open the files of new threads, and close those of threads that have ended."""
+        """Open the files of new threads, and close the files of ended ones."""
         self._population, self._working = self._who(), None
         numbers = self._list_threads()
         known = {thread.numbers for thread in self._threads}

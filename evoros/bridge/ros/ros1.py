@@ -45,7 +45,7 @@ class Mission:
     """One mission with nodes of ROS 1."""
 
     def __init__(self, conversation: Conversation, rest: Rest, until: float) -> None:
-        """Start the nodes and join the graph. The imports take a while, as those of nodes do."""
+        """Start the nodes and join the graph. The imports take a while, as in nodes."""
         briefing = conversation.briefing
         self._crew = Crew(conversation, rest, lambda: start_nodes(briefing, until))
         logging.disable(logging.CRITICAL)
@@ -96,7 +96,7 @@ class Mission:
         return None
 
     def fly(self) -> None:
-        """Answer each tick by what the nodes command."""
+        """Answer each tick by the nodes' commands."""
         for tick in self._conversation.ticks():
             until = time.monotonic() + OWN_SHARE * self._crew.options["answer_limit_s"]
             self._crew.require_nodes()

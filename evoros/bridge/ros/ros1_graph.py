@@ -136,7 +136,7 @@ class Graph:
     """Who is in the graph of the mission, and whether every connection stands."""
 
     def __init__(self, nodes: Nodes, publishers: list[Any]) -> None:
-        """``publishers`` are those of this process."""
+        """``publishers`` are this process's."""
         self._master, self._nodes, self._publishers = Master(NAME), nodes, publishers
         self._places: dict[str, int | None] = {}  # of the command behind a node, by address
         self._addresses: dict[str, str] = {}  # by the name of a node
@@ -210,7 +210,7 @@ class Graph:
             topic = publisher.resolved_name
             if publisher.get_num_connections() != len(self._subscribed.get(topic, [])):
                 return f"a node is not yet connected with {topic}"
-        # Between nodes too: what a node publishes before another is connected, is lost.
+        # Between nodes too: a message that a node publishes before another is connected is lost.
         connected = self._connections()
         for topic, names in self._subscribed.items():
             for name in names:

@@ -51,7 +51,7 @@ class Mission:
     """One mission with nodes of ROS 2."""
 
     def __init__(self, conversation: Conversation, rest: Rest, until: float) -> None:
-        """Start the nodes, and join the graph. The imports take a while, as those of nodes do."""
+        """Start the nodes, and join the graph. The imports take a while, as in nodes."""
         self._conversation, briefing = conversation, conversation.briefing
         try:
             self._claim = set_environment(briefing["ros"]["isolate"])  # held to the end
@@ -109,7 +109,7 @@ class Mission:
         return self._crew.rest.wait(1.0) and self._missing() is None
 
     def fly(self) -> None:
-        """Answer each tick by what the nodes command."""
+        """Answer each tick by the nodes' commands."""
         route = [self._messages.route()]
         for tick in self._conversation.ticks():
             until = time.monotonic() + OWN_SHARE * self._options["answer_limit_s"]

@@ -43,7 +43,7 @@ FIRST_PORT, PORTS_PER_DOMAIN, DOMAINS = 7400, 250, 101  # of DDS, below Linux's 
 
 
 class Group(NamedTuple):
-    """Nodes that get each message at once: those of one command, or of all launch files.
+    """Nodes that get each message at once, of one command or of all launch files.
 
     A publisher of DDS reaches all subscriptions to its topic. Nodes that shall get a message one
     after the other therefore know the topic by different names, whose first part is ``prefix``.
@@ -54,7 +54,7 @@ class Group(NamedTuple):
 
 
 def topic_names(briefing: dict[str, Any]) -> list[str]:
-    """Return the topics on which evoros publishes, other than those of transforms."""
+    """Return the topics on which evoros publishes, without the topic of transforms."""
     topics = briefing["ros"]["topics"]
     ranges = [topics["range"].replace("{sensor}", sensor["name"]) for sensor in briefing["sensors"]]
     return [*ranges, topics["odometry"], topics["goal"], topics["route"], "/clock"]
