@@ -34,9 +34,6 @@ class ArduPilot(ArduPilotSettings):
 
     The autopilot has its route before the mission begins, is armed and in AUTO. docs/ardupilot.md
     describes its inputs and outputs.
-
-    Raises:
-        InputError: a value breaks its rule.
     """
 
     @property

@@ -42,9 +42,6 @@ class DeadReckoning:
     The mission starts at a known pose. Each of several sensors of a type counts the same. Without a
     reading of an IMU, the odometry gives the yaw rate; without a reading of both, the last values
     stay. The bias of the yaw rate is not known, so the heading drifts.
-
-    Raises:
-        InputError: a name that is no text.
     """
 
     odometry: Annotated[str, TEXT] = "odometry"  # name of the type of sensor in the design

@@ -78,9 +78,6 @@ class L1:
     exact pose the robot goes straight. The yaw rate is a gyroscope's, which no localization delays.
     The law leads the centre of the rear axle along the route, because that point moves as the robot
     heads; a point ahead of it would notice every turn before the robot has made it.
-
-    Raises:
-        InputError: a value is out of range.
     """
 
     mode: ClassVar[str] = "navigating"

@@ -44,11 +44,7 @@ COMMAND = Rule(
 @dataclass(frozen=True, kw_only=True)
 @checked
 class LineController:
-    """Starts a command for each mission and exchanges a line with it at each decision.
-
-    Raises:
-        InputError: a value breaks its rule.
-    """
+    """Starts a command for each mission and exchanges a line with it at each decision."""
 
     period_s: Annotated[float, POSITIVE] = 0.1
     modes: Annotated[Sequence[str], MODES] = ("driving",)

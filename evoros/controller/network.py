@@ -10,18 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evoros.base import elementary
-from evoros.base.arrays import (
-    DRIVE_SPEED,
-    SPEED,
-    STEERING,
-    TO_X,
-    TO_Y,
-    YAW,
-    Array,
-    Matrix,
-    X,
-    Y,
-)
+from evoros.base.arrays import DRIVE_SPEED, SPEED, STEERING, TO_X, TO_Y, YAW, Array, Matrix, X, Y
 from evoros.base.compilable import compilable
 
 

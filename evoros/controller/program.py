@@ -13,11 +13,7 @@ from evoros.controller.protocol import Briefing, Pilot
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Program(LineController):
-    """Runs ``command`` for each mission. docs/programs.md describes its lines.
-
-    Raises:
-        InputError: a value breaks its rule.
-    """
+    """Runs ``command`` for each mission. docs/programs.md describes its lines."""
 
     command: Annotated[Sequence[str], COMMAND]
 

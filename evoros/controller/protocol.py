@@ -222,6 +222,5 @@ class VersionedController(Protocol):
 
 
 A_CONTROLLER = instance_of(
-    Controller | LiveController,
-    "a controller (period_s, localization, modes, and open or launch)",
+    Controller | LiveController, "a controller (period_s, localization, modes, and open or launch)"
 )

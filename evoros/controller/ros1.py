@@ -13,11 +13,7 @@ EXPECTED = name_topics("/move_base_simple/goal")
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Ros1(RosController):
-    """Runs nodes of ROS 1, in lock-step. docs/ros.md describes their topics and parameters.
-
-    Raises:
-        InputError: a value breaks its rule.
-    """
+    """Runs nodes of ROS 1, in lock-step. docs/ros.md describes their topics and parameters."""
 
     bridge: ClassVar[str] = "ros1"
     topics: Annotated[Mapping[str, str], TOPICS] = field(default_factory=EXPECTED.copy)

@@ -13,11 +13,7 @@ EXPECTED = name_topics("/goal_pose")
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Ros2(RosController):
-    """Runs nodes of ROS 2, in lock-step. docs/ros.md describes their topics and parameters.
-
-    Raises:
-        InputError: a value breaks its rule.
-    """
+    """Runs nodes of ROS 2, in lock-step. docs/ros.md describes their topics and parameters."""
 
     bridge: ClassVar[str] = "ros2"
     topics: Annotated[Mapping[str, str], TOPICS] = field(default_factory=EXPECTED.copy)

@@ -48,9 +48,6 @@ class RosController(LineController):
     """Starts nodes of ROS for each mission, and a bridge between them and the mission.
 
     The bridge is a script that runs in ``python``, the one that has ROS.
-
-    Raises:
-        InputError: a value breaks its rule.
     """
 
     bridge: ClassVar[str]  # the name of its script

@@ -22,9 +22,6 @@ class Serpentine:
     The steering angle is ``gain`` times the heading error, which is wrapped to [-180, 180) deg, and
     at most full lock. The paper gives a sweep of 60 deg, ``amplitude_deg`` to either side. The
     phase is drawn for each mission.
-
-    Raises:
-        InputError: a value is out of range.
     """
 
     mode: ClassVar[str] = "navigating"

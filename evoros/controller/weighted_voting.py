@@ -30,9 +30,6 @@ class WeightedVoting:
     towards the greater sum by ``|difference| / max_range_m`` of full lock, at most full lock (Eq.
     2); equal sums go straight on. If the sums differ by at most ``deadlock_difference_m`` and both
     exceed ``deadlock_sum_m``, the obstacle is straight ahead and the robot turns hard left.
-
-    Raises:
-        InputError: a value is out of range.
     """
 
     mode: ClassVar[str] = "avoiding"

@@ -23,11 +23,7 @@ def null_or_whole(minimum: int) -> Rule:
 @dataclass(frozen=True, kw_only=True)
 @checked
 class Limits:
-    """The limits of calls, of every executor with worker processes.
-
-    Raises:
-        InputError: a value breaks its rule.
-    """
+    """The limits of calls, of every executor with worker processes."""
 
     time_limit_s: Annotated[float, POSITIVE] = 600.0  # wall clock, of one attempt at one call
     retries: Annotated[int, WHOLE] = 1  # at a call that crashed, hung or raised PilotLost

@@ -32,9 +32,6 @@ class Dask(Limits):
 
     A worker whose Python, evoros, numpy, numba or arithmetic differs from the main process's gets
     no calls.
-
-    Raises:
-        InputError: a value breaks its rule.
     """
 
     address: Annotated[str | None, _ADDRESS] = None

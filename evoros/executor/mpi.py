@@ -20,9 +20,6 @@ class Mpi(Limits):
     one process for calls. A call that crashes or hangs therefore costs that process only, as with
     ``Processes``. MPI ends the whole job when a rank is lost. A rank that is silent for a minute
     ends the run, because MPI cannot do without it.
-
-    Raises:
-        InputError: a value breaks its rule.
     """
 
     @contextmanager

@@ -34,9 +34,6 @@ class Processes(Limits):
 
     Linux and macOS only. ``workers`` of 0 or None becomes the number of cores that this process
     may use.
-
-    Raises:
-        InputError: a value breaks its rule.
     """
 
     workers: Annotated[int, null_or_whole(0)] = 0

@@ -31,9 +31,6 @@ class Member:
 
     The first fields are named like the groups of the configuration, so that the key of an evolved
     value, for example ``controller.avoidance.range_m``, is also its path in a member.
-
-    Raises:
-        InputError: a part of the wrong kind.
     """
 
     robot: Annotated[Robot, instance_of(Robot, "a robot")]

@@ -114,13 +114,7 @@ def _publish(signal: Array, values: Array) -> None:
 
 
 def _start_reading(
-    robot: Robot,
-    first: int,
-    last: int,
-    signals: Array,
-    readings: Array,
-    every: int,
-    rng: Generator,
+    robot: Robot, first: int, last: int, signals: Array, readings: Array, every: int, rng: Generator
 ) -> list[FilterStage]:
     """Start the publication of the readings of the sensors from ``first`` to before ``last``.
 

@@ -49,9 +49,7 @@ class Started(NamedTuple):
 
 
 def start(
-    scenario: Scenario,
-    participants: Sequence[Participant],
-    layers: Sequence[Sequence[LayerStage]],
+    scenario: Scenario, participants: Sequence[Participant], layers: Sequence[Sequence[LayerStage]]
 ) -> Started:
     """Start the filters of a mission; ``layers`` has the layers of each robot's controller.
 

@@ -18,10 +18,7 @@ NO_COMMAND = "no node commanded; answer=each needs a command at each tick, answe
 
 
 def fly_mission(
-    ros: str,
-    needed: Sequence[str],
-    advice: str,
-    create: Callable[[Conversation, Rest, float], Any],
+    ros: str, needed: Sequence[str], advice: str, create: Callable[[Conversation, Rest, float], Any]
 ) -> None:
     """Fly one mission, and end; ``create`` makes it by a time of the wall clock."""
     conversation = Conversation()

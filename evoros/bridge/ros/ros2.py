@@ -66,9 +66,7 @@ class Mission:
         self._messages: Messages = messages.Messages(briefing, graph.stamp)
         topics = self._options["topics"]
         self._graph: ros2_graph.Graph = graph.Graph(
-            group(self._options["nodes"]),
-            self._messages.kinds(),
-            (topics["goal"], topics["route"]),
+            group(self._options["nodes"]), self._messages.kinds(), (topics["goal"], topics["route"])
         )
         self._commands: ros2_graph.Incoming | None = None
         self._reports: ros2_graph.Incoming | None = None  # of the mode
