@@ -46,7 +46,7 @@ def experiment() -> Experiment:
 
 @cache
 def missions(designs: int = 20) -> tuple[Mission, ...]:
-    """Of so many random designs, each in two worlds."""
+    """Missions of so many random designs, each in two worlds."""
     space, rng = experiment().space, np.random.default_rng(5)
     drawn = [space.decode(rng.random(space.size)) for _ in range(designs)]
     plan = experiment().plan
@@ -63,7 +63,7 @@ def flown(executor: Executor, scenario: Scenario, lost: str = STOP) -> dict[Miss
 
 @cache
 def sound() -> dict[MissionKey, str]:
-    """As text: NaN is not equal to itself."""
+    """Records as text: NaN is not equal to itself."""
     return as_text(flown(Serial(), harmless(99)))
 
 
@@ -416,8 +416,8 @@ def test_many_workers_get_longer_calls_and_few_get_the_shortest() -> None:
 def test_what_runs_in_this_process_is_recorded_before_the_next_call_begins() -> None:
     pool = Watched(at_once=True)
     batches = Dispatcher(pool, STOP).run(experiment().scenario, missions())
-    for number, _ in zip(range(1, 6), batches, strict=False):
-        assert len(pool.sizes) == number
+    for index, _ in zip(range(1, 6), batches, strict=False):
+        assert len(pool.sizes) == index
 
 
 @dataclass(frozen=True)

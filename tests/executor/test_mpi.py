@@ -190,7 +190,5 @@ def test_a_bad_value_is_refused_in_one_line(values: dict[str, float]) -> None:
 
 def ranks_of(job: "subprocess.Popen[str]") -> list[int]:
     """The processes of a job, in the order of their ranks."""
-    found = subprocess.run(
-        ["pgrep", "-P", str(job.pid)], capture_output=True, text=True, check=True
-    )
-    return [int(line) for line in found.stdout.split()]
+    done = subprocess.run(["pgrep", "-P", str(job.pid)], capture_output=True, text=True, check=True)
+    return [int(line) for line in done.stdout.split()]
