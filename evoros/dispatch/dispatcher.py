@@ -8,11 +8,9 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from queue import Empty, SimpleQueue
-from typing import Any, TypeVar
 
 from evoros.base.arrays import Array
 from evoros.base.errors import EvorosError, LaunchError, PilotLost, RunStopped, WorkerLost
@@ -22,7 +20,6 @@ from evoros.dispatch.calls import (
     call_time,
     pack,
     run_for_outcomes,
-    run_for_trajectory,
 )
 from evoros.dispatch.record import MissionRecord, MissionResult
 from evoros.executor.payload import Shared
@@ -32,8 +29,6 @@ from evoros.mission.outcome import LOST, Outcomes
 from evoros.mission.plan import STOP, describe
 from evoros.mission.rollout import empty_trajectory, failed_mission
 from evoros.mission.scenario import Scenario
-
-Result = TypeVar("Result")
 
 CALLS_PER_WORKER = 3
 """Calls submitted ahead for each worker: enough that none waits, few to lose."""
@@ -106,17 +101,19 @@ class Dispatcher:
         Raises:
             RunStopped: see ``run``.
         """
-        packed = pack(scenario)
-        futures = [self.pool.submit(run_for_trajectory, packed, mission) for mission in missions]
-        return [
-            self.take_result(mission, future, partial(_lost_trajectory, scenario, mission))
-            for mission, future in zip(missions, futures, strict=True)
-        ]
+        tracks: dict[int, Array] = {}
 
-    def take_result(
-        self, mission: Mission, future: "Future[Result]", worst: Callable[[str], Result]
-    ) -> Result:
-        """Return the mission's result, or ``worst(reason)`` if its loss need not stop the run.
+        def keep(scenario: Scenario, mission: Mission, trajectory: Array) -> None:
+            tracks[id(mission)] = trajectory
+
+        for _ in replace(self, keep_trajectory=keep).run(scenario, missions):
+            pass
+        return [tracks[id(mission)] for mission in missions]
+
+    def take_answer(
+        self, scenario: Scenario, mission: Mission, future: Future[CallAnswer]
+    ) -> CallAnswer:
+        """Return the answer to a call, or a lost mission's if its loss need not stop the run.
 
         Raises:
             LaunchError: its controller cannot be started.
@@ -136,7 +133,8 @@ class Dispatcher:
             reason = f"{type(error).__name__}: {error}"
         if self.lost == STOP or not isinstance(error, Exception):
             raise RunStopped(f"{describe(mission)}: {reason}") from error
-        return worst(reason)
+        outcomes = failed_mission(scenario, mission, LOST, reason)
+        return CallAnswer([(outcomes, empty_trajectory(scenario, mission))])
 
 
 @dataclass
@@ -202,9 +200,8 @@ class _Batch:
             if len(missions) > 1 and error is not None:
                 self.alone += reversed(missions)
                 continue
-            worst = partial(_lost_outcome, self.scenario, missions[0])
             try:
-                answer = dispatcher.take_result(missions[0], future, worst)
+                answer = dispatcher.take_answer(self.scenario, missions[0], future)
             except EvorosError as problem:
                 first_error = first_error or problem
                 continue
@@ -222,16 +219,7 @@ class _Batch:
             future.cancel()
 
 
-def _lost_trajectory(scenario: Scenario, mission: Mission, reason: str) -> Array:
-    return empty_trajectory(scenario, mission)
-
-
-def _lost_outcome(scenario: Scenario, mission: Mission, reason: str) -> CallAnswer:
-    outcomes = failed_mission(scenario, mission, LOST, reason)
-    return CallAnswer([(outcomes, empty_trajectory(scenario, mission))])
-
-
-def _error_of(future: "Future[Any]") -> BaseException | None:
+def _error_of(future: Future[CallAnswer]) -> BaseException | None:
     """Return the exception of the call, or None.
 
     Raises:

@@ -60,11 +60,6 @@ class _Sent:
     modules: Shared | None
     future: "Future[Any]" = field(default_factory=Future)
 
-    @property
-    def contents(self) -> tuple[Shared, ...]:
-        """The contents that a worker may lack."""
-        return self.call.shared if self.modules is None else (*self.call.shared, self.modules)
-
 
 class RemotePool:
     """Sends calls by a transport, and sends those again that a worker could not begin."""
@@ -134,7 +129,8 @@ class RemotePool:
         if not same_library:
             self._warn(node)
         if kind == MISSING:
-            self._send(sent, sent.contents, node)
+            modules = () if sent.modules is None else (sent.modules,)
+            self._send(sent, (*sent.call.shared, *modules), node)
         elif kind == REFUSED:
             fix = "install there what the main process has"
             try:
