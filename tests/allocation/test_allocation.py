@@ -177,8 +177,7 @@ def test_an_allocation_that_breaks_its_promise_is_refused(allocation: Once, said
 
 
 @pytest.mark.parametrize(
-    ("bad", "name"),
-    [({"level": 0.5}, "level"), ({"first": 9}, "first"), ({"best": 0}, "best")],
+    ("bad", "name"), [({"level": 0.5}, "level"), ({"first": 9}, "first"), ({"best": 0}, "best")]
 )
 def test_a_race_refuses_values_out_of_range(bad: dict[str, float], name: str) -> None:
     with pytest.raises(InputError, match=name):
