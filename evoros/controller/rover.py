@@ -21,9 +21,6 @@ class Rover:
 
     The filters of ``localization`` stand between the true pose and both layers, in the order of the
     mapping. Without any, the pose is known exactly.
-
-    Raises:
-        InputError: a part is of the wrong kind, or the period is not positive.
     """
 
     avoidance: Annotated[Layer, A_LAYER]

@@ -22,7 +22,7 @@ class Opposition:
         self._adversary = None
         if isinstance(failure, AdaptiveFailure):
             trials = experiment.allocation.most_trials(experiment.trials)
-            space = experiment.members[0].space  # of the robot that meets the cases
+            space = next(item.space for item in experiment.members if item.meets_cases)
             sensors = len(space.decode(np.full(space.size, 0.5)).mounts)
             rng = generator(f"{experiment.seed}", "adversary")
             self._adversary = failure.start(sensors, trials, rng)

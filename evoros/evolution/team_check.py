@@ -12,8 +12,7 @@ from evoros.base.linear import product
 from evoros.field.generated import FIXED
 from evoros.geometry.clearance import compute_clearances
 from evoros.geometry.footprint import Footprint
-from evoros.mission.declared_genes import find_declared_genes
-from evoros.mission.member import Member
+from evoros.mission.member import Member, find_declared_genes
 from evoros.mission.scenario import require_world
 from evoros.world.course import Course
 from evoros.world.model import TeamSampler, World

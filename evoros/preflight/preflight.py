@@ -7,7 +7,7 @@ from evoros.base.errors import InputError
 from evoros.design.genes import check_genes
 from evoros.evolution.experiment import Experiment
 from evoros.failure.protocol import SystematicFailure
-from evoros.mission.participant import MIN_RECORD_S
+from evoros.mission.start import MIN_RECORD_S
 from evoros.preflight.home import check_home
 from evoros.preflight.measures import check_measures
 from evoros.preflight.routes import check_routes

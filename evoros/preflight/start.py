@@ -1,7 +1,6 @@
 """Starts a mission before the run, by the code of missions, and compiles its rules."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
@@ -12,13 +11,13 @@ from evoros.design.design import Design
 from evoros.evolution.experiment import Experiment
 from evoros.mission.compiled_loop import explain_interpreted, prepare
 from evoros.mission.engine_calls import ENGINE_RULES
+from evoros.mission.live_layers import open_layers
 from evoros.mission.loop import LayerStage
-from evoros.mission.loop_inputs import Stages, collect_inputs
 from evoros.mission.member import Member
-from evoros.mission.participant import Participant, enter, open_controllers
+from evoros.mission.participant import Participant, enter
 from evoros.mission.plan import Plan
-from evoros.mission.rollout import start
 from evoros.mission.scenario import Scenario
+from evoros.mission.start import Stages, collect_inputs, start
 from evoros.preflight.subject import Subject
 from evoros.preflight.trial_designs import choose_middle
 from evoros.simulator.protocol import RuleSimulation, RuleSimulator, SimulationRules
@@ -84,8 +83,8 @@ def _open_controller(participant: Participant) -> Sequence[LayerStage]:
         InputError: it refuses to start, is not ready in time, or has other layers than modes.
     """
     try:
-        with ExitStack() as stack:
-            (layers,) = open_controllers([participant], stack)
+        with open_layers(participant) as opened:
+            layers = opened
     except (InputError, PilotLost, SimulationError) as error:
         raise InputError(f"controller: {error}") from None
     controller = participant.member.controller

@@ -29,9 +29,9 @@ from evoros.files.resources import PACKAGE
 from evoros.filter.protocol import ALTERS, FILTER_ARGUMENTS, Channels
 from evoros.mission.compiled_loop import prepare, prepare_interpreted
 from evoros.mission.loop import LoopInputs, run_loop
-from evoros.mission.loop_inputs import collect_inputs
 from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
+from evoros.mission.start import collect_inputs
 from evoros.preflight.preflight import preflight
 from evoros.simulator.engines.planar_rules import advance, observe
 from evoros.simulator.engines.planar_sensing import sense
@@ -73,7 +73,7 @@ def same(one: Any, other: Any) -> bool:
     return repr(one[0]) == repr(other[0]) and one[1].tobytes() == other[1].tobytes()
 
 
-@pytest.mark.parametrize("overrides", COMBINATIONS, ids=lambda each: each[0] + str(len(each)))
+@pytest.mark.parametrize("overrides", COMBINATIONS, ids=lambda names: names[0] + str(len(names)))
 def test_the_compiled_mission_is_the_interpreted_one(overrides: list[str]) -> None:
     experiment = experiment_of(*overrides)
     for mission in missions(experiment, 2):
@@ -143,7 +143,7 @@ def smooth(memory: Memory, values: Array) -> None:
 
 
 def smooth_in_python(memory: Memory, values: Array) -> None:
-    """As ``smooth``, with what numba does not know."""
+    """``smooth`` with a call that numba does not know."""
     kept = {"i": sys.maxsize}
     for kept["i"] in range(len(values)):
         new = values[kept["i"]]
@@ -480,11 +480,11 @@ def test_code_that_others_could_have_written_is_not_run(
     def folder(umask: int) -> Path:
         before = os.umask(umask)
         try:
-            found = machine_code._cache_folder.__wrapped__()
+            chosen = machine_code._cache_folder.__wrapped__()
         finally:
             os.umask(before)
-        assert found is not None
-        return Path(found)
+        assert chosen is not None
+        return Path(chosen)
 
     ours = folder(0o002)
     assert ours.parent == home / "evoros"
