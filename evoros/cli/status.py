@@ -10,6 +10,7 @@ from evoros.base.errors import InputError
 from evoros.files.resources import expand_home
 from evoros.terminal.arguments import CommandParser
 from evoros.terminal.console import DONE, print_result, report_errors, run_main
+from evoros.terminal.log import warn_left_out
 
 NAME = "evoros-status"
 UPDATE_S = 2.0
@@ -55,7 +56,7 @@ def _look(folder: Path) -> tuple[str, bool]:
     from evoros.session.status import RUNNING
     from evoros.storage.discovery import folders_below
 
-    overviews = [survey(path) for path in folders_below(folder)]
+    overviews = [survey(path) for path in folders_below(folder, warn_left_out)]
     if not overviews:
         raise InputError(
             f"{folder}: must be the folder of a run, an evaluation or a sweep, or one above such, "

@@ -18,7 +18,7 @@ from evoros.terminal.console import (
     report_error,
     status_of,
 )
-from evoros.terminal.log import LOGGER, log_everything
+from evoros.terminal.log import LOGGER, log_everything, warn_left_out
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -66,7 +66,7 @@ def run_by_plugins(
                 LOGGER.info("%s: hydra/%s=%s starts the jobs", jobs.sweep, plugin, name)
             if SWEEPER in jobs.plugins:
                 search(jobs, run)
-                errors = dict.fromkeys(folders_below(jobs.sweep))
+                errors = dict.fromkeys(folders_below(jobs.sweep, warn_left_out))
             else:
                 errors = launch(jobs, run)
     except (KeyboardInterrupt, RunStopped):

@@ -66,12 +66,12 @@ def create_folder(path: Path, files: Mapping[str, str]) -> None:
 
 
 def _add_digests(files: Mapping[str, str]) -> dict[str, str]:
-    """Return the files with that of their digests, before the last."""
+    """Return the files with DIGESTS before the last."""
     *others, last = files
     entries = {name: describe_file(files[name].encode()) for name in others if name != MANIFEST}
     entries[last] = describe_growing(files[last].encode())
-    digests = {DIGESTS: write_entries(entries)}
-    return {**{name: files[name] for name in others}, **digests, last: files[last]}
+    first = {name: files[name] for name in others}
+    return {**first, DIGESTS: write_entries(entries), last: files[last]}
 
 
 def _create_folder(path: Path, files: Mapping[str, str]) -> None:
