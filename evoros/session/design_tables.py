@@ -55,11 +55,7 @@ Drafts = dict[DesignName, dict[str, DesignDraft]]
 
 
 def read_recorded_designs(folder: Path, experiment: Experiment) -> list[NamedDesign]:
-    """Read the designs in the folder of an evaluation.
-
-    Raises:
-        InputError: a file is missing or damaged.
-    """
+    """Read the designs in the folder of an evaluation."""
     drafts = read_drafts(folder / DESIGN_FILE, None, experiment.members)
     add_genes(drafts, folder / GENE_FILE, None)
     return fit_designs(drafts, experiment)
@@ -115,9 +111,6 @@ def read_drafts(path: Path, source: str | None, members: Sequence[Member]) -> Dr
     """Read a table of designs without their other genes.
 
     If ``source`` is None, the table has a column of that name.
-
-    Raises:
-        InputError: the table is damaged, or has no design.
     """
     needed = NEEDED if source is not None else ("source", *NEEDED)
     optional = (*(name for name in DESIGN_COLUMNS if name not in needed), AGENT)
@@ -206,11 +199,7 @@ def _read_place(at: str, kind: str, cells: Mapping[str, str], member: Member) ->
 
 
 def add_genes(drafts: Drafts, path: Path, source: str | None) -> None:
-    """Add the other evolved values of the designs to their drafts.
-
-    Raises:
-        InputError: the table is damaged.
-    """
+    """Add the other evolved values of the designs to their drafts."""
     needed = ("design", "key", "value") if source is not None else GENE_FILE_COLUMNS
     for line, cells in read_rows(path, needed, ("gene", AGENT)):
         at = f"{path}: line {line}"

@@ -87,11 +87,7 @@ class EvaluationRecord(MissionLog):
                 yield from self._start(index).missions.values()
 
     def has(self, mission: Mission) -> bool:
-        """Whether the mission is on disk.
-
-        Raises:
-            InputError: it was recorded under other draws, or another case.
-        """
+        """Whether the mission is on disk."""
         if mission.case is not None:
             return self._find_stated(mission) is not None
         index = mission.design_id
@@ -124,11 +120,7 @@ class EvaluationRecord(MissionLog):
         return {world: scores[f"{world}_completed"] for world in self._experiment.world}
 
     def write_scores(self) -> None:
-        """Write the table of scores once all designs are finished.
-
-        Raises:
-            InputError: the table on disk differs.
-        """
+        """Write the table of scores once all designs are finished."""
         self.table.sync()
         columns = self._experiment.scoring.name_columns(list(self._experiment.world))
         rows: list[Sequence[object]] = [("source", "design", *columns)]

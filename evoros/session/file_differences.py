@@ -23,9 +23,6 @@ def compare_missions(one: Path, other: Path) -> tuple[str, int]:
     """Return the first difference of two tables of missions, and the number of missions.
 
     The order of the rows does not matter, because unfinished runs have them as they were completed.
-
-    Raises:
-        InputError: a table is missing or damaged.
     """
     first, second = (_read_missions(folder / MISSIONS) for folder in (one, other))
     for key in sorted({*first, *second}, key=_order):
@@ -60,11 +57,7 @@ def _read_missions(path: Path) -> dict[Key, tuple[int, dict[str, str]]]:
 
 
 def find_difference(one: Path, other: Path, name: str) -> str:
-    """Return the first difference between two files of this name; empty if they are equal.
-
-    Raises:
-        InputError: a file cannot be read.
-    """
+    """Return the first difference between two files of this name; empty if they are equal."""
     try:
         first, second = (one / name).read_bytes(), (other / name).read_bytes()
     except OSError as error:

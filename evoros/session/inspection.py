@@ -131,11 +131,7 @@ def find_robot(overrides: Sequence[str], folder: Path) -> Robot:
 
 
 def require_design(name: str, folder: Path, overrides: Sequence[str]) -> None:
-    """Require that the design of this name fits the robot that ``overrides`` choose.
-
-    Raises:
-        InputError: it does not.
-    """
+    """Require that the design of this name fits the robot that ``overrides`` choose."""
     _build([*overrides, f"design={name}", LEVEL], folder)
 
 

@@ -83,10 +83,10 @@ def _estimate_left(status: Mapping[str, Any]) -> float | None:
     """
     names = ("missions", "session_missions", "session_wall_s")
     missions, of_session, wall = (status.get(name) for name in names)
-    wanted = status.get("missions_wanted")
+    wanted: float | None = status.get("missions_wanted")
     done, generations = status.get("generations_done"), status.get("generations")
     if wanted is None and missions and done and generations:
         wanted = missions * generations / done
     if wanted is None or missions is None or not of_session or not wall:
         return None
-    return max(0.0, float(wanted - missions)) * wall / of_session
+    return float(max(0.0, wanted - missions) * wall / of_session)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from operator import itemgetter
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -28,10 +29,9 @@ def fit(parts: Sequence[tuple[int, str]], width: int) -> str:
     A part is its rank and its text. If the line is too long, parts of the highest ranks are left
     out; the last one that remains is cut.
     """
-    kept = {rank: text for rank, text in parts if text}
-    while len(kept) > 1 and len(SEPARATOR.join(kept.values())) > width:
-        del kept[max(kept)]
-    line = SEPARATOR.join(kept.values())
+    kept = [part for part in parts if part[1]]
+    while len(line := SEPARATOR.join(text for _, text in kept)) > width and len(kept) > 1:
+        kept.remove(max(kept, key=itemgetter(0)))
     return line if len(line) <= width else line[: width - 1] + "…"
 
 

@@ -70,10 +70,8 @@ def _list_required() -> Sequence[str]:
 def _operating_system() -> str:
     """Return the name of the operating system, such as ``Debian GNU/Linux 12 (bookworm)``."""
     with suppress(OSError):
-        name = platform.freedesktop_os_release().get("PRETTY_NAME")
-        if name:
-            return name
-    return f"{platform.system()} {platform.release()}".strip()
+        return platform.freedesktop_os_release()["PRETTY_NAME"]
+    return f"{platform.system()} {platform.release()}"
 
 
 def processor() -> str:

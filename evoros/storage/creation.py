@@ -13,11 +13,7 @@ from evoros.storage.layout import CONFIG, DIGESTS, LOG, MANIFEST, MISSIONS, resu
 
 
 def require_unused(path: Path) -> None:
-    """Require that a folder for a new run does not exist or is empty.
-
-    Raises:
-        InputError: the folder has a run, or other files.
-    """
+    """Require that a folder for a new run does not exist or is empty."""
     if not path.exists() or (path.is_dir() and not any(path.iterdir())):
         return
     require_whole(path)

@@ -106,11 +106,7 @@ class FigureContext:
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Read the file in a folder.
-
-        Raises:
-            InputError: it is missing or damaged.
-        """
+        """Read the file in a folder."""
         path = folder / SETTING
         try:
             context: Self = _convert(cls, json.loads(path.read_text()))
@@ -134,7 +130,7 @@ def _convert(kind: Any, raw: Any) -> Any:
         KeyError, TypeError, ValueError: it does not fit.
     """
     inner = get_args(kind)
-    if is_dataclass(kind):
+    if isinstance(kind, type) and is_dataclass(kind):
         types = _get_types(kind)
         return kind(**{name: _convert(types[name], value) for name, value in raw.items()})
     if get_origin(kind) is tuple and inner[-1] is not Ellipsis:
@@ -148,7 +144,9 @@ def _convert(kind: Any, raw: Any) -> Any:
     return kind(raw) if kind in (float, int, str) else raw
 
 
-_get_types = cache(get_type_hints)
+@cache
+def _get_types(kind: Any) -> dict[str, Any]:
+    return get_type_hints(kind)
 
 
 def describe_experiment(experiment: "Experiment") -> FigureContext:

@@ -14,7 +14,6 @@ import numpy as np
 
 from evoros.base.errors import InputError
 from evoros.files.disk import GIVE_RIGHTS, create_draft, sync, write_atomically
-from evoros.storage.creation import require_whole
 from evoros.storage.layout import LOG, MISSIONS
 from evoros.storage.repairs import Repair, Report
 from evoros.storage.seals import DIGEST, is_damaged, is_sealed, seal_rows, split_lines
@@ -30,7 +29,7 @@ class MissionTable:
     their number from 1, once all rows have been read. ``report`` is told if it was missing.
 
     Raises:
-        InputError: the folder has no such table, or another process has it open.
+        InputError: this user cannot write there, or another process has the table open.
     """
 
     def __init__(self, folder: Path, header: Sequence[str], report: Report) -> None:
@@ -72,9 +71,6 @@ class MissionTable:
 
         A last row that a kill has cut short is removed. ``parse`` raises KeyError or ValueError if
         a row is of another table.
-
-        Raises:
-            InputError: a row is of another version.
         """
         self._file.seek(0)
         header, end = self._file.readline(), 0
@@ -94,11 +90,7 @@ class MissionTable:
             self._file.truncate(end)
 
     def read_row(self, place: int, parse: Callable[[Mapping[str, str]], Row]) -> Row:
-        """Read the row at a place again.
-
-        Raises:
-            InputError: it has been damaged since.
-        """
+        """Read the row at a place again."""
         line = self._read_line(place)
         if not is_sealed(line):
             raise InputError(
@@ -175,8 +167,8 @@ class MissionTable:
 
     def hash(self) -> str:
         """Return the SHA-256 of the content."""
-        self._file.seek(0)
-        return hashlib.file_digest(self._file, "sha256").hexdigest()
+        with self.path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def begin_table(columns: Sequence[str]) -> str:
@@ -186,11 +178,6 @@ def begin_table(columns: Sequence[str]) -> str:
 
 def _open_locked(path: Path) -> BinaryIO:
     """Open a table of missions for reading and writing, for this process alone."""
-    require_whole(path.parent)
-    if not path.is_file():
-        raise InputError(
-            f"{path.parent}: no run to resume: it has no {MISSIONS}; give the folder of a run"
-        )
     if not all(os.access(place, os.R_OK | os.W_OK) for place in (path.parent, path)):
         raise InputError(
             f"{path.parent}: must be a folder that this user can write to, also to verify a "

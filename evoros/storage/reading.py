@@ -81,11 +81,7 @@ class Run:
         return self._read_trajectory(f"champion/trajectory_{world}.csv")
 
     def require_trajectories(self, of_others: bool = False) -> None:
-        """Require that the run keeps trajectories: the champion's, or those of others, too.
-
-        Raises:
-            InputError: it does not keep them.
-        """
+        """Require that the run keeps the champion's trajectories, or all with ``of_others``."""
         recorded = self.manifest.get("record")
         if recorded == "none" or (of_others and recorded == "champion"):
             kind, fix = (" of all missions", "all") if of_others else ("", "champion")

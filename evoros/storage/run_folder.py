@@ -125,11 +125,7 @@ class RunFolder(MissionLog):
         return True
 
     def has(self, mission: Mission) -> bool:
-        """Whether the mission has been recorded, with its trajectory if the run keeps all.
-
-        Raises:
-            InputError: it was recorded under other draws.
-        """
+        """Whether the mission has been recorded, with its trajectory if the run keeps all."""
         recorded = self.find(mission) is not None
         return recorded and (self.trajectories.has(mission) or not self.keeps_all)
 
@@ -139,19 +135,11 @@ class RunFolder(MissionLog):
         return [mission for mission in missions if not self.trajectories.has(mission)]
 
     def read_trajectory(self, mission: Mission) -> Array:
-        """Read the trajectory of a mission that the run has kept.
-
-        Raises:
-            InputError: the file is missing or damaged.
-        """
+        """Read the trajectory of a mission that the run has kept."""
         return self.trajectories.read(mission)
 
     def find(self, mission: Mission) -> Outcomes | None:
-        """Return the recorded outcomes of the mission; None if there are none.
-
-        Raises:
-            InputError: it was recorded under other draws.
-        """
+        """Return the recorded outcomes of the mission; None if there are none."""
         row = self.rows.find(mission.key)
         if row is None:
             return None
@@ -160,11 +148,7 @@ class RunFolder(MissionLog):
         return outcomes
 
     def write_generation(self, generation: Generation) -> None:
-        """Write a generation's table, or compare it with the one on disk.
-
-        Raises:
-            InputError: the table on disk differs.
-        """
+        """Write a generation's table, or compare it with the one on disk."""
         self.write_once(_generation_file(generation.number), generation_table(generation))
         self.table.sync()
         if self.keeps_all:
@@ -182,7 +166,7 @@ class RunFolder(MissionLog):
         self.rows = self._locate()
 
     def write_champions(self, champions: Champions) -> None:
-        """Write the files of several champions in place of those of an earlier end of the run."""
+        """Write the files of several champions, which replace an earlier end's."""
         if len(champions.designs) < 2 and not (self.path / CHAMPIONS).is_dir():
             return
         for name, content in champions_files(champions).items():
@@ -206,7 +190,7 @@ class RunFolder(MissionLog):
         return path.read_bytes() if path.is_file() else b""
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
-        """Write the champion's files in place of those of an earlier end of the run.
+        """Write the champion's files, which replace an earlier end's.
 
         The last file names the design; it exists only while all the others do.
         """

@@ -6,12 +6,12 @@ A trajectory is written when its mission was run, and before its row in the tabl
 import csv
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -57,21 +57,16 @@ def world_file(world: str, draws: str | None) -> Path:
     return Path(WORLDS, f"{name}.sdf")
 
 
-class Write(Protocol):
-    """Writes a file of a folder and its digests."""
-
-    def __call__(self, name: str, content: bytes, locate: bool = True) -> None:
-        """Write the file."""
-        ...
-
-
 @dataclass
 class TrajectoryFiles:
-    """The trajectories in the folder of a run or an evaluation that is open for writing."""
+    """The trajectories in the folder of a run or an evaluation that is open for writing.
+
+    ``write`` takes a file's name and content, and whether its digests are to locate damage.
+    """
 
     folder: Path
     digests: DigestLog
-    write: Write
+    write: Callable[[str, bytes, bool], None]
     _whole: set[str] = field(default_factory=set)  # names of trajectories that were verified
 
     def has(self, mission: Mission) -> bool:
@@ -120,11 +115,7 @@ class TrajectoryFiles:
         self._write(trajectory_file(mission.key), table.encode())
 
     def read(self, mission: Mission) -> Array:
-        """Read the trajectory of a mission, (rows, columns + channels).
-
-        Raises:
-            InputError: the file is missing or damaged.
-        """
+        """Read the trajectory of a mission, (rows, columns + channels)."""
         path = self.folder / trajectory_file(mission.key)
         try:
             header, *rows = csv.reader(io.StringIO(path.read_text()))
@@ -164,7 +155,7 @@ class TrajectoryFiles:
         return str(place) in self.digests.entries and begin not in self._lost
 
     def _write(self, place: Path, content: bytes) -> None:
-        self.write(str(place), content, locate=False)
+        self.write(str(place), content, False)
 
 
 def _name_robot(design: int) -> str:

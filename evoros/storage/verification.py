@@ -1,4 +1,7 @@
-"""Verifies the folder of a run or an evaluation before it is read: damage is named and not used."""
+"""Verifies the folder of a run or an evaluation before it is read: damage is named and not used.
+
+A file that is missing, damaged or cannot be read is an InputError in every function.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -50,22 +53,14 @@ def verify_folder(folder: Path) -> None:
 
 
 def verify_file(folder: Path, name: str) -> None:
-    """Require that a file which is in ``digests.csv`` is not damaged; it may be missing.
-
-    Raises:
-        InputError: it is.
-    """
+    """Require that a file which is in ``digests.csv`` is not damaged; it may be missing."""
     entries = _read_entries(folder)
     if name in entries.by_name and (folder / name).is_file():
         _verify(folder, name, entries)
 
 
 def verify_world(path: Path) -> None:
-    """Require that the SDF file of a world in a folder, and those beside it, are not damaged.
-
-    Raises:
-        InputError: one is, or it leads to files elsewhere.
-    """
+    """Require that the SDF file of a world in a folder, and those beside it, are not damaged."""
     folder = _find_folder(path)
     begin = str(path.relative_to(folder).with_suffix(""))
     for name in _read_entries(folder).by_name:
@@ -75,11 +70,7 @@ def verify_world(path: Path) -> None:
 
 
 def read_text(path: Path) -> str:
-    """Read a file in a folder.
-
-    Raises:
-        InputError: it is missing or damaged.
-    """
+    """Read a file in a folder."""
     try:
         folder = _find_folder(path)
         verify_file(folder, str(path.relative_to(folder)))
@@ -106,11 +97,7 @@ def _read_entries(folder: Path) -> Entries:
 
 
 def read_sealed(folder: Path, name: str) -> dict[str, Any]:
-    """Read a sealed JSON file of a folder.
-
-    Raises:
-        InputError: the file is missing or damaged.
-    """
+    """Read a sealed JSON file of a folder."""
     try:
         return unseal_json(read_bytes(folder / name))
     except ValueError as error:
@@ -151,11 +138,7 @@ def _find_row(content: bytes, entry: Entry) -> str:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file in a folder without verifying it.
-
-    Raises:
-        InputError: the file is missing or cannot be read.
-    """
+    """Read a file in a folder without verifying it."""
     try:
         return path.read_bytes()
     except FileNotFoundError as error:
@@ -179,11 +162,7 @@ def _damaged(folder: Path, name: str, where: str = "") -> InputError:
 
 
 def read_original(folder: Path, name: str) -> bytes:
-    """Read a file that cannot be made again and has no seal.
-
-    Raises:
-        InputError: the file is missing or damaged.
-    """
+    """Read a file that cannot be made again and has no seal."""
     content = read_bytes(folder / name)
     known = read_bytes(folder / DIGESTS) if (folder / DIGESTS).is_file() else b""
     entry = read_entries(known).by_name.get(name)  # without it, the hash in the manifest decides

@@ -102,7 +102,7 @@ class _Once(logging.Filter):
 
 
 class _KnownLines:
-    """The lines of a log, and those of them that came again."""
+    """The lines of a log, and the repeated ones of them."""
 
     def __init__(self, log: Path) -> None:
         self._text = ""

@@ -243,5 +243,5 @@ def test_a_table_read_back_is_written_the_same(run: Path) -> None:
     for path in sorted((run / "trajectories").glob("0*/*.csv"))[:3]:
         table = pd.read_csv(path)
         readings = [str(name) for name in list(table)[len(TRAJECTORY) :]]
-        assert readings == [f"range_{number}_m" for number in range(len(readings))]
+        assert readings == [f"range_{index}_m" for index in range(len(readings))]
         assert trajectory_table(table.to_numpy(float), list(map(str, table))) == path.read_text()
