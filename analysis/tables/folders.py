@@ -5,7 +5,7 @@ from pathlib import Path
 
 from evoros.base.errors import InputError
 from evoros.storage.discovery import folders_below
-from evoros.terminal.log import LOGGER
+from evoros.terminal.log import LOGGER, warn_left_out
 
 
 def find_folders(paths: Sequence[Path]) -> list[Path]:
@@ -25,7 +25,7 @@ def list_folders(path: Path) -> Iterator[Path]:
     """Yield ``path`` itself or the run and evaluation folders below it; warn if there are none."""
     if not path.is_dir():
         raise InputError(f"{path}: must be a folder of runs, but does not exist; correct the path")
-    found = list(folders_below(path))
+    found = list(folders_below(path, warn_left_out))
     if not found:
         LOGGER.warning("%s: must contain runs, but contains none; left out", path)
     yield from found

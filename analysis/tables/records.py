@@ -80,7 +80,7 @@ class EvaluationRecord(Record):
     @cached_property
     def missions(self) -> pd.DataFrame:
         """A row for each finished mission."""
-        return read_table(self.path / "missions.csv", ("trial", "progress", "time_s"), growing=True)
+        return read_table(self.path / "missions.csv", ("trial", "progress", "time_s"))
 
 
 def read_record(folder: Path, name: str) -> Record:

@@ -144,7 +144,8 @@ def test_every_mission_is_replayed_in_the_simulator_of_its_purpose(whole: Path) 
     assert (alike["selection"] != alike["confirmation"]).any()
     some = missions.groupby("purpose", group_keys=False).head(8)
     for row in some.to_dict("records"):
-        (outcome,), _ = replay(whole, *(row[name] for name in PLACE))
+        generation, design, world, trial = (row[name] for name in PLACE)
+        (outcome,), _ = replay(whole, (generation, design, world, trial))
         assert (outcome.ended, outcome.time_s) == (row["ended"], row["time_s"])
         assert outcome.distance_m == row["distance_m"] or row["ended"] == "simulation_failure"
 

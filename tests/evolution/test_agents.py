@@ -281,7 +281,7 @@ def test_a_champion_of_a_team_can_be_read_scored_and_replayed(
     assert (finished / "champion" / "agents" / "oncoming" / "robot.urdf").is_file()
     row = run.missions.iloc[0]
     key: Any = (row["generation"], row["design"], row["world"], row["trial"])
-    (_, outcome), track = evoros.replay(finished, *key)
+    (_, outcome), track = evoros.replay(finished, key)
     assert outcome.ended == row["oncoming.ended"]
     assert outcome.distance_m == row["oncoming.distance_m"]
     assert {"oncoming.x_m", "oncoming.mode"} <= set(track.columns)

@@ -149,7 +149,7 @@ def test_a_mission_of_the_final_choice_is_replayed(run: Path) -> None:
     missions: Any = load_run(run).missions
     row = missions[missions.purpose == "final"].iloc[-1]
     place = int(row.generation), int(row.design), str(row.world), int(row.trial)
-    (outcome,), _ = replay(run, *place, USER_PARTS)
+    (outcome,), _ = replay(run, place, USER_PARTS)
     assert (outcome.ended, outcome.time_s) == (row.ended, row.time_s)
 
 

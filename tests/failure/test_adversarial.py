@@ -99,6 +99,6 @@ def test_a_recorded_mission_is_replayed_under_its_case(run: Path) -> None:
     missions = evoros.load_run(run).missions
     row = missions[missions["failed_sensors"].notna()].iloc[-1].to_dict()
     key = (int(row["generation"]), int(row["design"]), str(row["world"]), int(row["trial"]))
-    (outcome,), _ = evoros.replay(run, *key, config_dir=USER_PARTS)
+    (outcome,), _ = evoros.replay(run, key, config_dir=USER_PARTS)
     assert list(outcome.failed_sensors) == [int(float(row["failed_sensors"]))]
     assert outcome.progress == row["progress"]
