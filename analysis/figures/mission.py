@@ -27,7 +27,7 @@ from ..drawing.words import wrap_all
 from ..product import Product
 from ..subcommand_options import add_run, add_worlds
 from ..tables.agents import read_tracks
-from ..tables.certified import describe_rates
+from ..tables.champion_missions import describe_rates
 from ..tables.records import Record
 from ..tables.robots import name_robots
 from ..tables.study import Study, read_complete

@@ -64,6 +64,16 @@ def find_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[s
     return [key for key in dict.fromkeys([*one, *other]) if one.get(key) != other.get(key)]
 
 
+def list_differences(evaluation: EvaluationRecord, record: Record) -> list[str]:
+    """List the keys in which the conditions of an evaluation and a finished run differ.
+
+    Values that evolve belong to the design, whatever the two configurations contain.
+    """
+    evolved = read_champion_genes(record)
+    differences = find_differences(select_conditions(evaluation), select_conditions(record))
+    return [key for key in differences if key not in evolved]
+
+
 def identify_champion(record: Record) -> Content:
     """Return the content of a finished run's champion: its sensors and its genes."""
     return _content(record.run.champion, read_champion_genes(record))

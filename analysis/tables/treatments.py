@@ -39,10 +39,10 @@ def label_treatments(
     """
     factors = find_factors(configurations, choices, given)
     conditions = list_conditions(configurations, given)
-    names = [str(own.get("name", "")) for own in given] or [""] * len(configurations)
+    names = [str(levels.get("name", "")) for levels in given] or [""] * len(configurations)
     shown = label_levels(factors, len(configurations))
     for name in dict.fromkeys(filter(None, names)):
-        same = [i for i, own in enumerate(names) if own == name]
+        same = [i for i, other in enumerate(names) if other == name]
         part = [replace(f, levels=tuple(f.levels[i] for i in same)) for f in factors]
         differ = label_levels([f for f in part if len(set(f.levels)) > 1], len(same))
         for i, label in zip(same, differ, strict=True):

@@ -10,13 +10,7 @@ from evoros.base.errors import InputError
 from evoros.storage.layout import resume_command
 
 from .designs import to_number
-from .matching import (
-    find_differences,
-    identify_champion,
-    read_champion_genes,
-    read_scores,
-    select_conditions,
-)
+from .matching import identify_champion, list_differences, read_scores
 from .records import EvaluationRecord, Record
 from .study import Study
 
@@ -74,21 +68,6 @@ def read_evaluations(study: Study) -> list[Scores]:
     return list(study.read_each(study.evaluations, read_scores))
 
 
-def validates(evaluation: EvaluationRecord, record: Record) -> bool:
-    """Whether the conditions of an evaluation are those of a run, for the run's champion."""
-    return not _list_differences(evaluation, record)
-
-
-def _list_differences(evaluation: EvaluationRecord, record: Record) -> list[str]:
-    """List the keys in which the conditions of an evaluation and a run differ.
-
-    Values that evolve belong to the design, whatever the two configurations contain.
-    """
-    evolved = read_champion_genes(record)
-    differences = find_differences(select_conditions(evaluation), select_conditions(record))
-    return [key for key in differences if key not in evolved]
-
-
 def list_unused(study: Study) -> dict[str, list[str]]:
     """List the parts in which each evaluation that validates no run differs from the nearest one.
 
@@ -97,7 +76,7 @@ def list_unused(study: Study) -> dict[str, list[str]]:
     unused = {}
     runs = [record for record in study.records if record.finished]
     for evaluation in study.evaluations:
-        nearest = min((_list_differences(evaluation, run) for run in runs), key=len, default=[])
+        nearest = min((list_differences(evaluation, run) for run in runs), key=len, default=[])
         if nearest:
             unused[evaluation.name] = list(dict.fromkeys(key.split(".")[0] for key in nearest))
     return unused
@@ -133,7 +112,7 @@ def _score_freshly(record: Record, evaluations: Sequence[Scores]) -> dict[str, A
     content, best = identify_champion(record), dict[str, Any]()
     for evaluation, table in evaluations:
         rows = table[[other == content for other in table["content"]]]
-        if rows.empty or not validates(evaluation, record):
+        if rows.empty or list_differences(evaluation, record):
             continue
         fitness, sd, trials = rows.iloc[0][["fitness", "fitness_sd", "trials"]]
         if not best or trials > best["fresh_trials"]:
