@@ -29,11 +29,7 @@ STATES = {"/mode.data": "mode", "/contact.data": "contact"}
 
 
 def make_layout(topics: Sequence[Topic], robot_frame: str, agents: Sequence[str] = ()) -> str:
-    """Return the layout for bags with these topics, of which some are in namespaces of agents.
-
-    A view of the scene that follows the first robot is on the left; readings, speed and steering,
-    and the controllers' modes are on the right.
-    """
+    """Return the layout for bags with these topics: the scene on the left, readings beside it."""
     ranges = _find_series(topics, {RANGE: {"range": ""}})
     moved = _find_series(topics, {IMU: IMU_FIELDS, TWIST: TWIST_FIELDS})
     states = {**_of_all(STATES, agents), **_find_series(topics, {SWITCH: {"data": ""}})}

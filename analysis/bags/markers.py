@@ -13,10 +13,7 @@ FIXED, MOVABLE = (0.56, 0.61, 0.68), (0.82, 0.65, 0.42)
 
 
 def list_markers(world: World) -> Iterator[Mapping[str, Any]]:
-    """Yield a marker for each shape of the obstacles, without its header.
-
-    Its namespace is the name of the obstacle.
-    """
+    """Yield a marker for each shape of the obstacles, in their namespaces, without its header."""
     for body in standing_obstacles(world):
         colour = FIXED if body.mass is None else MOVABLE
         rgba = {**dict(zip("rgb", colour, strict=True)), "a": 1.0}

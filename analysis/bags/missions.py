@@ -145,11 +145,7 @@ def _check(trajectory: pd.DataFrame, source: Path, context: FigureContext) -> No
 
 
 def _find_root(root: str, loaded: Path) -> Pose:
-    """Return the pose of the root link above the ground between the wheels.
-
-    Trajectories are of the root of what engines load, which has a root of its own if that of the
-    described robot is elsewhere.
-    """
+    """Return the pose of the root link in the frame of the trajectory, which engines may add."""
     if not loaded.is_file():
         return Pose()
     whole = read_tree(parse(read_text(loaded).encode(), loaded.name), str(loaded))

@@ -49,10 +49,7 @@ _ZERO: Mapping[str, Any] = {"string": "", "bool": False, "float32": 0.0, "float6
 def write_mcap(
     name: str, topics: Sequence[Topic], messages: Sequence[Message], distro: str
 ) -> dict[str, bytes]:
-    """Return the files of a bag of rosbag2: ``metadata.yaml`` and the MCAP file in a folder.
-
-    ``distro`` is one of ``DISTROS``.
-    """
+    """Return the files of a bag of rosbag2 for one of ``DISTROS``: metadata and the MCAP file."""
     store = _complete(DISTROS[distro])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name

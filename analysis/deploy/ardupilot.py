@@ -70,10 +70,7 @@ def list_flown(champion: Champion) -> Iterator[str]:
 
 
 def list_range_finders(sensors: Sequence[MountedSensor], origin_m: Triple) -> list[RangeFinder]:
-    """Convert the first ten sensors with a single range, which lidars do not have.
-
-    ``origin_m`` is ArduPilot's origin in the robot's frame.
-    """
+    """Convert the first ten sensors with a single range; ``origin_m`` is ArduPilot's origin."""
     return [
         _convert(instance, sensor, beam, origin_m)
         for instance, (sensor, beam) in zip(INSTANCES, list_single(sensors), strict=False)

@@ -77,10 +77,7 @@ def find_clusters(points: Array, draws: int = DRAWS) -> Clusters:
 
 
 def compare_with_samples(silhouette: float, n: int, pool: Array, draws: int = DRAWS) -> float:
-    """Return the p of a silhouette among those of n points from ``pool`` (m, d).
-
-    NaN: the pool has fewer than 2 n points.
-    """
+    """Return the p of a silhouette among n points of ``pool`` (m, d); NaN if m < 2 n."""
     if np.isnan(silhouette) or len(pool) < 2 * n:
         return np.nan
     ordered = pool[np.lexsort(pool.T)]
@@ -124,10 +121,7 @@ def _cuts(tree: Array) -> list[NDArray[np.int64]]:
 
 
 def _silhouette(distances: Array, labels: NDArray[np.int64]) -> float:
-    """Return the mean silhouette over all points; a point alone in its cluster has 0.
-
-    SciPy has no silhouette.
-    """
+    """Return the mean silhouette over all points, which SciPy lacks; a point alone has 0."""
     member = labels[:, None] == np.arange(1, labels.max() + 1)
     size = member.sum(axis=0)
     sums = distances @ member  # (n, clusters) of the distances to each cluster's points

@@ -31,10 +31,7 @@ def compute_profiles(sensors: pd.DataFrame) -> pd.DataFrame:
 
 
 def share_ahead(sensors: pd.DataFrame, within_deg: float = AHEAD_DEG) -> "pd.Series[float]":
-    """Return the share of each design's openings that lies within ``within_deg`` of ahead.
-
-    It is the sum of the parts of all openings there over the sum of all openings. NaN: no sensors.
-    """
+    """Return the share of each design's openings near ahead; NaN: no sensors."""
     placed = sensors.yaw_deg.notna().to_numpy()
     opening = np.where(placed, _openings(sensors), 0.0)
     seen = _overlap(sensors, np.zeros(1), within_deg)[:, 0]
@@ -86,10 +83,7 @@ def compute_directions(profiles: pd.DataFrame) -> Array:
 
 
 def normalize_profiles(profiles: pd.DataFrame) -> Array:
-    """Return (n, 73) each profile over its sum, so that the number of sensors does not count.
-
-    The last column is 1 for a design that sees nothing.
-    """
+    """Return (n, 73) each profile over its sum; the last column is 1 for a design that is blind."""
     values = profiles.to_numpy(float)
     total = values.sum(axis=1, keepdims=True)
     blind = total == 0

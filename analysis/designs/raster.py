@@ -67,10 +67,7 @@ def _spans(sensors: pd.DataFrame, context: FigureContext, cut: float, unit: str)
 
 
 def cell_centres(view: Window, cell_m: float) -> tuple[Array, Array]:
-    """Return the centres [m] of the cells that fill a window, along x and along y.
-
-    The robot's axes are borders between cells.
-    """
+    """Return the centres [m] of the cells that fill a window; the axes are borders of cells."""
     x_low, x_high, y_low, y_high = (edge / cell_m for edge in view)
     x = np.arange(math.floor(x_low), math.ceil(x_high), dtype=np.float64)
     y = np.arange(math.floor(y_low), math.ceil(y_high), dtype=np.float64)
@@ -78,10 +75,7 @@ def cell_centres(view: Window, cell_m: float) -> tuple[Array, Array]:
 
 
 def rasterize(cover: pd.DataFrame, x: Array, y: Array) -> np.ma.MaskedArray[Any, Any]:
-    """Return the counts (n, m) at cell centres x (n,) and y (m,) [m]; masked where it is 0.
-
-    ``cover`` has at least one row of ``count_coverage``, all of one treatment and cut.
-    """
+    """Return the counts (n, m) at cell centres x (n,) and y (m,) [m]; masked where it is 0."""
     cell = float(cover.cell_m.iloc[0])
     count = np.zeros((len(x), len(y)), dtype=np.int64)
     rows = np.rint((cover.x_m - x[0]) / cell).astype(int)

@@ -31,10 +31,7 @@ def draw_companions(
     others: Mapping[str, pd.DataFrame],
     robots: Mapping[str, FigureContext],
 ) -> None:
-    """Draw the paths of the other robots, and where each was nearest to the first one.
-
-    ``path`` is that of the first robot, whose name in ``robots`` is empty.
-    """
+    """Draw the paths of the other robots, and where each was nearest to the first one."""
     for number, (name, other) in enumerate(others.items()):
         if len(path) and len(other):
             style = _choose_style(number)
@@ -60,10 +57,7 @@ def draw_path(axes: Axes, path: pd.DataFrame, style: Mapping[str, Any]) -> None:
 def draw_meeting(
     axes: Axes, paths: Sequence[pd.DataFrame], robots: Sequence[FigureContext], colour: str
 ) -> None:
-    """Draw two robots where they are nearest to each other, with the time.
-
-    The first one is white, the other one has its colour.
-    """
+    """Draw two robots, the first one white, where they are nearest to each other, with the time."""
     both = paths[0].merge(paths[1], on="time_s", suffixes=("", "_other"))
     own = both[[*POSE]].to_numpy(float)
     other = both[[f"{name}_other" for name in POSE]].to_numpy(float)

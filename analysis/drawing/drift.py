@@ -57,9 +57,9 @@ def draw_errors(figure: SubFigure, paths: Mapping[str, pd.DataFrame], columns: i
 
 
 def measure_drift(path: pd.DataFrame) -> tuple[Array, Array, Array]:
-    """Return the way [m], the error of the position [m] and that of the heading [deg], each (n,).
+    """Return the way [m] and the errors of position [m] and heading [deg], each (n,).
 
-    The last record is left out: there the estimate is that of the last decision before.
+    The last record has the estimate of the last decision before, and is left out.
     """
     rows = path.iloc[:-1] if len(path) > 1 else path
     x, y = rows["x_m"].to_numpy(float), rows["y_m"].to_numpy(float)

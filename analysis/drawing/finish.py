@@ -38,10 +38,7 @@ def prepare_figure(figure: Figure, letters: str = "") -> None:
 
 
 def fit_text(figure: Figure) -> None:
-    """Thin out ticks and move notes until none is on another, in a figure that is laid out.
-
-    The layout is not repeated: its solver is not made for that.
-    """
+    """Thin out ticks and move notes until none is on another, in a figure that is laid out."""
     _thin_ticks(figure)
     _part_numbers(figure)
 

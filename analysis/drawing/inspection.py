@@ -29,10 +29,7 @@ def draw_robot_picture(robot: Robot, places: Mapping[str, Array]) -> bytes:
 
 
 def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
-    """Draw a robot from above (its nose up) and from the right side (its nose to the right).
-
-    ``places`` (n, 5) are poses of sensors, as ``Robot.sensor_poses`` gives them, by their region.
-    """
+    """Draw a robot from above and from the right, with poses (n, 5) of sensors by their region."""
     with use_style():
         figure = Figure(figsize=(PAGE_IN, 0.5 * PAGE_IN), layout="constrained")
         length, width = np.ptp(robot.outline, axis=0)

@@ -57,10 +57,7 @@ def draw_mission(
     modes: Sequence[str],
     effects: Mapping[str, str] | None = None,
 ) -> None:
-    """Draw a mission in its world; ``modes`` are in the order of the controller's layers.
-
-    ``effects`` tell what faults do to readings, as ``FailureContext.effects``.
-    """
+    """Draw a mission in its world; ``modes`` and ``effects`` are those of its context."""
     draw_obstacles(axes, world).set(array=None, facecolor=OBSTACLE, zorder=1)
     draw_course(axes, world.course)
     axes.set_aspect("equal")

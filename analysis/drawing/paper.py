@@ -83,10 +83,7 @@ def _overlap(a: tuple[float, int], b: tuple[float, int], minimum: float) -> bool
 
 
 def label_sensors(axes: Axes, sensors: pd.DataFrame, aside: float, apart: float) -> None:
-    """Write a label for each sensor at a distance from the middle of a robot, with a line to it.
-
-    ``sensors`` has the columns ``x_m``, ``y_m``, ``label`` and ``bold``.
-    """
+    """Write each ``label`` of sensors aside of a robot, ``bold`` or not, with a line to it."""
     for side in (1.0, -1.0):
         own = sensors[(sensors["y_m"] >= 0.0) == (side > 0.0)].sort_values("x_m")
         levels = spread(own["x_m"].tolist(), apart)

@@ -21,10 +21,7 @@ _ARROW_M = 1.5  # length of the arrow along the beginning of the path
 
 
 def split_by_mode(path: pd.DataFrame) -> Iterator[tuple[str, Array]]:
-    """Split the path of one mission into consecutive stretches (n, 2) [m] of one mode each.
-
-    From a record to the next the robot does what was decided at the first of the two.
-    """
+    """Split a path into stretches (n, 2) [m] of one mode each, decided at their first record."""
     places, modes = path[["x_m", "y_m"]].to_numpy(float), path["mode"].to_numpy()[:-1]
     begins = [i for i in range(len(modes)) if i == 0 or modes[i] != modes[i - 1]]
     for begin, end in zip(begins, [*begins[1:], len(modes)], strict=True):

@@ -49,10 +49,7 @@ def frame_axes(axes: Axes, view: Window) -> None:
 
 
 def draw_robot(axes: Axes, context: FigureContext, fill: bool = True, zorder: float = 1.0) -> None:
-    """Draw the parts of a robot from the lowest up; wheels are darker and shine through.
-
-    Without ``fill`` only the edges are drawn, for use on top of what covers the robot.
-    """
+    """Draw the parts of a robot from the lowest up, or, to cover others, their edges alone."""
     for part in sorted(context.parts, key=lambda part: part.top_m):
         axes.fill(
             *to_page(outline_part(part)).T,
@@ -109,10 +106,7 @@ def draw_sensors(
     markers: Mapping[str, str],
     look: tuple[float, float] = (3.0, 1.0),
 ) -> None:
-    """Draw a dot for each sensor in its colour, with the marker of its type.
-
-    ``look`` is the size [pt] and the opacity.
-    """
+    """Draw a dot for each sensor with the marker of its type; ``look``: size [pt] and opacity."""
     size_pt, alpha = look
     for kind, marker in markers.items():
         chosen = (sensors["type"] == kind).to_numpy()

@@ -24,10 +24,7 @@ _HATCH = "/////"
 def draw_signals(
     axes: Axes, signals: pd.DataFrame, context: FigureContext, alpha: float = 1.0
 ) -> None:
-    """Draw each sensor's place, and the zone of each bumper up to the edge of the robot.
-
-    ``signals`` has the columns of ``designs.SIGNAL_COLUMNS``.
-    """
+    """Draw each sensor's place, and the zone of each bumper up to the edge of the robot."""
     bumpers = signals[signals["width_m"] > 0.0]
     zones = [to_page(zone) for zone in trace_zones(bumpers, context)]
     axes.add_collection(

@@ -166,10 +166,7 @@ def save(
 
 
 def _fix_layout(figure: Figure) -> None:
-    """Compute the layout and round it.
-
-    The last digits that matplotlib's solver finds vary from call to call.
-    """
+    """Compute the layout and round it, because the solver's last digits vary from call to call."""
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     parts = [*figure.subfigs]

@@ -5,10 +5,7 @@ from collections.abc import Iterable
 
 
 def wrap_lines(text: str, room: float, least: int = 8) -> list[str]:
-    """Return text in lines of ``room`` characters, or more if a word is longer; at least one line.
-
-    Names of parts and keys are words, too, which may also be parted after an underscore.
-    """
+    """Return text in one or more lines of ``room`` characters, parted between words alone."""
     words = text.replace("_", " ")
     return textwrap.wrap(
         words, max(least, int(room)), break_long_words=False, break_on_hyphens=False

@@ -45,10 +45,7 @@ def draw_worlds(
     tracks: Mapping[str, Sequence[Array]] | None = None,
     width: float = 2 * COLUMN_IN,
 ) -> Figure:
-    """Draw a panel for each world, side by side.
-
-    ``tracks`` (n, 2) [m], by the name of their world, are drawn as lines. ``width`` is in inches.
-    """
+    """Draw a panel for each world, side by side, with its tracks (n, 2) [m] as lines."""
     with use_style():
         figure = Figure(figsize=(width, 1.1 * width / len(worlds)), layout="constrained")
         panels = figure.subplots(1, len(worlds), squeeze=False, sharex=True, sharey=True)[0]
@@ -69,10 +66,7 @@ def draw_worlds(
 def draw_obstacles(
     axes: Axes, world: World, cmap: str = "cividis_r", heights: Normalize = HEIGHTS_M
 ) -> PatchCollection:
-    """Draw the obstacles of a world, coloured by their height [m].
-
-    Of what is overhead, such as lintels and roofs, only the edges are drawn.
-    """
+    """Draw the obstacles of a world, coloured by height [m]; lintels and roofs are edges alone."""
     patches: list[Patch] = []
     overhead: list[Patch] = []
     tops: list[float] = []
@@ -104,10 +98,7 @@ def _to_patch(area: Footprint) -> Patch:
 
 
 def draw_course(axes: Axes, course: Course) -> None:
-    """Draw the route, the circles in which waypoints count as visited, and home as a star.
-
-    The waypoints have their numbers in the course; a mission may visit them backwards.
-    """
+    """Draw the route, home as a star, and the waypoints with their numbers and circles."""
     route = np.array([course.home[:2], *course.waypoints, course.home[:2]])
     axes.plot(*route.T, color="0.5", lw=0.7, ls=":")
     for number, (x, y) in enumerate(course.waypoints, 1):

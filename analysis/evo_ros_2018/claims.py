@@ -1,7 +1,4 @@
-"""The paper's claims, a row each, unless a file has claims of one's own.
-
-``docs/claims.md`` describes the measures and the rules.
-"""
+"""The claims of the paper, or of a file, a row each; ``docs/claims.md`` has the rules."""
 
 import argparse
 from collections.abc import Callable, Iterator

@@ -129,8 +129,7 @@ def _compare_shares(
 ) -> tuple[Interval, int, float, float, str] | None:
     """Compare the shares of champions and random designs of a kind that have a feature.
 
-    Returns the champions' share, their number, the share of random designs, Fisher's p and an
-    explanation; None if there are no champions of the kind.
+    Returns the share, n, the share of random designs, Fisher's p and words; None without champions.
     """
     champions = having[(table.kind == kind) & ~table.random]
     drawn = having[(table.kind == kind) & table.random]

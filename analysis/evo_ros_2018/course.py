@@ -55,10 +55,7 @@ def _read(record: Record, wanted: list[str] | None) -> dict[str, World]:
 
 
 def list_waypoints(worlds: Mapping[str, World]) -> pd.DataFrame:
-    """List a row for each waypoint: world, ``number`` (0: home), ``x_m``, ``y_m``, and the radius.
-
-    ``acceptance_m`` is the distance within which the waypoint counts as visited.
-    """
+    """List the waypoints of each world (home is 0), and the radius within which they count."""
     rows = [
         (name, number, float(x), float(y), world.course.acceptance_m)
         for name, world in worlds.items()

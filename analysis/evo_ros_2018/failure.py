@@ -95,10 +95,7 @@ def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:
 def draw_failure(
     table: pd.DataFrame, context: FigureContext, width: float = 2 * COLUMN_IN
 ) -> Figure:
-    """Draw a panel for each sensor that is hit; mirrored twins share a panel.
-
-    ``table`` is that of ``list_damage``; ``width`` is in inches.
-    """
+    """Draw a panel for each sensor that is hit, of mirrored twins one; ``width`` in inches."""
     rings = sorted(context.rings, key=lambda ring: ring.radius_m)
     centres = table[table.centre == table.sensor].sort_values(["pair", "y_m"])
     hits = centres.drop_duplicates("pair", keep="last").centre.tolist()  # the left one of twins
@@ -159,10 +156,7 @@ def _draw_rings(axes: Axes, hit: pd.DataFrame, rings: Sequence[Ring]) -> None:
 
 
 def _draw_sensors(axes: Axes, hit: pd.DataFrame, scale: float) -> None:
-    """Draw each sensor in the shade of its probability; its number and probability are beside it.
-
-    ``scale`` is that of the page [m/in].
-    """
+    """Draw each sensor in the shade of its probability, with labels; ``scale`` is in m/in."""
     for y, x, chance in hit[["y_m", "x_m", "probability"]].to_numpy(dtype=np.float64).tolist():
         axes.plot(y, x, mfc=_shade(chance), zorder=4, **_SENSOR)
     texts = [f"{n}: {p:.2f}" for n, p in zip(hit.sensor, hit.probability, strict=True)]

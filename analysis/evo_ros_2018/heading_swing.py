@@ -46,10 +46,7 @@ def _turning_points(yaw: Array) -> Array:
 
 
 def read_champion_swings(record: Record) -> pd.DataFrame:
-    """Read ``world`` and ``swing_deg`` of each turning point in the champion's first missions.
-
-    The controller's last layer is the one that navigates.
-    """
+    """Read ``world`` and ``swing_deg`` of each turning point while the last layer navigates."""
     rows = [
         (world, swing)
         for world in record.context.courses

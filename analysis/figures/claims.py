@@ -1,7 +1,4 @@
-"""Claims of one's own, a row each: value, interval, and a verdict by a rule.
-
-``docs/claims.md`` describes the measures and the rules.
-"""
+"""The user's claims, a row each: value, interval, verdict; ``docs/claims.md`` has the rules."""
 
 import argparse
 from collections.abc import Callable, Iterable

@@ -129,10 +129,9 @@ def draw_comparison(
 ) -> Figure:
     """Draw a panel for each measure: a dot for each run below a box, then the tests.
 
-    ``table`` is that of ``compare_treatments`` for ``runs``; ``width`` is in inches. ``label`` is
-    what the fitness is called. Boxes are
-    quartiles, and whiskers end at the last value within 1.5 times the box. Beside each box are the
-    median, its bootstrap interval and n.
+    ``width`` is in inches, ``label`` the name of the fitness. Boxes are quartiles, and whiskers end
+    at the last value within 1.5 times the box. Beside it are the median, its bootstrap interval and
+    n.
     """
     names = list(dict.fromkeys(runs["treatment"].astype(str)))
     letters = abbreviate(names, NAME_LENGTH)

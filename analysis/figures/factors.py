@@ -69,10 +69,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def choose_factors(study: Study, wanted: str | None) -> list[str]:
-    """Choose the named factors, or those in which the runs differ.
-
-    Factors whose levels follow from those of chosen ones need not be named.
-    """
+    """Choose the named factors, or those in which runs differ and which follow from no others."""
     columns = {
         name: tuple(record.levels[name] for record in study.records) for name in study.factors
     }
@@ -152,10 +149,7 @@ def _describe_contrast(measure: str, contrast: Contrast) -> dict[str, object]:
 
 
 def conclude(tests: pd.DataFrame, effects: pd.DataFrame, label: str = FITNESS) -> Iterator[str]:
-    """Yield a conclusion for each effect, with its differences and their intervals.
-
-    ``label`` is what the fitness is called.
-    """
+    """Yield a conclusion for each effect, with its differences; ``label`` names the fitness."""
     for row in tests.to_dict("records"):
         rows = effects[(effects.measure == row["measure"]) & (effects.effect == row["effect"])]
         shown = "; ".join(
@@ -185,10 +179,8 @@ def draw_factors(
 ) -> Figure:
     """Draw a panel for each measure, with its tests below: replicates, means and intervals.
 
-    ``cells`` has the values of each combination of levels by measure, ``names`` those of the
-    factors; ``width`` is in inches, ``label`` what the fitness is called. Levels of the first
-    factor are along the axis, those of the second have colours, and lines between means are
-    parallel if there is no interaction.
+    ``width`` is in inches. Levels of the first factor are along the axis, those of the second have
+    colours, and lines between means are parallel if there is no interaction.
     """
     layout = Layout(len(cells), width, PANEL_IN, table_height(len(names) * 2 - 1, note=True))
     with use_style():

@@ -58,11 +58,8 @@ def draw_fitness(
 ) -> Figure:
     """Draw each individual, the best and the mean of one run, or the quartiles of several.
 
-    ``generations`` has the columns of a run's generation tables and, for several runs, ``run`` and
-    ``treatment``; each treatment has a panel. ``width`` is in inches. An individual is drawn in
-    each generation to which it belongs. ``champion`` is the interval of the champion's fitness of
-    one run, drawn beside the last generation. ``labels`` say what the fitness of each treatment is
-    called; treatments with fitnesses of different names have scales of their own.
+    Each treatment has a panel; ``width`` is in inches. ``champion`` is the interval of the
+    champion's fitness. Treatments with ``labels`` of different fitnesses have scales of their own.
     """
     names = labels or {}
     several = "run" in generations and generations["run"].nunique() > 1

@@ -30,9 +30,8 @@ def draw_ladder(
 ) -> Figure:
     """Draw a line for each design over the rungs, and the mean of all in black.
 
-    ``table`` is that of ``climb``. ``cells`` are rows of the table below: upper rung, n, rank
-    correlation and change; ``note`` is its last line. ``label`` is what the fitness is called. Bars
-    are standard errors over the trials.
+    ``table`` is that of ``climb``. ``cells`` are rows of the table below and ``note`` its last
+    line. Bars are standard errors over the trials.
     """
     layout = Layout(1, width, 0.85 * COLUMN_IN, table_height(len(cells), bool(note)))
     rungs = list(dict.fromkeys([str(table["x"].iloc[0]), *table["y"].astype(str)]))

@@ -110,10 +110,7 @@ class Missions:
 
 
 def draw_missions(missions: Missions, width: float = PAGE_IN) -> Figure:
-    """Draw a panel for each world, below it errors of the estimated pose, and readings, if any.
-
-    ``width`` is in inches.
-    """
+    """Draw a panel for each world, errors and readings below; ``width`` is in inches."""
     columns = min(len(missions.worlds), max(1, int(width / _PANEL_IN)))
     room = _PER_IN / scale_type(1.0) * width / columns
     rows = math.ceil(len(missions.worlds) / columns)

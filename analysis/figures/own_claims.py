@@ -1,7 +1,4 @@
-"""Claims of one's own, judged by the rules of the paper's: replicates, intervals, random designs.
-
-Every run has a value of its champion and, if the measure has one, that of its random designs.
-"""
+"""The user's claims by the rules of the paper's: replicates, intervals, random designs."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -94,10 +91,7 @@ def title_measure(measure: str) -> str:
 
 
 def _compare_with_random(sides: Sequence[pd.DataFrame]) -> tuple[float, Interval]:
-    """Return the value of random designs, and by how much champions exceed their own.
-
-    Both are NaN if a run has no such value.
-    """
+    """Return the value of random designs, and the champions' excess; NaN if a run has none."""
     random = [side.random.to_numpy(float) for side in sides]
     if any(np.isnan(drawn).any() for drawn in random):
         return np.nan, NOTHING
@@ -133,10 +127,7 @@ def _is_beyond(claim: OwnClaim, excess: Interval) -> bool:
 
 
 def measure_runs(measure: str, study: Study, near: Near, place: str) -> pd.DataFrame:
-    """Measure each run: ``value`` of its champion and ``random``, the mean of its random designs.
-
-    The index is the name of the run; NaN: not known.
-    """
+    """Measure, by run, ``value`` of the champion and ``random``, the random designs' mean."""
     readers: Mapping[str, Callable[[], pd.DataFrame]] = {
         **dict.fromkeys(FITNESS, lambda: _measure_fitness(measure, study)),
         **dict.fromkeys(GAINS, lambda: _measure_gain(measure, study)),

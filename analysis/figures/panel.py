@@ -48,10 +48,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def rank_pairs(sensors: pd.DataFrame) -> pd.DataFrame:
-    """Add the column ``rank``, which colours stand for, so that panels can be compared.
-
-    Rank 0 is the pair that faces nearest to straight ahead; twins have the same rank.
-    """
+    """Add the ``rank`` of each pair for colours: 0 faces nearest to ahead; twins share it."""
     facing = sensors.assign(facing=sensors.yaw_deg.abs().round(9))
     pairs = facing.dropna(subset="pair").sort_values(["run", "facing", "pair"])
     pairs = pairs.drop_duplicates(["run", "pair"])
@@ -65,11 +62,9 @@ def draw_panels(
     width: float = COLUMN_IN,
     signals: pd.DataFrame | None = None,
 ) -> Figure:
-    """Draw a panel for each champion, in rows by treatment.
+    """Draw a panel for each champion, in rows by treatment; ``width`` is in inches.
 
-    ``sensors`` is that of ``rank_pairs``; a row without a place is a champion without sensors.
-    ``contexts`` has the context of each treatment. ``width`` is in inches. ``signals`` has the
-    champions' sensors that cast no rays, as ``Study.signals``.
+    ``sensors`` is that of ``rank_pairs``, ``signals`` as ``Study.signals``.
     """
     champions = Champions(sensors, contexts, signals)
     placed = champions.placed
@@ -160,10 +155,9 @@ def _make_panels(
 def lay_out(
     numbers: Sequence[int], ratio: float, width: float, foot: float, above: float = TITLE_IN
 ) -> Sheet:
-    """Place panels of a good size, or smaller ones if all of them then fit on one page.
+    """Place so many panels of each treatment, smaller ones if all of them then fit on one page.
 
-    ``numbers`` are the panels of each treatment, ``ratio`` is a panel's height over its width, and
-    ``foot`` is the room for the legend [in], and ``above`` that for the title of a panel.
+    ``ratio`` is height over width; ``foot`` is room for the legend, ``above`` for a title [in].
     """
     heading = HEADING_IN * (len(numbers) > 1)
     pages = []

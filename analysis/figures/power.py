@@ -137,11 +137,7 @@ def draw_power(
     power: float,
     width: float = COLUMN_IN,
 ) -> Figure:
-    """Draw the power over the number of replicates, a curve for each difference.
-
-    A dot is the least number of replicates with the wanted power, and a bar its interval; ``width``
-    is in inches.
-    """
+    """Draw power over replicates, ``width`` inches wide; dots are the minima that suffice."""
     with use_style():
         figure = Figure(figsize=(width, 2.6), layout="constrained")
         axes = figure.subplots()

@@ -96,8 +96,8 @@ def draw_regions(
 ) -> Figure:
     """Draw a panel for each context: the robot, its regions, and fans of headings.
 
-    A region has the colour of the one that it mirrors. Mirror images that are no regions have
-    dashed edges. ``width`` is in inches; ``named`` also gives a single panel its title.
+    Mirror images that are no regions have dashed edges. ``width`` is in inches; ``named`` also
+    gives a single panel its title.
     """
     reach = FAN * max(map(robot_length, contexts.values()))
     view = _fit_window(contexts, reach)

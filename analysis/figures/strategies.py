@@ -1,7 +1,4 @@
-"""What evolved: coverage by direction, front arrays or side mounts, redundancy, damage.
-
-Champions are compared with the random designs of generation 0.
-"""
+"""Evolved strategies against random designs: coverage, front or side mounts, redundancy, damage."""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -84,11 +81,7 @@ def _report(summary: pd.DataFrame) -> list[str]:
 
 
 def draw_strategies(table: pd.DataFrame, summary: pd.DataFrame, width: float = PAGE_IN) -> Figure:
-    """Draw coverage by direction, a panel for each treatment, and below it three features.
-
-    ``table`` is that of ``describe_designs``, ``summary`` that of ``compare_with_random``;
-    ``width`` is in inches.
-    """
+    """Draw coverage by treatment and direction, and three features; ``width`` is in inches."""
     treatments = list(dict.fromkeys(table.treatment))
     columns = max(1, int(width / PANEL_IN))
     across = min(columns, len(treatments))

@@ -73,10 +73,7 @@ def _draw_ladder(table: pd.DataFrame, summary: pd.DataFrame, width: float, label
 
 
 def summarize(table: pd.DataFrame) -> pd.DataFrame:
-    """Summarize ``pair_scores``: a row for each pair of conditions and group, in its order.
-
-    ``n`` designs; Spearman's rank correlation and the mean change, each with a bootstrap interval.
-    """
+    """Summarize ``pair_scores``: a row for each pair of conditions and group, with intervals."""
     rows = []
     for (x, y, group), pairs in table.groupby(["x", "y", "group"], sort=False):
         order = spearman(pairs["x_fitness"].to_numpy(float), pairs["y_fitness"].to_numpy(float))
@@ -106,9 +103,8 @@ def draw_transfer(
 ) -> Figure:
     """Draw a panel for each pair of conditions: designs on the line are equally fit under both.
 
-    ``table`` is that of ``pair_scores``, ``summary`` that of ``summarize``; ``width`` is in
-    inches. Bars are standard errors over the trials. Below each panel are n, the rank correlation
-    and the mean change of each group, with their bootstrap intervals.
+    Bars are standard errors over the trials. Tables below have bootstrap intervals; ``width`` in
+    inches.
     """
     panels = list(table.groupby(["x", "y"], sort=False))
     groups = list(dict.fromkeys(summary["group"].astype(str)))

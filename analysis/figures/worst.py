@@ -153,10 +153,7 @@ class TestedDesign:
 def draw_worst(
     design: TestedDesign, sensors: pd.DataFrame, context: FigureContext, width: float = PAGE_IN
 ) -> Figure:
-    """Draw the share of sets that stop a design by their size, and its smallest stopping set.
-
-    ``sensors`` has the columns of ``designs.COLUMNS``. ``width`` is in inches.
-    """
+    """Draw the shares of sets that stop a design, and the smallest; ``width`` is in inches."""
     with use_style():
         if is_wide(width):
             figure = Figure(figsize=(width, 0.42 * width), layout="constrained")

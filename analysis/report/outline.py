@@ -10,10 +10,7 @@ from ..tables.records import Record
 
 
 def outline(values: Values, choices: Choices) -> list[tuple[str, str, str]]:
-    """List the key, name and values of each part of a configuration; loose values are ``run``.
-
-    Empty values, the executor and the figures are left out.
-    """
+    """List key, name and values of each part, without the executor; loose values are ``run``."""
     parts: dict[str, dict[str, Any]] = {}
     loose: dict[str, Any] = {}
     for key, value in values.items():

@@ -123,10 +123,7 @@ def _render_sections(
 
 
 def _configure(records: Sequence[Record]) -> dict[str, Any]:
-    """Return what differs between treatments, what they have in common, and their files.
-
-    Runs and evaluations are configured apart, because a treatment of one is not that of the other.
-    """
+    """Return what differs between treatments of runs or evaluations, the rest, and their files."""
     first = {record.treatment: record for record in reversed(records)}
     differences = tabulate_differences(records)
     varied = {*differences["key"], *(["seed"] if len(records) > 1 else [])}

@@ -26,10 +26,7 @@ _NAMESPACE = re.compile(r"\{[^}]*\}")
 
 
 def embed_figure(figure: Figure, name: str) -> Markup:
-    """Return a figure as an ``svg`` element, or as an ``img`` if it is large.
-
-    ``name`` must be unique in the page.
-    """
+    """Return a figure as an ``svg`` with ids of its name, or as an ``img`` if it is large."""
     file = io.BytesIO()
     save(figure, file, "svg", as_text=True)  # so that its text can be searched and copied
     if len(file.getvalue()) <= MAX_SVG:
@@ -44,10 +41,7 @@ def embed_figure(figure: Figure, name: str) -> Markup:
 
 
 def inline_svg(svg: bytes, name: str) -> Markup:
-    """Convert an SVG file to an element of HTML, without namespaces, metadata and styles.
-
-    Its ids begin with ``name``, so that figures of one page do not refer to each other's elements.
-    """
+    """Convert an SVG file to an element of HTML whose ids begin with ``name``, without metadata."""
     root = ElementTree.fromstring(svg)
     for parent in root.iter():
         for child in list(parent):

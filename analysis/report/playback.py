@@ -31,8 +31,8 @@ from ..tables.study import Study
 from ..tables.tracks import NONE, list_failures
 from .columns import (
     MAX_RECORDS,
-    encode_changes,
     describe_signals,
+    encode_changes,
     encode_numbers,
     encode_place,
     encode_poses,

@@ -36,10 +36,7 @@ class Section:
 def render_section(
     name: str, study: Study, options: argparse.Namespace, own_section: bool
 ) -> Markup:
-    """Render the results of a subcommand for a study, with the subcommand's default options.
-
-    An error in the subcommand affects its section alone.
-    """
+    """Render a subcommand's results with its default options; its error affects it alone."""
     failure = ""
     with _collect_messages() as left_out:
         try:

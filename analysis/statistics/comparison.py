@@ -81,10 +81,7 @@ def title_measure(measure: str, label: str = FITNESS) -> str:
 
 
 def conclude(table: pd.DataFrame) -> list[str]:
-    """Return a conclusion, one sentence, for each row of ``compare_treatments``.
-
-    If no pair of a measure has enough replicates, one sentence says so of all.
-    """
+    """Return a sentence for each row, or one for a measure without enough replicates."""
     said: list[str] = []
     for measure, rows in table.groupby("measure", sort=False):
         pairs = rows.to_dict("records")

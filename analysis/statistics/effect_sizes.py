@@ -39,10 +39,9 @@ def name_magnitude(x: Sample, y: Sample) -> str:
 
 
 def contrast_interval(cells: Sequence[Sample], weights: Sample) -> Interval:
-    """Return a weighted sum of the means of cells and its interval.
+    """Return a weighted sum of the means of cells and its interval; no bounds for single values.
 
-    Cells may differ in size and variance (Welch 1947, Biometrika 34, 28-35). The bounds are NaN if
-    a cell has a single value.
+    Cells may differ in size and variance (Welch 1947, Biometrika 34, 28-35).
     """
     samples = [np.asarray(cell, float) for cell in cells]
     factors: Array = np.asarray(weights, float)

@@ -126,10 +126,7 @@ def _test(
 def list_contrasts(
     cells: Mapping[Cell, Array], levels: Mapping[str, Sequence[str]]
 ) -> Iterator[Contrast]:
-    """Yield the differences of means of two levels of each factor, and the interaction's.
-
-    Cells have equal weights, whatever their sizes. ``levels`` lists the levels of each factor.
-    """
+    """Yield the differences of means by factor, and the interaction's; cells weigh the same."""
     keys = list(cells)
     samples = [cells[key] for key in keys]
     for place, (name, known) in enumerate(levels.items()):

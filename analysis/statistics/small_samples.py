@@ -92,10 +92,7 @@ def holm(p: Sample) -> list[float]:
 
 
 def a12(x: Sample, y: Sample) -> float:
-    """Return the probability that a value of ``x`` is greater than one of ``y``.
-
-    Ties count half (Vargha and Delaney 2000). At 0.5 neither sample tends to be greater.
-    """
+    """Return the probability that a value of ``x`` exceeds one of ``y``; ties count half."""
     a, b = np.asarray(x, float)[:, None], np.asarray(y, float)
     return float(np.mean((a > b) + 0.5 * (a == b)))
 
@@ -121,10 +118,7 @@ def mean_interval(values: Sample) -> Interval:
 
 
 def spearman(x: Sample, y: Sample) -> Interval:
-    """Return Spearman's rank correlation of pairs and its bootstrap interval.
-
-    It is NaN if all values of one side are equal; such resamples are dropped.
-    """
+    """Return Spearman's rank correlation of pairs and its interval; NaN for a constant side."""
     return _bootstrap(_rank_correlation, x, y)
 
 
@@ -145,11 +139,7 @@ def fisher(count: int, total: int, other_count: int, other_total: int) -> float:
 
 
 def ratio_interval(parts: Sample, wholes: Sample) -> Interval:
-    """Return the ratio of the sums of ``parts`` and ``wholes`` and its bootstrap interval.
-
-    Each replicate has one value of either. Replicates are resampled as a unit, so that values of
-    one replicate are not taken as independent.
-    """
+    """Return the ratio of the sums and its bootstrap interval; replicates are drawn as a unit."""
     return _bootstrap(_ratio, parts, wholes)
 
 

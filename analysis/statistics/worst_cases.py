@@ -71,10 +71,7 @@ def estimate_risks(missions: pd.DataFrame) -> pd.DataFrame:
 
 
 def find_smallest(cases: pd.DataFrame) -> pd.DataFrame:
-    """Return the cases with the fewest failed sensors that stop a design; empty if none does.
-
-    Missions that were not completed without a failure are no case.
-    """
+    """Return the cases with the fewest failed sensors, one at least, that stop a design."""
     stopping = cases[(cases["stopped"] > 0) & (cases["failed"] > 0)]
     smallest: pd.DataFrame = stopping[stopping["failed"] == stopping["failed"].min()]
     return smallest

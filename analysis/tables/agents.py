@@ -103,11 +103,7 @@ def list_robots(record: Record) -> list[Record]:
 
 
 def read_tracks(record: Record, world: str) -> pd.DataFrame:
-    """Read the tracks of all robots; of several robots, the last column has the name.
-
-    Raises:
-        InputError: see ``read_track``.
-    """
+    """Read the tracks of all robots; of several robots, the last column has the name."""
     robots = list_robots(record)
     tracks = [read_track(robot.run, robot.context, world) for robot in robots]
     if len(tracks) == 1:
@@ -134,11 +130,7 @@ class Choice(NamedTuple):
 
 
 def choose_robot(study: Study, agent: str | None) -> Choice:
-    """Return the study of one robot of each run.
-
-    This is the first robot, or the named agent. Runs without that agent are left out. If there are
-    several robots, the treatments name the one that is shown.
-    """
+    """Return the study of the first robot of each run, or of the named agent, if a run has it."""
     several = (*study.records, *study.evaluations)
     known = list(dict.fromkeys(name for record in several for name in record.context.agents))
     if agent not in (None, *known):

@@ -30,10 +30,7 @@ def read_initial_sensors(record: Record) -> pd.DataFrame:
 
 
 def place_candidates(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
-    """Place the sensors of candidates, each with the field of view and range that it evolved.
-
-    ``candidates`` has rows of a generation's table; see ``place_sensors`` for what is returned.
-    """
+    """Place the sensors of candidates, each with the field of view and range that it evolved."""
     placed = place_sensors(list_mounts(candidates, record), record.context)
     own = candidates.set_index("id")
     for gene, kind, column in _list_beam_genes(record):
@@ -61,10 +58,7 @@ def read_evolved(record: Record, design: int) -> dict[str, float]:
 
 
 def list_mounts(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
-    """List the mounts of candidates, twins included, with the columns of ``design.csv``.
-
-    ``candidates`` has rows of a generation's table. Fixed sensors are those of all.
-    """
+    """List the mounts of candidates, fixed ones and twins included, as ``design.csv`` does."""
     placed = [_fix(candidates, slot, record) for slot in range(-len(record.context.fixed), 0)]
     count = sum(bool(re.fullmatch(r"sensor\d+_yaw_deg", str(name))) for name in candidates)
     slots = [_slot(candidates, slot, record) for slot in range(count)]

@@ -80,10 +80,7 @@ def is_level(level: str, wanted: str) -> bool:
 
 
 def select_rows(records: Sequence[Record], conditions: Conditions, source: str) -> list[bool]:
-    """Return which records have one of the allowed levels of every factor.
-
-    ``source`` begins error messages.
-    """
+    """Return which records meet all conditions; ``source`` begins error messages."""
     chosen = [True] * len(records)
     for name, allowed in conditions.items():
         levels = require_levels(records, name, source)

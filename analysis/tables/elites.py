@@ -100,10 +100,7 @@ def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) ->
 
 
 def read_front(study: Study, options: argparse.Namespace) -> Front:
-    """Read the front; ``options`` choose the objectives ``x`` and ``y`` that are drawn.
-
-    All objectives of the first run count for the front.
-    """
+    """Read the front in all objectives; ``options`` choose two, ``x`` and ``y``, that are drawn."""
     x, y = choose_axes(study, OBJECTIVES, options)
     axes = read_axes(study.records[0], OBJECTIVES)
     candidates = pd.concat(

@@ -9,11 +9,7 @@ from evoros.terminal.log import LOGGER
 
 
 def find_folders(paths: Sequence[Path]) -> list[Path]:
-    """Find all run and evaluation folders below the paths.
-
-    A folder that several paths lead to is listed once. If it were listed twice, it would be taken
-    for two replicates.
-    """
+    """Find the run and evaluation folders below paths, each once: none is two replicates."""
     found: dict[Path, Path] = {}
     for path in paths:
         for folder in list_folders(path):

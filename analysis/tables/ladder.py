@@ -21,8 +21,7 @@ NAMES = ("source", "design")
 def climb(study: Study) -> pd.DataFrame:
     """Pair the scores of designs on each rung with those on the next, with ``COLUMNS``.
 
-    The rungs are the evaluations in the order in which they were given. Designs that are not on
-    all of them are left out, and one line reports it.
+    Rungs are evaluations as given. Designs that are not on all of them are left out and reported.
     """
     rungs = read_evaluations(study) if len(study.evaluations) > 1 else []
     if len(rungs) < 2:

@@ -32,10 +32,7 @@ Value = TypeVar("Value")
 
 
 def select_conditions(record: Record) -> dict[str, Any]:
-    """Select the values on which the score of a given design depends.
-
-    The simulator is the confirming one, if the run has one.
-    """
+    """Select the values on which the score of a design depends, with a confirming simulator."""
     values = apply_confirmation(record.values)
     return {
         key: value for key, value in values.items() if any(_within(key, top) for top in MISSION)
@@ -65,10 +62,7 @@ def find_differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[s
 
 
 def list_differences(evaluation: EvaluationRecord, record: Record) -> list[str]:
-    """List the keys in which the conditions of an evaluation and a finished run differ.
-
-    Values that evolve belong to the design, whatever the two configurations contain.
-    """
+    """List the keys of differing conditions of an evaluation and a run; evolved values are none."""
     evolved = read_champion_genes(record)
     differences = find_differences(select_conditions(evaluation), select_conditions(record))
     return [key for key in differences if key not in evolved]

@@ -41,10 +41,7 @@ class RecordedSensor:
 def read_sensors(
     trajectory: pd.DataFrame, links: Collection[str], context: FigureContext, source: str
 ) -> list[RecordedSensor]:
-    """Return all sensors of a robot in their order, with their readings.
-
-    ``links`` are those of the robot, which ``source`` describes.
-    """
+    """Return all sensors of a robot with their readings; ``source`` describes its ``links``."""
     prefix = find_prefix(links, context.types)
     types = _find_types(links, context.types, prefix)
     ranges = group_ranges(trajectory)
@@ -90,10 +87,7 @@ def find_nearest(ranges: Array) -> Array:
 
 
 def merge_sectors(ranges: Array, bearings_deg: Sequence[float], most: int) -> list[Array]:
-    """Return the nearest ranges (rows,) in sectors of equal width, from the right to the left.
-
-    Each sector has a range at least, so that there are at most as many as ranges, or ``most``.
-    """
+    """Return the nearest ranges (rows,) in ``most`` sectors of equal width, from the right."""
     ordered = np.argsort(bearings_deg, kind="stable")
     sectors = np.array_split(ordered, min(most, len(ordered)))
     return [find_nearest(ranges[:, sector]) for sector in sectors]

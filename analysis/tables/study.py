@@ -42,10 +42,7 @@ class Study:
     _reported: set[str] = field(default_factory=set, repr=False)
 
     def gather(self, read: Callable[[Record], pd.DataFrame]) -> pd.DataFrame:
-        """Concatenate the tables of all runs, with ``run``, ``treatment`` and ``seed`` first.
-
-        A run whose files cannot be read is left out, and one line reports it.
-        """
+        """Concatenate the tables of all runs, with ``KEYS`` first; report unreadable runs."""
         frames = self._mark(self.records, read)
         if not frames:
             without = "none of the runs has the required data; give the folders of complete runs"

@@ -104,10 +104,7 @@ def find_champion_mission(run: Run, world: str) -> "pd.Series[str]":
 
 
 def find_first_mission(run: Run, design: int, world: str) -> "pd.Series[str]":
-    """Find the first mission of a design in a world that counted for its fitness.
-
-    It is one of its first confirmation if it was confirmed, else of its first selection.
-    """
+    """Find the first counted mission of a design in a world: of a confirmation, else selection."""
     missions = run.missions
     candidates = missions[(missions["design"] == design) & (missions["world"] == world)]
     confirmed = candidates[candidates["purpose"] == "confirmation"]
@@ -131,10 +128,7 @@ def load_champion_world(run: Run, context: FigureContext, name: str) -> World:
 
 
 def load_mission_world(run: Run, context: FigureContext, row: "pd.Series[str]") -> World:
-    """Load the world of a mission whose trajectory the run has kept.
-
-    It is the same in all missions unless each has its own.
-    """
+    """Load the world of a kept mission, which may be its own."""
     return _load_recorded(find_mission_world(run, row), context.courses[str(row["world"])])
 
 

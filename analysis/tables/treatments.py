@@ -116,10 +116,7 @@ def _number(label: str, taken: Iterable[str]) -> str:
 
 
 def report_repeated(runs: Iterable[Record]) -> list[str]:
-    """Report, in one line, the runs that repeat another run.
-
-    Runs with the same configuration and seed are identical, so that they are no replicates.
-    """
+    """Report in one line the runs that repeat a seed, so that they are no replicates."""
     table = pd.DataFrame([(r.name, r.treatment, r.seed) for r in runs], columns=["run", "t", "s"])
     repeated = table.run[table.duplicated(["t", "s"])].tolist()
     if not repeated:

@@ -35,8 +35,8 @@ def validate_champions(study: Study) -> pd.DataFrame:
 def score_under(study: Study, name: str) -> pd.DataFrame:
     """Collect the score of each finished run's champion under common conditions.
 
-    The column ``under NAME`` is the mean fitness in the evaluation with that name or treatment;
-    among several it is the one with the most trials. NaN: no such evaluation has the champion.
+    ``under NAME`` is the mean fitness in the evaluation, with the most trials, of that name or
+    treatment. NaN: no such evaluation has the champion.
     """
     evaluations = read_evaluations(study)
     column = f"under {name}"
@@ -69,10 +69,7 @@ def read_evaluations(study: Study) -> list[Scores]:
 
 
 def list_unused(study: Study) -> dict[str, list[str]]:
-    """List the parts in which each evaluation that validates no run differs from the nearest one.
-
-    The names of evaluations are the keys.
-    """
+    """List, by evaluation that validates no run, the parts that differ from the nearest run."""
     unused = {}
     runs = [record for record in study.records if record.finished]
     for evaluation in study.evaluations:

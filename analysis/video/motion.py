@@ -32,10 +32,7 @@ class Motion(NamedTuple):
 
 
 def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:
-    """Interpolate poses linearly; wheels steer and turn so that they roll.
-
-    ``trajectory`` has at least the columns ``POSE``.
-    """
+    """Interpolate poses linearly; wheels steer and turn so that they roll."""
     check_poses(trajectory)
     # The end has a record of its own, even at the time of the previous record.
     distinct = trajectory.drop_duplicates("time_s", keep="last")
