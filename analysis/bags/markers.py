@@ -18,11 +18,11 @@ def list_markers(world: World) -> Iterator[Mapping[str, Any]]:
         colour = FIXED if body.mass is None else MOVABLE
         rgba = {**dict(zip("rgb", colour, strict=True)), "a": 1.0}
         solids = [shape for shape in body.shapes if shape.kind != "plane"]
-        for number, shape in enumerate(solids):
+        for index, shape in enumerate(solids):
             pose = body.pose @ shape.pose
             yield {
                 "ns": body.name,
-                "id": number,
+                "id": index,
                 **_geometry(shape),
                 "pose": {
                     "position": _vector(pose.position),

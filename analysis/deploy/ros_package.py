@@ -20,8 +20,7 @@ from .ardupilot import (
     list_single,
     write_parameters,
 )
-from .champion import Champion, Triple
-from .clashes import list_clashes, list_hidden
+from .champion import Champion, Triple, list_clashes, list_hidden
 from .meshes import MeshFiles
 from .ros_parameters import controller_parameters, robot_parameters, write_parameter_file
 
@@ -143,9 +142,11 @@ def _describe(champion: Champion, options: PackageOptions) -> dict[str, Any]:
 
 def _list_commands(champion: Champion) -> list[str]:
     """Return the commands that were the controller in the missions."""
-    found = [champion.values.get(f"controller.{key}") for key in ("command", "nodes")]
-    commands = [found[0]] if found[0] else found[1] or []
-    return [each if isinstance(each, str) else " ".join(map(str, each)) for each in commands]
+    given = [champion.values.get(f"controller.{key}") for key in ("command", "nodes")]
+    commands = [given[0]] if given[0] else given[1] or []
+    return [
+        command if isinstance(command, str) else " ".join(map(str, command)) for command in commands
+    ]
 
 
 def _list_topics(champion: Champion) -> list[tuple[str, str]]:

@@ -10,7 +10,7 @@ from evoros.terminal.log import LOGGER
 from ..drawing.mounting import draw_mounting
 from ..drawing.style import save
 from ..product import Product
-from ..subcommand_options import add_run
+from ..subcommands import add_run
 from ..tables.study import Study
 from .champion import Champion, read_champion
 from .mounting_plan import plan_mounting

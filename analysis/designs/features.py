@@ -45,9 +45,9 @@ def describe_designs(
     Random designs with a number of sensors that no champion of their treatment has are dropped.
     """
     best = _describe(champions, rings, near_m, near_deg).assign(random=False)
-    found = find_clusters(compute_directions(best[HEADINGS_DEG]))
-    if found.real:
-        best["strategy"] = best.groupby(found.labels).ahead.transform("mean").map(_classify)
+    clusters = find_clusters(compute_directions(best[HEADINGS_DEG]))
+    if clusters.real:
+        best["strategy"] = best.groupby(clusters.labels).ahead.transform("mean").map(_classify)
     drawn = _describe(initial, rings, near_m, near_deg).assign(random=True)
     numbers = set(zip(best.treatment, best.sensors, strict=True))
     comparable = [pair in numbers for pair in zip(drawn.treatment, drawn.sensors, strict=True)]
@@ -117,12 +117,12 @@ def _compare(best: pd.DataFrame, drawn: pd.DataFrame, radii: Sequence[float]) ->
 
 
 def _structure(best: pd.DataFrame, drawn: pd.DataFrame) -> Iterator[Row]:
-    found = cluster_designs(best)
-    score = Interval(found.silhouette)
-    yield {**_row("clusters", Interval(found.count), best, drawn), "p": found.p}
-    yield {**_row("silhouette", score, best, drawn), "p": found.p}
+    clusters = cluster_designs(best)
+    score = Interval(clusters.silhouette)
+    yield {**_row("clusters", Interval(clusters.count), best, drawn), "p": clusters.p}
+    yield {**_row("silhouette", score, best, drawn), "p": clusters.p}
     pool = compute_directions(drawn[HEADINGS_DEG].drop_duplicates())
-    p = compare_with_samples(found.silhouette, len(best), pool)
+    p = compare_with_samples(clusters.silhouette, len(best), pool)
     yield {**_row("silhouette, against random designs", score, best, drawn), "p": p}
 
 

@@ -82,7 +82,7 @@ def rasterize(cover: pd.DataFrame, x: Array, y: Array) -> np.ma.MaskedArray[Any,
     low, high = (
         np.rint((cover[end] - y[0]) / cell + 0.5).astype(int) for end in ("y_low_m", "y_high_m")
     )
-    for row, first, last, number in zip(rows, low, high, cover.iloc[:, -1], strict=True):
-        count[row, first:last] = number
+    for row, first, last, units in zip(rows, low, high, cover.iloc[:, -1], strict=True):
+        count[row, first:last] = units
     masked: np.ma.MaskedArray[Any, Any] = np.ma.masked_equal(count, 0)
     return masked

@@ -44,8 +44,8 @@ def draw_errors(figure: SubFigure, paths: Mapping[str, pd.DataFrame], columns: i
         twins.append(twin)
     panels[0].set_ylim(0.0, max(axes.get_ylim()[1] for axes in panels[: len(paths)]))
     high = max(twin.get_ylim()[1] for twin in twins)
-    for number, twin in enumerate(twins):
-        last = number % columns == columns - 1 or number == len(twins) - 1
+    for index, twin in enumerate(twins):
+        last = index % columns == columns - 1 or index == len(twins) - 1
         twin.set(ylim=(0.0, high), ylabel="heading error [deg]" if last else "")
         twin.tick_params(labelright=last, colors=VERMILLION, which="both")
         twin.yaxis.label.set_color(VERMILLION)

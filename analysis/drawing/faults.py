@@ -54,8 +54,8 @@ def _split(path: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
             ";".join(n for n, e in zip(numbers.split(";"), by, strict=True) if e == effect)
             for numbers, by in zip(hit["failed_sensors"], names, strict=True)
         ]
-        own = hit.assign(failed_sensors=numbers)
-        yield effect, own[own["failed_sensors"] != ""]
+        rows = hit.assign(failed_sensors=numbers)
+        yield effect, rows[rows["failed_sensors"] != ""]
 
 
 def _draw_growth(axes: Axes, path: pd.DataFrame, begin: int) -> None:

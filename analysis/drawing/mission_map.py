@@ -82,10 +82,10 @@ def _draw_phase(axes: Axes, phase: int, path: pd.DataFrame, modes: Sequence[str]
     """Draw the way of one phase by mode, with arrows along it."""
     stretches = list(split_by_mode(path))
     for name, (colour, width) in _styles(modes).items():
-        own = [stretch for mode, stretch in stretches if mode == name]
-        if own:
+        driven = [stretch for mode, stretch in stretches if mode == name]
+        if driven:
             look = {"colors": colour, "linewidths": width, "linestyles": DASHES[phase]}
-            lines = LineCollection(own, zorder=2.5, label=name, **look)
+            lines = LineCollection(driven, zorder=2.5, label=name, **look)
             axes.add_collection(lines)
     draw_direction(axes, path, phase)
 

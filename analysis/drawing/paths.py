@@ -55,9 +55,9 @@ def make_phase_handles(tracks: pd.DataFrame) -> list[Line2D]:
     phases = set(tracks["phase"]) if "phase" in tracks else {1}
     words = {1: "first phase", 2: "second phase, backwards"}
     return [
-        Line2D([], [], color="0.3", lw=1.0, marker=(3, 0, -90), label=words[phase], **own)
+        Line2D([], [], color="0.3", lw=1.0, marker=(3, 0, -90), label=words[phase], **look)
         for phase in sorted(phases)
-        for own in [{**_HEADS[phase], "ls": DASHES[phase]}]
+        for look in [{**_HEADS[phase], "ls": DASHES[phase]}]
         if len(phases) > 1
     ]
 

@@ -90,13 +90,13 @@ def draw_rays(
         return
     begins, yaw, reach = rows[:, :2], np.radians(rows[:, 2]), np.minimum(rows[:, 3], reach_m)
     ends = begins + reach[:, None] * np.column_stack([np.cos(yaw), np.sin(yaw)])
-    own = [colour for colour, is_narrow in zip(colours, narrow, strict=True) if is_narrow]
+    chosen = [colour for colour, is_narrow in zip(colours, narrow, strict=True) if is_narrow]
     lines = np.stack([to_page(begins), to_page(ends)], axis=1)
     style: dict[str, Any] = {"alpha": alpha, "zorder": 2.2}
     axes.add_collection(
-        LineCollection(list(lines), colors=own, linewidths=_RAY_PT, **style), autolim=False
+        LineCollection(list(lines), colors=chosen, linewidths=_RAY_PT, **style), autolim=False
     )
-    axes.scatter(ends[:, 1], ends[:, 0], s=7, c=own, linewidths=0, **style)
+    axes.scatter(ends[:, 1], ends[:, 0], s=7, c=chosen, linewidths=0, **style)
 
 
 def draw_sensors(

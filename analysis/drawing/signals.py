@@ -40,8 +40,8 @@ def draw_signals(
         autolim=False,
     )
     for order, measures in enumerate(_MARKERS):  # a smaller marker is drawn later
-        own = (signals["measures"] == measures) & (signals["width_m"] <= 0.0)
-        places = to_page(signals.loc[own, ["x_m", "y_m"]].to_numpy(float))
+        shown = (signals["measures"] == measures) & (signals["width_m"] <= 0.0)
+        places = to_page(signals.loc[shown, ["x_m", "y_m"]].to_numpy(float))
         axes.plot(*places.T, **_style(measures), alpha=alpha, zorder=4.5 + 0.01 * order)
 
 

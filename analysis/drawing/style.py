@@ -14,7 +14,7 @@ from evoros.base.arrays import Array
 from evoros.base.errors import InputError, single_line
 from evoros.files.resources import expand_home
 
-from .finish import fit_text, prepare_figure
+from .finish import fit_text, letter, prepare_figure
 from .png import DPI, write_png
 
 COLUMN_IN = 3.5  # width of one column of a two-column page
@@ -62,8 +62,10 @@ def choose_style(name: str | None) -> Iterator[None]:
     Raises:
         InputError: there is no such style, or the file cannot be read.
     """
-    own = {} if name is None else _read_style(name)
-    token = _chosen.set({key: own[key] for key in own if not str(key).startswith(_OURS)})
+    parameters = {} if name is None else _read_style(name)
+    token = _chosen.set(
+        {key: parameters[key] for key in parameters if not str(key).startswith(_OURS)}
+    )
     try:
         yield
     finally:
@@ -124,11 +126,6 @@ def assign_colours(treatments: Sequence[str]) -> dict[str, str]:
     """Assign a colour to each treatment, the same in all figures of a study."""
     names = dict.fromkeys(treatments)
     return {name: CATEGORIES[i % len(CATEGORIES)] for i, name in enumerate(names)}
-
-
-def letter(number: int) -> str:
-    """Return A ... Z, AA, BB ..., which stand for names that are too long for their place."""
-    return chr(ord("A") + number % 26) * (1 + number // 26)
 
 
 def abbreviate(names: Sequence[str], length: int) -> dict[str, str]:

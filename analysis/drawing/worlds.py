@@ -101,7 +101,7 @@ def draw_course(axes: Axes, course: Course) -> None:
     """Draw the route, home as a star, and the waypoints with their numbers and circles."""
     route = np.array([course.home[:2], *course.waypoints, course.home[:2]])
     axes.plot(*route.T, color="0.5", lw=0.7, ls=":")
-    for number, (x, y) in enumerate(course.waypoints, 1):
+    for index, (x, y) in enumerate(course.waypoints, 1):
         axes.add_patch(Circle((x, y), course.acceptance_m, fill=False, ec="0.5", lw=0.7))
-        axes.text(x, y, f"{number}", path_effects=[_HALO], **_NUMBER)
+        axes.text(x, y, f"{index}", path_effects=[_HALO], **_NUMBER)
     axes.plot(*course.home[:2], marker="*", color="black", ms=6, ls="none")

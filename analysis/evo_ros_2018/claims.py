@@ -9,7 +9,7 @@ from ..designs.coverage import DESIGN, HEADINGS_DEG
 from ..designs.features import describe_designs
 from ..designs.pairs import paper_rings
 from ..figures import claims as own_claims
-from ..figures.thresholds import check_thresholds
+from ..figures.options import check_thresholds
 from ..product import Product
 from ..statistics.finding import Finding
 from ..tables.candidates import read_initial_sensors

@@ -21,7 +21,7 @@ from ..drawing.robot import AXES, aspect_ratio, draw_robot, frame_axes
 from ..drawing.sheet import Sheet
 from ..drawing.style import COLUMN_IN, VERMILLION, figure_width, use_style
 from ..product import Product
-from ..subcommand_options import add_run
+from ..subcommands import add_run
 from ..tables.designs import read_champion_sensors
 from ..tables.records import Record
 from ..tables.study import Study

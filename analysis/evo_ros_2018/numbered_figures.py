@@ -93,9 +93,9 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
 
 
 def _draw(figure: _PaperFigure, study: Study, options: argparse.Namespace) -> Product:
-    own = parse([figure.subcommand, *map(str, options.folders), *figure.options])
-    own.columns = options.columns or figure.columns
-    product = make_one(import_subcommand(figure.subcommand), figure.select(study), own)
+    chosen = parse([figure.subcommand, *map(str, options.folders), *figure.options])
+    chosen.columns = options.columns or figure.columns
+    product = make_one(import_subcommand(figure.subcommand), figure.select(study), chosen)
     if product.figure is None:
         raise InputError("has no figure")
     return product

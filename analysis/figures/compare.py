@@ -33,11 +33,11 @@ from ..statistics.comparison import (
 )
 from ..statistics.small_samples import LEVEL, median_interval, minimum_replicates
 from ..tables.matching import find_differences, select_conditions
-from ..tables.quantities import FITNESS, label_fitness
+from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
 from ..tables.validated import BY_EVALUATION, BY_RUN, list_unused
-from .scores import add_conditions, score_runs
+from .options import add_conditions, score_runs
 
 HELP = "treatments side by side: recorded and validated fitness, tests, effect sizes, intervals"
 MAX_TESTS = 30

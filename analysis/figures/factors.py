@@ -21,10 +21,10 @@ from ..statistics.effect_sizes import contrast_interval
 from ..statistics.factorial import Cell, Contrast, EffectTest, list_contrasts, permute_effects
 from ..statistics.small_samples import LEVEL, holm
 from ..tables.factors import follows
-from ..tables.quantities import FITNESS, label_fitness
+from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 from ..tables.treatments import describe_factor, describe_level, report_repeated
-from .scores import add_conditions, score_runs
+from .options import add_conditions, score_runs
 
 HELP = "the effects of one or two factors and their interaction, with 95 % intervals"
 TESTS = ("measure", "effect", "df", "df_error", "f", "p", "p_holm")
@@ -133,7 +133,8 @@ def _list_tests(
 ) -> Iterator[dict[str, object]]:
     values = np.concatenate(list(cells.values()))
     levels = {
-        name: [cell[i] for cell, own in cells.items() for _ in own] for i, name in enumerate(names)
+        name: [cell[i] for cell, sample in cells.items() for _ in sample]
+        for i, name in enumerate(names)
     }
     tests: list[EffectTest] = permute_effects(values, levels)
     for test, adjusted in zip(tests, holm([test.p for test in tests]), strict=True):
@@ -143,9 +144,9 @@ def _list_tests(
 
 
 def _describe_contrast(measure: str, contrast: Contrast) -> dict[str, object]:
-    found = contrast.interval
-    cells = (measure, CROSS.join(contrast.effect), contrast.text, found.value, found.low)
-    return dict(zip(EFFECTS, (*cells, found.high), strict=True))
+    interval = contrast.interval
+    cells = (measure, CROSS.join(contrast.effect), contrast.text, interval.value, interval.low)
+    return dict(zip(EFFECTS, (*cells, interval.high), strict=True))
 
 
 def conclude(tests: pd.DataFrame, effects: pd.DataFrame, label: str = FITNESS) -> Iterator[str]:

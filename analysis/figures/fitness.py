@@ -14,7 +14,7 @@ from ..drawing.words import wrap
 from ..product import Product
 from ..statistics.small_samples import Interval
 from ..tables.generations import compute_quartiles, list_individuals, trace_fitness
-from ..tables.quantities import FITNESS, label_by_treatment
+from ..tables.records import FITNESS, label_by_treatment
 from ..tables.study import Study
 
 HELP = "fitness over the generations: every individual of one run, quartiles of several"

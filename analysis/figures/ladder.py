@@ -51,15 +51,15 @@ def draw_ladder(
 def _draw_lines(axes: Axes, table: pd.DataFrame) -> None:
     designs = list(table.groupby(["source", "design"], sort=False))
     heights = []
-    for number, ((source, design), steps) in enumerate(designs):
+    for index, ((source, design), steps) in enumerate(designs):
         along = steps[["y_fitness", "y_sd", "y_trials"]].to_numpy(float)
         first = steps[["x_fitness", "x_sd", "x_trials"]].to_numpy(float)[:1]
         fitness, sd, trials = np.vstack([first, along]).T
         errors = sd / np.sqrt(trials)
         heights.append(fitness)
-        shift = (number - (len(designs) - 1) / 2) * min(_APART, 0.4 / len(designs))
+        shift = (index - (len(designs) - 1) / 2) * min(_APART, 0.4 / len(designs))
         named = len(designs) <= NAMED
-        colour = CATEGORIES[number % len(CATEGORIES)] if named else "0.6"
+        colour = CATEGORIES[index % len(CATEGORIES)] if named else "0.6"
         axes.errorbar(
             np.arange(len(fitness)) + shift,
             fitness,

@@ -25,7 +25,7 @@ from ..drawing.readings import draw_readings, measure_height
 from ..drawing.style import PAGE_IN, figure_width, scale_type, use_style
 from ..drawing.words import wrap_all
 from ..product import Product
-from ..subcommand_options import add_run, add_worlds
+from ..subcommands import add_run, add_worlds
 from ..tables.agents import read_tracks
 from ..tables.champion_missions import describe_rates
 from ..tables.records import Record

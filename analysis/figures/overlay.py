@@ -28,6 +28,7 @@ from ..designs.cones import Window, fit_window, robot_length
 from ..designs.raster import cell_centres, count_coverage, rasterize
 from ..drawing import robot
 from ..drawing.champions import Champions
+from ..drawing.finish import COLOUR_BAR
 from ..drawing.sheet import Sheet
 from ..drawing.style import COLUMN_IN, figure_width, is_wide, use_style
 from ..product import Product
@@ -175,6 +176,7 @@ def _add_legends(
     height = min(0.8 * (page.height - page.bottom), 3.0)
     corner = page.width - page.right + 0.15, (page.height - height) / 2
     box = page.add_box(figure, corner, (0.1, height))
+    box.set_label(COLOUR_BAR)
     bar = figure.colorbar(ScalarMappable(shades[1], shades[0]), cax=box)
     bar.set_label(f"{unit}{chr(10) if height < 2 else chr(32)}{BAR_LABEL}")
     bar.ax.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))

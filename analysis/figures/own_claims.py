@@ -198,7 +198,9 @@ def _measure_completion(study: Study) -> pd.DataFrame:
     def read(record: Record) -> tuple[float, float]:
         simulator = name_part("simulator", record.values, record.choices)
         sources = ("validated in the run", f"evaluated in {simulator}")
-        own = missions[(missions.run == record.name) & missions.source.isin(sources)]
-        return float(own.completed.mean()), float(drawn[drawn.run == record.name].completed.mean())
+        flown = missions[(missions.run == record.name) & missions.source.isin(sources)]
+        return float(flown.completed.mean()), float(
+            drawn[drawn.run == record.name].completed.mean()
+        )
 
     return _collect(study, read)

@@ -37,12 +37,12 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Draw the panels; the table has a row for each sensor."""
     sensors = rank_pairs(study.gather(read_champion))
     contexts = {record.treatment: record.context for record in study.records}
-    number = sensors.run.nunique()
-    width = figure_width(options.columns, 1 if number <= 4 else 2)
+    count = sensors.run.nunique()
+    width = figure_width(options.columns, 1 if count <= 4 else 2)
     figure = draw_panels(sensors, contexts, width, study.signals)
     messages = []
     if figure.get_figheight() > PAGE_HEIGHT_IN:
-        messages = [f"{number} panels need more than one page: give fewer folders"]
+        messages = [f"{count} panels need more than one page: give fewer folders"]
     tables = {"panel_signals.csv": study.signals} if len(study.signals) else {}
     return Product(sensors, figure, messages, tables)
 
@@ -78,11 +78,11 @@ def draw_panels(
         foot = FOOT_IN + LINE_IN * (math.ceil(len(handles) / columns) + 1 + note.count("\n"))
         figure, panels = _make_panels(sensors, robot.aspect_ratio(view), width, foot)
         for run, axes in panels.items():
-            own, first = placed[placed.run == run], sensors[sensors.run == run].iloc[0]
-            colours = [CATEGORIES[int(rank) % len(CATEGORIES)] for rank in own["rank"]]
+            cones, first = placed[placed.run == run], sensors[sensors.run == run].iloc[0]
+            colours = [CATEGORIES[int(rank) % len(CATEGORIES)] for rank in cones["rank"]]
             robot.draw_robot(axes, contexts[first.treatment])
-            robot.draw_cones(axes, own, colours, cut)
-            robot.draw_sensors(axes, own, colours, champions.markers)
+            robot.draw_cones(axes, cones, colours, cut)
+            robot.draw_sensors(axes, cones, colours, champions.markers)
             if len(champions.others):
                 others = champions.others[champions.others.run == run]
                 draw_signals(axes, others, contexts[first.treatment])
@@ -164,7 +164,7 @@ def lay_out(
     for panel_in in (PANEL_IN, MIN_PANEL_IN):
         columns = max(1, int((width - SIDE_IN) / panel_in))
         columns = math.ceil(max(numbers) / math.ceil(max(numbers) / columns))  # even rows
-        rows = [math.ceil(number / columns) for number in numbers]
+        rows = [math.ceil(panels / columns) for panels in numbers]
         heads = [above + heading * (row == 0) for count in rows for row in range(count)]
         pages.append(Sheet(width, columns, [ratio] * len(heads), heads, bottom=foot))
     fitting = (page for page in pages if page.height <= PAGE_HEIGHT_IN)

@@ -189,8 +189,8 @@ def _write_name(axes: Axes, name: str, area: Area, reach: float) -> None:
     ha = "center" if abs(aside) < 0.3 else "right" if aside > 0 else "left"
     behind = bool(area.facing_deg) and math.cos(math.radians(heading)) < -0.3
     va = "top" if abs(aside) > 0.8 or behind else "bottom"
-    number = ".0f" if area.facing_deg else "g"  # normals of curved outlines have many digits
-    ends = list(dict.fromkeys((f"{low:{number}}", f"{high:{number}}")))
+    form = ".0f" if area.facing_deg else "g"  # normals of curved outlines have many digits
+    ends = list(dict.fromkeys((f"{low:{form}}", f"{high:{form}}")))
     headings = f"{' to '.join(ends)}°"
     text = f"{name.replace('_', ' ')}\n{headings.replace('-', MINUS)}"
     axes.text(tip[1], tip[0], text, fontsize="small", ha=ha, va=va, zorder=5)

@@ -24,7 +24,7 @@ from ..tables.candidates import read_initial_sensors
 from ..tables.designs import read_champion
 from ..tables.study import Study
 from ..tables.treatments import report_repeated
-from . import thresholds
+from .options import add_thresholds, check_thresholds
 
 ONE_ROBOT = True
 HELP = "what evolved: coverage by direction, front arrays or side mounts, redundancy, clusters"
@@ -42,13 +42,12 @@ _LOWER_KEY = [
     Line2D([], [], color="black", lw=1, marker="_", ms=5, label="champions: mean, 95 % interval"),
 ]
 
-
-add_arguments = thresholds.add_arguments
+add_arguments = add_thresholds
 
 
 def make_product(study: Study, options: argparse.Namespace) -> Product:
     """Compare all champions of the study with random designs."""
-    thresholds.check_thresholds(options)
+    check_thresholds(options)
     study = study.select_finished(read_champion, read_initial_sensors)
     champions, near = study.gather(read_champion), (options.near_m, options.near_deg)
     table = describe_designs(champions, study.initial, study.rings, *near)
@@ -115,9 +114,9 @@ def _make_upper_key(colours: Mapping[str, str]) -> list[Artist]:
     """Make the entries of the coverage, in the colour of the treatment if there is one."""
     colour = next(iter(colours.values()))
     band = Patch(fc=colour, alpha=0.25, label="95 % interval")
-    each = Line2D([], [], color=colour, lw=0.4, alpha=0.35, label="each champion")
+    single = Line2D([], [], color=colour, lw=0.4, alpha=0.35, label="each champion")
     mean = Line2D([], [], color=colour, lw=1.4, label="champions, mean")
-    return [mean, band, each, _MIDDLE]
+    return [mean, band, single, _MIDDLE]
 
 
 def _shorten(treatments: Sequence[str]) -> dict[str, str]:

@@ -20,7 +20,7 @@ from ..product import Product
 from ..statistics.small_samples import LEVEL, Interval, mean_interval, spearman
 from ..tables.ladder import climb
 from ..tables.paired_scores import pair_scores
-from ..tables.quantities import FITNESS, label_fitness
+from ..tables.records import FITNESS, label_fitness
 from ..tables.study import Study
 from .ladder import draw_ladder
 
@@ -141,13 +141,13 @@ def _table_row(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
 def _draw_panel(axes: Axes, pairs: pd.DataFrame, groups: list[str], label: str) -> None:
     colours = assign_colours(groups)
     errors = {side: pairs[f"{side}_sd"] / np.sqrt(pairs[f"{side}_trials"]) for side in "xy"}
-    for number, group in enumerate(groups):
+    for index, group in enumerate(groups):
         rows = pairs["group"].astype(str) == group
         if rows.any():
             x, y = pairs["x_fitness"][rows], pairs["y_fitness"][rows]
             bars = {f"{side}err": errors[side][rows].fillna(0.0) for side in "xy"}
             axes.errorbar(x, y, **bars, fmt="none", ecolor="0.6", elinewidth=0.6, zorder=1)
-            marker = MARKERS[number % len(MARKERS)]
+            marker = MARKERS[index % len(MARKERS)]
             axes.scatter(x, y, s=11, c=colours[group], marker=marker, lw=0, label=group, zorder=3)
     low, high = _limits(pairs, errors)
     axes.plot([low, high], [low, high], color="0.3", lw=0.8, ls=(0, (4, 2)), zorder=2)

@@ -226,7 +226,7 @@ def _draw_plan(
     axes: Axes, sensors: pd.DataFrame, context: FigureContext, failed: tuple[int, ...]
 ) -> None:
     draw_robot(axes, context)
-    colours = [VERMILLION if number in failed else BLUE for number in sensors["sensor"]]
+    colours = [VERMILLION if sensor in failed else BLUE for sensor in sensors["sensor"]]
     draw_cones(axes, sensors, colours, REACH_M)
     draw_sensors(axes, sensors, colours, assign_markers(sensors))
     corners = [to_page(outline_part(part)) for part in context.parts]

@@ -173,7 +173,7 @@ def _make_map(study: Study, table: pd.DataFrame, places: Array, ground: _Ground)
     x_ticks, y_ticks = (list(_list_ticks(interval)) for interval in ground.bounds)
     low, high = float(table.fitness.min()), float(table.fitness.max())
     shares = (table.fitness - low) / (high - low) if high > low else table.fitness * 0.0 + 1.0
-    pictures = [draw_sensors(own, reach) if ground.drawn else Markup() for own in designs]
+    pictures = [draw_sensors(sensors, reach) if ground.drawn else Markup() for sensors in designs]
     marked = table.assign(
         picture=pictures, colour=shares.map(_colour), record=pd.Series(records, table.index)
     )
@@ -183,7 +183,7 @@ def _make_map(study: Study, table: pd.DataFrame, places: Array, ground: _Ground)
         ticks=(x_ticks, y_ticks),
         marks=list(_list_marks(marked, places, ground, len(study.records) > 1)),
         dots=list(ground.dots),
-        designs=[(record, int(number)) for record, number in zip(records, table.id, strict=True)],
+        designs=[(record, int(design)) for record, design in zip(records, table.id, strict=True)],
         data=_encode_designs(study, table, ground.axes, designs),
         low=low,
         high=high,

@@ -29,15 +29,15 @@ def _outline_part(
     part: str, inner: Values, values: Values, choices: Choices
 ) -> tuple[str, str, str]:
     """Return key, name and values; parts inside are named, sets of parts list their keys."""
-    own = {key: value for key, value in inner.items() if "." not in key and key != TARGET}
+    values_here = {key: value for key, value in inner.items() if "." not in key and key != TARGET}
     below: dict[str, dict[str, None]] = {}
     for key in inner:
         first, *others = key.split(".")
         if others:
             below.setdefault(first, {})[others[0]] = None
     if TARGET not in inner:
-        return part, "", "; ".join(filter(None, [_join(own), ", ".join(below)]))
-    texts = [_join(own)]
+        return part, "", "; ".join(filter(None, [_join(values_here), ", ".join(below)]))
+    texts = [_join(values_here)]
     for name, keys in below.items():
         is_part = f"{name}.{TARGET}" in inner
         inside = name_part(f"{part}.{name}", values, choices) if is_part else ", ".join(keys)

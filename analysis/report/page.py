@@ -97,12 +97,12 @@ def _render_sections(
     runs, evaluations = study.records, study.evaluations
     findings, missing = list_findings(study)
     yield "Findings", render("findings.html", findings=findings, missing=missing)
-    own = {*OWN_SECTION, *maps}
-    drawn = {name: render_section(name, study, options, name in own) for name in FIGURES}
+    separate = {*OWN_SECTION, *maps}
+    drawn = {name: render_section(name, study, options, name in separate) for name in FIGURES}
     yield OWN_SECTION["compare"], drawn["compare"]
-    yield "Figures", Markup("\n").join(drawn[n] for n in FIGURES if n not in own)
-    for name, each in maps.items():
-        yield TITLES[name], Markup("\n").join((missions.render(each), drawn[name]))
+    yield "Figures", Markup("\n").join(drawn[n] for n in FIGURES if n not in separate)
+    for name, chosen in maps.items():
+        yield TITLES[name], Markup("\n").join((missions.render(chosen), drawn[name]))
     others = sum(record.finished for record in runs) - len(playbacks)
     yield "Player", render("player.html", played=len(playbacks), others=others)
     yield OWN_SECTION["claims"], drawn["claims"]

@@ -59,9 +59,9 @@ def render_section(
 
 def _make_section(name: str, study: Study, options: argparse.Namespace) -> Section:
     module = import_subcommand(name)
-    own = parse([name, *map(str, options.folders)])
-    own.output = options.output
-    product = make_product(module, study, own)
+    chosen = parse([name, *map(str, options.folders)])
+    chosen.output = options.output
+    product = make_product(module, study, chosen)
     figure, table = product.figure, product.table
     rows = 0 if table is None else len(table)
     return Section(

@@ -8,7 +8,7 @@ import pandas as pd
 
 from evoros.base.arrays import Array
 
-from ..tables.quantities import FITNESS
+from ..tables.records import FITNESS
 from .effect_sizes import a12_interval, name_magnitude
 from .small_samples import (
     LEVEL,
@@ -72,7 +72,7 @@ def _compare(measure: str, values: Mapping[str, Array]) -> Iterator[dict[str, ob
 def _describe_side(side: str, values: Array) -> dict[str, object]:
     median = median_interval(values)
     numbers = (values.size, median.value, median.low, median.high)
-    return {f"{name}_{side}": number for name, number in zip(SIDE, numbers, strict=True)}
+    return {f"{name}_{side}": value for name, value in zip(SIDE, numbers, strict=True)}
 
 
 def title_measure(measure: str, label: str = FITNESS) -> str:

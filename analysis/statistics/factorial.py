@@ -110,7 +110,7 @@ def _test(
     f = float(compute_f(residuals))
     if not np.ptp(residuals) > 1e-12 * max(1.0, float(np.abs(values).max())):
         return EffectTest(effect, freedom, error, 0.0, 1.0)
-    found = stats.permutation_test(
+    result = stats.permutation_test(
         (residuals,),
         compute_f,
         permutation_type="pairings",
@@ -120,7 +120,7 @@ def _test(
         alternative="greater",
         rng=np.random.default_rng(SEED),
     )
-    return EffectTest(effect, freedom, error, f, float(found.pvalue))
+    return EffectTest(effect, freedom, error, f, float(result.pvalue))
 
 
 def list_contrasts(

@@ -88,8 +88,8 @@ class Simulation:
         """Return the minimum of replicates with this power; infinity: beyond ``MAX_REPLICATES``."""
 
         numbers = range(1, MAX_REPLICATES + 1)  # 1 is too few
-        found = bisect_left(numbers, power, 1, key=lambda n: self.compute_power(difference, n))
-        return numbers[found] if found < len(numbers) else np.inf
+        index = bisect_left(numbers, power, 1, key=lambda n: self.compute_power(difference, n))
+        return numbers[index] if index < len(numbers) else np.inf
 
 
 def find_critical(n: int, level: float) -> int:
@@ -112,12 +112,12 @@ def plan_replicates(
     """Yield the replicates that each difference needs, with bounds by the deviation's interval."""
     deviation = simulation.scatter.deviation
     for difference in differences:
-        found = [
+        needed = [
             simulation.find_replicates(difference / size, power)
             for size in (deviation.value, deviation.low, deviation.high)
         ]
         yield {
             "difference": difference,
             "in_sd": difference / deviation.value,
-            **dict(zip(("replicates", "replicates_low", "replicates_high"), found, strict=True)),
+            **dict(zip(("replicates", "replicates_low", "replicates_high"), needed, strict=True)),
         }

@@ -23,11 +23,11 @@ def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
     rows = []
     missions = missions[missions["intact"] | (missions["failed_sensors"] != "")]
     by = missions.groupby([*KEYS, "failed_sensors", "failed_at_s"], dropna=False, sort=False)
-    for (source, design, failed, time), found in by:
-        lost = found[~found["completed"].astype(bool)]
+    for (source, design, failed, time), met in by:
+        lost = met[~met["completed"].astype(bool)]
         worlds = " ".join(dict.fromkeys(lost["world"].astype(str)))
         count = len(read_set(str(failed)))
-        rows.append((source, design, failed, count, time, len(found), len(lost), worlds))
+        rows.append((source, design, failed, count, time, len(met), len(lost), worlds))
     table = pd.DataFrame(rows, columns=list(CASES))
     order = [*KEYS, "failed", "failed_sensors", "failed_at_s"]
     return table.sort_values(order, kind="stable", ignore_index=True)
@@ -41,13 +41,13 @@ def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> p
     ``stopped`` were not completed.
     """
     rows = []
-    for (source, design), own in cases.groupby(list(KEYS), sort=False):
+    for (source, design), tested in cases.groupby(list(KEYS), sort=False):
         total = sensors[str(source), str(design)]
-        for failed, found in own.groupby("failed"):
-            sets = found.groupby("failed_sensors")["stopped"].sum()
+        for failed, met in tested.groupby("failed"):
+            sets = met.groupby("failed_sensors")["stopped"].sum()
             every = math.comb(total, len(read_set(str(sets.index[0]))))
             counts = len(sets), every, int((sets > 0).sum())
-            flown = int(found["missions"].sum()), int(found["stopped"].sum())
+            flown = int(met["missions"].sum()), int(met["stopped"].sum())
             rows.append((source, design, total, failed, *counts, *flown))
     return pd.DataFrame(rows, columns=list(SETS))
 
@@ -61,11 +61,11 @@ def estimate_risks(missions: pd.DataFrame) -> pd.DataFrame:
     """
     rows: list[tuple[Any, ...]] = []
     drawn = missions[missions["drawn"]]
-    for (source, design, evaluation), own in drawn.groupby([*KEYS, "evaluation"], sort=False):
-        for world, found in own.groupby("world", sort=False):
-            lost = int((~found["completed"].astype(bool)).sum())
-            rows.append((source, design, evaluation, world, *_share(lost, len(found))))
-        whole = own.groupby("trial")["completed"].all()
+    for (source, design, evaluation), tested in drawn.groupby([*KEYS, "evaluation"], sort=False):
+        for world, flown in tested.groupby("world", sort=False):
+            lost = int((~flown["completed"].astype(bool)).sum())
+            rows.append((source, design, evaluation, world, *_share(lost, len(flown))))
+        whole = tested.groupby("trial")["completed"].all()
         rows.append((source, design, evaluation, "", *_share(int((~whole).sum()), len(whole))))
     return pd.DataFrame(rows, columns=list(RISKS))
 

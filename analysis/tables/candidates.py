@@ -32,10 +32,10 @@ def read_initial_sensors(record: Record) -> pd.DataFrame:
 def place_candidates(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
     """Place the sensors of candidates, each with the field of view and range that it evolved."""
     placed = place_sensors(list_mounts(candidates, record), record.context)
-    own = candidates.set_index("id")
+    by_id = candidates.set_index("id")
     for gene, kind, column in _list_beam_genes(record):
         rows = placed.type == kind
-        placed.loc[rows, column] = placed.design[rows].map(own[gene]).astype(float)
+        placed.loc[rows, column] = placed.design[rows].map(by_id[gene]).astype(float)
     return placed
 
 
@@ -68,7 +68,7 @@ def list_mounts(candidates: pd.DataFrame, record: Record) -> pd.DataFrame:
     if not placed:
         return pd.DataFrame(columns=[*COLUMNS, "link"])
     mounts = pd.concat(placed, ignore_index=True)
-    order = {kind: number for number, kind in enumerate(record.context.types)}
+    order = {kind: place for place, kind in enumerate(record.context.types)}
     mounts = mounts.assign(order=mounts.type.map(order))
     mounts = mounts.sort_values(["design", "order", "slot", "twin"], ignore_index=True)
     return mounts.assign(sensor=mounts.groupby("design").cumcount())

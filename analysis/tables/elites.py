@@ -92,9 +92,9 @@ def trace_growth(table: pd.DataFrame, missions: "pd.Series[int]", grid: Grid) ->
     their elites (Pugh et al., Frontiers in Robotics and AI 3, 2016).
     """
     rows = []
-    for number, count in missions.items():
-        elites = find_elites(take_latest(table[table.generation <= number]), grid)
-        row = {"generation": number, "missions": count, "coverage": len(elites) / grid[2] ** 2}
+    for generation, count in missions.items():
+        elites = find_elites(take_latest(table[table.generation <= generation]), grid)
+        row = {"generation": generation, "missions": count, "coverage": len(elites) / grid[2] ** 2}
         rows.append({**row, "qd_score": float(elites.fitness.sum())})
     return pd.DataFrame(rows)
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from operator import attrgetter
 
 import pandas as pd
 
@@ -33,7 +34,9 @@ def collect_missions(study: Study) -> pd.DataFrame:
             drawn=record.context.failure.drawn & ~_is_stated(missions),
             intact=_find_intact(record, missions),
         )
-        for record, missions in study.read_each(study.evaluations, lambda each: each.missions)
+        for record, missions in study.read_each(
+            study.evaluations, lambda evaluation: evaluation.missions
+        )
         if len(missions)
     ]
     if not frames:
@@ -48,8 +51,8 @@ def collect_missions(study: Study) -> pd.DataFrame:
 
 def count_sensors(record: EvaluationRecord) -> Iterator[tuple[tuple[str, str], int]]:
     """Yield the number of sensors of each design of an evaluation, by source and name."""
-    for (source, design), own in record.mounts.groupby(list(KEYS), sort=False):
-        yield (str(source), str(design)), int(own["sensor"].notna().sum())
+    for (source, design), mounts in record.mounts.groupby(list(KEYS), sort=False):
+        yield (str(source), str(design)), int(mounts["sensor"].notna().sum())
 
 
 def _is_stated(missions: pd.DataFrame) -> "pd.Series[bool]":
@@ -72,9 +75,9 @@ def _require_one_simulator(study: Study) -> None:
         for name in record.run.manifest.get("simulators", ())[:1]:  # without the confirming one
             simulators.setdefault(str(name), record.name)
     if len(simulators) > 1:
-        found = ", ".join(f"{name} ({folder})" for name, folder in simulators.items())
+        given = ", ".join(f"{name} ({folder})" for name, folder in simulators.items())
         raise InputError(
-            f"worst: must be given evaluations in one simulator, not in {found}; give those of one"
+            f"worst: must be given evaluations in one simulator, not in {given}; give those of one"
         )
 
 

@@ -52,7 +52,7 @@ def name_rungs(rungs: Sequence[Scores]) -> list[str]:
     keys = [key for values in conditions[1:] for key in find_differences(conditions[0], values)]
     parts = dict.fromkeys(map(first_key, keys))
     for labels in (
-        [", ".join(filter(None, map(own.get, parts))) for own in choices],
+        [", ".join(filter(None, map(chosen.get, parts))) for chosen in choices],
         label_treatments(conditions, choices),
     ):
         if len(set(labels)) == len(labels):

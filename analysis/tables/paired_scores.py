@@ -130,7 +130,7 @@ def _read_confirmed(record: Record) -> pd.DataFrame:
         {
             **{"between": "simulator", "x": x, "y": y, "group": record.treatment},
             **{"source": record.name, "design": confirmed["id"]},
-            "content": [(record.name, number) for number in confirmed["id"]],
+            "content": [(record.name, design) for design in confirmed["id"]],
             **{"x_fitness": confirmed["screened_fitness"], "y_fitness": confirmed["fitness"]},
             **{"x_sd": nan, "y_sd": nan},
             **dict.fromkeys(("x_trials", "y_trials"), record.values.get("trials")),

@@ -241,6 +241,6 @@ def _label(records: Sequence[AnyRecord]) -> tuple[AnyRecord, ...]:
     factors = find_record_factors(records)
     levels = [{factor.name: factor.levels[i] for factor in factors} for i in range(len(records))]
     return tuple(
-        replace(record, treatment=name, levels=own)
-        for record, name, own in zip(records, names, levels, strict=True)
+        replace(record, treatment=name, levels=level)
+        for record, name, level in zip(records, names, levels, strict=True)
     )

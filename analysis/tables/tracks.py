@@ -43,8 +43,8 @@ ESTIMATE = ("estimated_x_m", "estimated_y_m", "estimated_yaw_rad")
 
 def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFrame:
     """Select the track of a robot in a world from several ones."""
-    own = (tracks["world"] == world) & (name_robots(tracks) == agent)
-    return tracks[own].reset_index(drop=True)
+    chosen = (tracks["world"] == world) & (name_robots(tracks) == agent)
+    return tracks[chosen].reset_index(drop=True)
 
 
 def read_track(run: Run, context: FigureContext, world: str) -> pd.DataFrame:
@@ -87,8 +87,8 @@ def read_track(run: Run, context: FigureContext, world: str) -> pd.DataFrame:
 
 def find_bumpers(trajectory: pd.DataFrame) -> dict[int, str]:
     """Find the columns of bumpers by the number of the sensor."""
-    found = {name: re.fullmatch(r"touch_(\d+)", str(name)) for name in trajectory}
-    return {int(match[1]): str(name) for name, match in found.items() if match}
+    matches = {name: re.fullmatch(r"touch_(\d+)", str(name)) for name in trajectory}
+    return {int(match[1]): str(name) for name, match in matches.items() if match}
 
 
 def _list_touched(trajectory: pd.DataFrame, bumpers: Mapping[int, str]) -> list[str]:
@@ -144,8 +144,8 @@ def _load_recorded(path: Path, course: Course) -> World:
 def find_mission_world(run: Run, row: "pd.Series[str]") -> Path:
     """Find the file of the world of a mission."""
     world, draws = str(row["world"]), str(row["draws"])
-    own, shared = (run.path / world_file(world, key) for key in (draws, None))
-    return own if own.is_file() else shared
+    separate, shared = (run.path / world_file(world, key) for key in (draws, None))
+    return separate if separate.is_file() else shared
 
 
 def list_failures(mission: "pd.Series[str]") -> list[tuple[int, float, str]]:

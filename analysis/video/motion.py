@@ -26,9 +26,9 @@ class Motion(NamedTuple):
     record: NDArray[np.int64]  # (n,) index of the last record at or before the time
     joints: Mapping[str, Array]  # (n,) [rad], of the wheels and their steering
 
-    def pose(self, number: int) -> tuple[float, float, float]:
+    def pose(self, index: int) -> tuple[float, float, float]:
         """Return x and y [m] and yaw [rad] at a time."""
-        return float(self.x_m[number]), float(self.y_m[number]), float(self.yaw_rad[number])
+        return float(self.x_m[index]), float(self.y_m[index]), float(self.yaw_rad[index])
 
 
 def interpolate(trajectory: pd.DataFrame, times: Array, robot: Urdf) -> Motion:

@@ -36,9 +36,9 @@ class ShownSensor:
     view: FieldOfView | None  # None: it casts no rays
     touches: bool  # whether it reads 1 when something touches the robot
 
-    def classify(self, number: int) -> Colour:
+    def classify(self, index: int) -> Colour:
         """Return the colour of what it reads in a picture."""
-        readings = self.readings[number]
+        readings = self.readings[index]
         nearest = float(np.fmin.reduce(readings))
         if np.isnan(nearest):
             return FAILED

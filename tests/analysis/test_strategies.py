@@ -29,7 +29,8 @@ from evoros.analysis.designs.features import (
     describe_designs,
 )
 from evoros.analysis.designs.pairs import measure_nearness, paper_rings
-from evoros.analysis.drawing.style import PAGE_IN, letter
+from evoros.analysis.drawing.finish import letter
+from evoros.analysis.drawing.style import PAGE_IN
 from evoros.analysis.figures.strategies import draw_strategies
 from evoros.failure.spatial import SpatialFailure
 from evoros.filter.protocol import Channels
