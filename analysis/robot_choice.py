@@ -42,11 +42,9 @@ def _add_all_factors(product: Product, study: Study) -> Product:
 
 
 def _add_factors(table: pd.DataFrame, study: Study) -> pd.DataFrame:
-    """Insert a column for each factor, with the level of the row's treatment, behind its name.
+    """Insert the factors' levels of the row's treatment, in comparisons of ``a`` and ``b`` of both.
 
-    A comparison of treatments ``a`` and ``b`` gets two, with these ends. A row of several
-    treatments has an empty cell. If a table has such a column already, the factor's begins with
-    ``factor_``.
+    Columns of taken names begin with ``factor_``; rows of several treatments have empty cells.
     """
     records = (*study.evaluations, *study.records)  # if they share a label, runs count
     factors = list(dict.fromkeys(name for record in records for name in record.levels))

@@ -62,7 +62,5 @@ def _rename_frames(name: str, content: Any) -> Any:
 
 def _join(messages: Sequence[Message]) -> Message:
     """Join the fixed frames in one message, because only the last one of a topic is kept."""
-    transforms: Iterable[Any] = (
-        transform for m in messages for transform in m.content["transforms"]
-    )
-    return messages[0]._replace(content={"transforms": list(transforms)})
+    transforms = [transform for m in messages for transform in m.content["transforms"]]
+    return messages[0]._replace(content={"transforms": transforms})

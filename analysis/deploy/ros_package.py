@@ -144,9 +144,7 @@ def _list_commands(champion: Champion) -> list[str]:
     """Return the commands that were the controller in the missions."""
     given = [champion.values.get(f"controller.{key}") for key in ("command", "nodes")]
     commands = [given[0]] if given[0] else given[1] or []
-    return [
-        command if isinstance(command, str) else " ".join(map(str, command)) for command in commands
-    ]
+    return [line if isinstance(line, str) else " ".join(map(str, line)) for line in commands]
 
 
 def _list_topics(champion: Champion) -> list[tuple[str, str]]:

@@ -36,13 +36,9 @@ def describe_designs(
 ) -> pd.DataFrame:
     """Compute the features of champions and random designs from their sensors: a row a design.
 
-    Columns: those of ``DESIGN``; ``random``, whether it is a random design; ``ahead``, see
-    ``share_ahead``; ``strategy``, which is ``FRONT``, ``SIDE`` or ``NEITHER``; those of
-    ``measure_nearness``; and the sensors that cover each heading, by the heading [deg].
-
-    A design is a front array if at least half of its sensors' openings lies within 30 deg of
-    ahead. Champions that fall into clusters are classified together, by the mean of their cluster.
-    Random designs with a number of sensors that no champion of their treatment has are dropped.
+    A design is a front array if at least half of its openings lies within 30 deg of ahead; the mean
+    of a cluster decides for its champions. Random designs with a number of sensors that no champion
+    of their treatment has are dropped.
     """
     best = _describe(champions, rings, near_m, near_deg).assign(random=False)
     clusters = find_clusters(compute_directions(best[HEADINGS_DEG]))
@@ -77,12 +73,8 @@ def _classify(share: float) -> str:
 def compare_with_random(table: pd.DataFrame, rings: Sequence[Ring] = ()) -> pd.DataFrame:
     """Compare champions with random designs: a row for each treatment and feature.
 
-    ``table`` is that of ``describe_designs``. ``at`` is the heading [deg] or the radius [m] of the
-    measure; ``value`` has the bounds of its 95 % interval, over ``n`` champions; ``random`` is the
-    value of ``n_random`` random designs; ``p`` tests the difference; ``p_holm`` is adjusted over
-    the treatments of the measure. ``clusters`` and ``silhouette`` are tested against clouds without
-    clusters and have no ``random``; ``silhouette, against random designs`` is tested against
-    samples of those.
+    ``table`` is that of ``describe_designs``; ``docs/analysis.md`` describes the columns. Clusters
+    are tested against clouds without clusters, and against samples of random designs.
     """
     radii = [ring.radius_m for ring in tuple(rings) or paper_rings()]
     rows: list[Row] = []

@@ -28,12 +28,8 @@ def count_coverage(
 ) -> pd.DataFrame:
     """Count the units that cover each place: a row for each span of places with equal counts.
 
-    ``sensors`` has the columns of ``designs.COLUMNS``, and ``contexts`` the context of each
-    treatment. Columns returned: ``treatment``; ``cut_m``, the length at which cones are cut;
-    ``cell_m``, the width of the strip along y that contains the span; ``x_m``, the middle of the
-    strip, and the bounds ``y_low_m`` and ``y_high_m`` of the span, in the robot's frame; and the
-    unit, ``champions`` or ``sensors``, with the count, at least one. A place is covered if a cone
-    contains the centre of its square cell.
+    ``docs/analysis.md`` describes the columns. A place is covered if a cone contains the centre of
+    its square cell.
     """
     unit = choose_unit(sensors)
     placed = sensors.dropna(subset="x_m")

@@ -148,8 +148,7 @@ def save(
 ) -> None:
     """Write a figure as ``svg``, ``pdf`` or ``png``; equal figures give equal bytes.
 
-    The letters of an SVG are outlines or, with ``as_text``, text in the viewer's fonts. Panels are
-    numbered by ``letters``, as ``prepare_figure`` describes.
+    With ``as_text``, an SVG has text in the viewer's fonts; ``letters`` as in ``prepare_figure``.
     """
     metadata = {_DATES[kind]: None} if kind in _DATES else {}
     with use_style({"svg.fonttype": "none" if as_text else "path"}):

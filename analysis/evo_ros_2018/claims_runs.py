@@ -43,11 +43,9 @@ COMPLETED = "Even in the presence of sensor failure, missions are completed"
 
 
 def read_gains(record: Record) -> pd.DataFrame:
-    """Read one row of a run's fitness in the first generation, in ``EARLY`` and in the last.
+    """Read ``recorded``, ``validated`` and ``gap`` (best less mean) of a run, in a row.
 
-    Columns: ``last``, the generation; ``recorded`` and ``validated`` fitness of the best, with
-    ``_first``, ``_early`` and ``_last``; ``gap_first``, ``gap_early`` and ``gap_last``, best less
-    mean.
+    The columns end in ``_first``, ``_early`` and ``_last`` by generation, except ``last`` itself.
     """
     traced = trace_fitness(record.run.generations)
     first, last = traced.index[0], traced.index[-1]
@@ -135,10 +133,9 @@ def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> Finding:
 def judge_completion(table: pd.DataFrame, drawn: pd.DataFrame | None = None) -> Iterator[Finding]:
     """Judge how many missions with a failed sensor champions completed, by kind and source.
 
-    ``table`` has a row a mission: ``kind`` of failure; ``source``, where it was run; ``run``, the
-    champion; ``failed``, whether a sensor had failed; ``completed``. ``drawn`` has those of random
-    designs, without ``source``. Champions are resampled, not missions. Supported: the interval is
-    above a half, and above the share of random designs. Not supported: it is below a half.
+    The tables are those of ``list_missions`` and ``list_random_missions``. Champions are resampled,
+    not missions. Supported: the interval is above a half, and above the share of random designs.
+    Not supported: it is below a half.
     """
     for kind in (RANDOM, SPATIAL):
         missions = table[table.kind == kind] if len(table) else table

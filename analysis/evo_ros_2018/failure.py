@@ -66,10 +66,7 @@ def _read_sensors(record: Record) -> pd.DataFrame:
 def list_damage(sensors: pd.DataFrame, rings: Sequence[Ring]) -> pd.DataFrame:
     """List the probability that a sensor fails if another one is hit: a row for each pair.
 
-    ``sensors`` has the columns of ``designs.COLUMNS`` of one design. Columns returned: run,
-    treatment, seed, design; ``centre`` and its ``pair``, the sensor that is hit; ``sensor``, its
-    place ``x_m``, ``y_m`` in the robot's frame and its ``distance_m`` in space from the centre;
-    ``radius_m`` of the smallest ring that reaches it, empty if none does, and its ``probability``.
+    ``docs/analysis.md`` describes the columns; lengths are in the robot's frame.
     """
     both = sensors.merge(
         sensors[["x_m", "y_m", "z_m", "sensor", "pair"]].rename(columns={"sensor": "centre"}),

@@ -62,9 +62,8 @@ def group_contexts(study: Study) -> dict[str, FigureContext]:
 def list_regions(contexts: Mapping[str, FigureContext]) -> pd.DataFrame:
     """List a row for each region, and one for its mirror image if sensors have twins.
 
-    Columns: treatment, robot, region, ``twin``, whether it is the mirror image, corners ``x0_m``,
-    ``y0_m`` ... in the robot's frame, and headings from ``yaw_low_deg`` to ``yaw_high_deg``. The
-    corners are those of a rectangle, or of a line along the robot's outline.
+    ``docs/analysis.md`` describes the columns. Corners are of a rectangle, or of a line along the
+    outline.
     """
     rows = [
         {"treatment": treatment, "robot": context.robot, "region": name, "twin": twin}

@@ -75,8 +75,7 @@ def encode_shown(
 ) -> Markup:
     """Encode the missions of a design as JSON, with at most so many records of each.
 
-    Courses and obstacles are put into ``grounds``, under the names by which the missions refer to
-    them, so that designs can share them; without ``grounds`` the missions contain them.
+    Courses and obstacles go into ``grounds``, if given, so that designs can share them.
     """
     context = shown.record.context
     content = {

@@ -31,12 +31,8 @@ COLUMNS = (
 def compare_treatments(runs: pd.DataFrame, measures: Sequence[str] = MEASURES) -> pd.DataFrame:
     """Compare each pair of treatments ``a`` and ``b`` in each measure: a row a comparison.
 
-    ``runs`` has a row for each run, with the columns ``treatment`` and ``measures``. Columns
-    returned: ``n``, the median and its bootstrap interval of each side; ``p`` of the Mann-Whitney
-    test; ``p_holm``, adjusted over all pairs of the measure; ``a12``, the probability that a run
-    of ``a`` is better, its interval, and its ``magnitude`` if there are enough runs to name one;
-    ``least_p_holm``, the minimum for these numbers of runs. A single treatment has one row,
-    without ``b`` and comparison.
+    ``runs`` has a row for each run; ``docs/analysis.md`` describes the columns. A single treatment
+    has one row, without ``b`` and comparison.
     """
     rows = [row for measure in measures for row in _compare(measure, group_values(runs, measure))]
     return pd.DataFrame(rows, columns=list(COLUMNS))

@@ -55,11 +55,9 @@ NOTHING = Interval(np.nan)
 def mann_whitney(x: Sample, y: Sample) -> float:
     """Return the two-sided p of the Mann-Whitney U test (Mann and Whitney 1947).
 
-    The test is exact, except for very large samples without ties and all but small ones with
-    ties. Those get the normal approximation, corrected for ties and continuity. In small samples
-    the approximation can fall below every possible p. SciPy's exact method ignores ties and its
-    permutation method rejects samples of one value, so that small samples with ties are
-    enumerated here.
+    It is exact, except for very large samples and large ones with ties, which get the normal
+    approximation. SciPy's exact method ignores ties and its permutation method rejects single
+    values, so that small samples with ties are enumerated here.
     """
     x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     tied = np.unique([*x, *y]).size < x.size + y.size
@@ -104,11 +102,7 @@ def magnitude(effect: float) -> str:
 
 
 def median_interval(values: Sample) -> Interval:
-    """Return the median and its bootstrap interval.
-
-    The interval never leaves the range of the sample, and with fewer than six values even the
-    whole range covers the population's median in less than 95 % of samples (1 - 2 ** (1 - n)).
-    """
+    """Return the median and its bootstrap interval; too narrow for fewer than six values."""
     return _bootstrap(np.median, values)
 
 

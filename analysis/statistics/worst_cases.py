@@ -34,11 +34,9 @@ def list_cases(missions: pd.DataFrame) -> pd.DataFrame:
 
 
 def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> pd.DataFrame:
-    """Count, for each design and number of failed sensors, the sets met and those that stop it.
+    """Count, by design and number of failed sensors, the sets met and those that stop it.
 
-    ``sensors`` has the number of sensors of each design. ``SETS`` are the columns; ``of`` is the
-    number of all sets of that size. ``missions`` are those with as many failed sensors, of which
-    ``stopped`` were not completed.
+    ``sensors`` has the number of sensors of each design; ``docs/analysis.md`` describes ``SETS``.
     """
     rows = []
     for (source, design), tested in cases.groupby(list(KEYS), sort=False):
@@ -55,9 +53,8 @@ def count_sets(cases: pd.DataFrame, sensors: Mapping[tuple[str, str], int]) -> p
 def estimate_risks(missions: pd.DataFrame) -> pd.DataFrame:
     """Estimate the probability that a mission is not completed, for failures that are drawn.
 
-    A row for each design, evaluation and world, and for all worlds together (``world`` is empty),
-    where a trial fails if one of its missions does. ``RISKS`` are the columns; the interval is
-    Wilson's, of 95 %.
+    ``world`` is empty for all together, where a trial fails if one mission does. The interval is
+    Wilson's.
     """
     rows: list[tuple[Any, ...]] = []
     drawn = missions[missions["drawn"]]

@@ -46,8 +46,7 @@ def find_record_factors(records: Sequence[Record]) -> list[Factor]:
 def find_levels(records: Sequence[Record], name: str) -> list[str] | None:
     """Return the level of each record of a factor or a key; None if none has such a key.
 
-    A factor is named by its column, its words or its key, a key by its end. ``treatment`` is the
-    name that the user has given.
+    Factors are named by column, words or key, keys by their end; ``treatment`` is a given name.
     """
     wanted = name.replace("_", " ")
     for factor in find_record_factors(records):

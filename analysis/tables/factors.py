@@ -38,8 +38,7 @@ class Factor:
 def read_choices(recorded: object) -> dict[str, str]:
     """Convert the ``choices`` of ``manifest.json`` from groups to the keys of their parts.
 
-    ``controller/navigation`` is at the key ``controller.navigation``, ``filter@failure.effect`` at
-    ``failure.effect``. A group without a choice is dropped.
+    ``filter@failure.effect`` is at ``failure.effect``. Groups without a choice are dropped.
     """
     groups = recorded if isinstance(recorded, dict) else {}
     return {

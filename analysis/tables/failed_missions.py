@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from operator import attrgetter
 
 import pandas as pd
 
@@ -19,12 +18,10 @@ NO_FAULT = ""
 
 
 def collect_missions(study: Study) -> pd.DataFrame:
-    """Concatenate the missions of all evaluations, with the columns ``evaluation`` and ``drawn``.
+    """Concatenate the missions of all evaluations, with marks of their failures.
 
-    ``evaluation`` is the end of its path; if it is alone, its failure model.
-
-    ``drawn`` says whether the failures are drawn, so that their shares estimate a risk. ``intact``
-    says whether no sensor was to fail; other missions without a failure had ended before it.
+    ``evaluation`` is the end of its path or, alone, its failure model; ``drawn`` says whether
+    shares estimate a risk, ``intact`` whether no sensor was to fail.
     """
     _require_one_simulator(study)
     several = len(study.evaluations) > 1

@@ -81,8 +81,7 @@ def read_champion_genes(record: Record) -> dict[str, float]:
 def read_scores(evaluation: EvaluationRecord) -> pd.DataFrame:
     """Read the content and the scores of each design of a finished evaluation.
 
-    Columns: ``content``, ``source``, ``design``, ``fitness``, ``fitness_sd``, ``trials``. The
-    fitness is what the evaluation's fitness makes of the trials, which for most is their mean.
+    ``fitness`` is computed from the trials by the evaluation's fitness, for most their mean.
     """
     names = ["source", "design"]
     mounts, genes, scores = (

@@ -194,8 +194,7 @@ def load_study(
 ) -> Study:
     """Load the complete runs and evaluations below these folders; report each other folder.
 
-    ``where`` has conditions on the runs, such as ``failure=none,random``; without runs, on the
-    evaluations. ``treatments`` is a file that names the treatments of the runs.
+    ``where`` has conditions on the runs, without runs on the evaluations; ``treatments`` is a file.
     """
     conditions = parse_conditions(where)
     folders = find_folders(paths)

@@ -50,15 +50,9 @@ def select_track(tracks: pd.DataFrame, world: str, agent: str = "") -> pd.DataFr
 def read_track(run: Run, context: FigureContext, world: str) -> pd.DataFrame:
     """Read the champion's mission in a world: a row for each record, with ``COLUMNS``.
 
-    The track lasts until the robot has ended, as a mission may go on for others. The columns
-    ``ESTIMATE`` and ``TOUCHED`` follow if the trajectory has them. ``TOUCHED`` are the bumpers that
-    closed since the previous record, separated by semicolons.
-
-    ``mode`` is the name of the layer that decided, ``phase`` is 1 until the robot is home for the
-    first time, then 2. ``failed_sensors`` are the sensors, from 0,
-    that failed since the previous record, and ``failed_by`` the effects, both separated by
-    semicolons; ``ended`` is set in the last row alone. If the mission could not be run, the table
-    is empty.
+    The track lasts until the robot has ended, as a mission may go on for others, and is empty if
+    the mission could not be run. ``ESTIMATE`` and ``TOUCHED`` follow if the trajectory has them;
+    ``docs/analysis.md`` describes the columns.
     """
     trajectory, mission = run.trajectory(world), find_champion_mission(run, world)
     ended = float(mission["time_s"]) + 1e-6

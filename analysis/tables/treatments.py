@@ -55,10 +55,9 @@ def label_treatments(
 
 
 def label_levels(factors: Sequence[Factor], count: int) -> list[str]:
-    """Label each of ``count`` runs by its level of every factor.
+    """Label each of ``count`` runs by its level of every factor; the names of one suffice.
 
-    If the only factor has names for levels, these suffice. Levels that follow from those of
-    earlier factors are left out of labels that would be long.
+    Long labels leave out levels that follow from those of earlier factors.
     """
     labels = _join(factors, count)
     if max(map(len, labels), default=0) > LABEL_LENGTH:

@@ -22,11 +22,9 @@ Scores = tuple[EvaluationRecord, pd.DataFrame]
 def validate_champions(study: Study) -> pd.DataFrame:
     """Collect the recorded and the validated fitness of each finished run's champion.
 
-    ``recorded`` is fitness on the draws that selected the champion. ``validated`` is fitness on
-    fresh draws under the conditions of the run, and ``validated_by`` its source. The source is the
-    matching evaluation with the most trials (``fresh``, ``fresh_sd``, ``fresh_trials``, and its
-    name, ``evaluation``). Without one it is the run itself, on fewer trials (``in_run``,
-    ``in_run_trials``). If the run has a confirmation, all of them are of the confirming simulator.
+    ``docs/analysis.md`` describes the columns. The matching evaluation with the most trials
+    validates, without one the run itself; with a confirmation, the confirming simulator's scores
+    count.
     """
     evaluations = read_evaluations(study)
     return study.gather(lambda record: _validate(record, evaluations))

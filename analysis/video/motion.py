@@ -83,9 +83,8 @@ def check_poses(trajectory: pd.DataFrame, source: str = "trajectory") -> None:
 def _joints(robot: Urdf, time: Array, twist: Array) -> Iterator[tuple[str, Array]]:
     """Yield the joints of wheels and their steering with their angles [rad] over time.
 
-    A wheel is on a continuous joint with a horizontal axis; it is steered by a joint above it with
-    a vertical axis. ``twist`` (3, n) is the robot's velocity forward and to the left [m/s] and its
-    rate of turn [rad/s].
+    Wheels have continuous joints with a horizontal axis, below vertical steering joints. ``twist``
+    (3, n): forward and to the left [m/s], rate of turn [rad/s].
     """
     steps = np.diff(time, prepend=time[0])
     for name, joint in robot.joints.items():

@@ -195,8 +195,7 @@ def _cut_polyhedron(shape: Shape, pose: Pose) -> Shape:
 def find_goals(world: World, places: Array, visited: NDArray[np.int64]) -> Array:
     """Return the next waypoint (n, 2) [m] at each record; NaN after the last.
 
-    The direction of the course is not recorded. It is the one whose first waypoint the robot at
-    ``places`` (n, 2) came nearer to before it had ``visited`` (n,) a waypoint.
+    The direction is not recorded: its first waypoint is the one that the robot came nearer to.
     """
     first = places[: int(np.count_nonzero(visited == 0)) + 1]
     routes = [world.course.route(forward) for forward in (True, False)]
