@@ -22,14 +22,8 @@ INSTANCES = "123456789A"
 """The range finders that ArduPilot can have, as their parameters name them."""
 _EIGHTH_DEG = 360.0 / OCTANTS
 DIRECTIONS = (
-    "forward",
-    "forward right",
-    "right",
-    "back right",
-    "back",
-    "back left",
-    "left",
-    "forward left",
+    *("forward", "forward right", "right", "back right"),
+    *("back", "back left", "left", "forward left"),
 )
 """The values of ``RNGFNDn_ORIENT`` from 0, clockwise from above."""
 _CONTROLLER = "evoros.controller.ardupilot.ArduPilot"

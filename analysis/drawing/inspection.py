@@ -1,6 +1,5 @@
 """A robot from above and from the side, with its outline and the places of its sensors."""
 
-import io
 import math
 from collections.abc import Mapping, Sequence
 
@@ -15,7 +14,7 @@ from evoros.drive.rolling import shape_points
 from evoros.geometry.footprint import convex_hull
 from evoros.robot.model import Robot
 
-from .style import BLUE, CATEGORIES, PAGE_IN, save, use_style
+from .style import BLUE, CATEGORIES, PAGE_IN, render, use_style
 
 X, Y, Z = range(3)
 _BODY, _WHEEL, _CASTER, _EDGE = "0.88", "0.45", "0.65", "0.35"
@@ -23,9 +22,7 @@ _BODY, _WHEEL, _CASTER, _EDGE = "0.88", "0.45", "0.65", "0.35"
 
 def draw_robot_picture(robot: Robot, places: Mapping[str, Array]) -> bytes:
     """Draw a robot as PNG; see ``draw_inspected_robot``."""
-    picture = io.BytesIO()
-    save(draw_inspected_robot(robot, places), picture, "png")
-    return picture.getvalue()
+    return render(draw_inspected_robot(robot, places), "png")
 
 
 def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:

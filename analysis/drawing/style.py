@@ -1,5 +1,6 @@
 """What all figures share: widths, fonts, colours, and reproducible files."""
 
+import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -159,6 +160,13 @@ def save(
             write_png(figure, file)
         else:
             figure.savefig(file, format=kind, metadata=metadata, dpi=DPI)
+
+
+def render(figure: Figure, kind: str, as_text: bool = False, letters: str = "") -> bytes:
+    """Return the content of a figure's file; see ``save``."""
+    picture = io.BytesIO()
+    save(figure, picture, kind, as_text, letters)
+    return picture.getvalue()
 
 
 def _fix_layout(figure: Figure) -> None:

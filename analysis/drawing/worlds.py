@@ -1,6 +1,5 @@
 """Worlds from above: obstacles coloured by height, the course, and the tracks of robots."""
 
-import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -19,7 +18,7 @@ from evoros.world.model import World
 from evoros.world.standing import standing_obstacles
 
 from ..designs.cones import dilate
-from .style import COLUMN_IN, VERMILLION, save, use_style
+from .style import COLUMN_IN, VERMILLION, render, use_style
 
 HEIGHTS_M = Normalize(0.0, 1.0)
 _HALO = withStroke(linewidth=1.5, foreground="white")
@@ -35,9 +34,7 @@ def draw_world_picture(worlds: Mapping[str, World]) -> bytes:
     axes = figure.axes[0]
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     figure.set_figheight(1.0 + (PICTURE_IN - 1.2) * (high - low) / (right - left))
-    picture = io.BytesIO()
-    save(figure, picture, "png")
-    return picture.getvalue()
+    return render(figure, "png")
 
 
 def draw_worlds(

@@ -30,15 +30,7 @@ FIGURES = tuple(name for name in SUBCOMMANDS if name not in {"report", "video", 
 """The subcommands whose results are in the page."""
 OWN_SECTION = {"compare": "Statistics", "claims": "Claims"}
 """The titles of the subcommands with sections of their own; the others are under Figures."""
-SCRIPTS = (
-    "missions.js",
-    "plan.js",
-    "readings.js",
-    "signals.js",
-    "player.js",
-    "maps.js",
-    "tables.js",
-)
+SCRIPTS = ("missions", "plan", "readings", "signals", "player", "maps", "tables")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,7 +52,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     playbacks = select_playbacks(study, options.playbacks * 1e6)
     maps = make_maps(study, options)
     missions = collect_missions(maps, study, options.designs * 1e6)
-    script = Markup("\n" + "".join(map(read_asset, SCRIPTS)))
+    script = Markup("\n" + "".join(read_asset(f"{name}.js") for name in SCRIPTS))
     page = render(
         "page.html",
         policy=_policy(script),

@@ -11,10 +11,10 @@ from evoros.storage.tables import CASE
 
 from .records import EvaluationRecord
 from .study import Study
+from .tracks import split_cell
 
 KEYS = ("source", "design")
 """The columns that identify a design in an evaluation."""
-NO_FAULT = ""
 
 
 def collect_missions(study: Study) -> pd.DataFrame:
@@ -80,12 +80,8 @@ def _require_one_simulator(study: Study) -> None:
 
 def _write_set(cell: object) -> str:
     """Write the sensors that failed in increasing order; the file has them by semicolons."""
-    if not isinstance(cell, str | int | float) or cell != cell:
-        return NO_FAULT
-    return " ".join(map(str, sorted({int(float(part)) for part in str(cell).split(";")})))
+    return " ".join(map(str, sorted({int(float(part)) for part in split_cell(cell)})))
 
 
 def _first_time(cell: object) -> float:
-    if not isinstance(cell, str | int | float) or cell != cell:
-        return math.nan
-    return min(map(float, str(cell).split(";")))
+    return min(map(float, split_cell(cell)), default=math.nan)

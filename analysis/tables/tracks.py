@@ -23,17 +23,8 @@ from .robots import name_robots
 NONE = "none"
 """The mode in which no layer of the controller decided."""
 COLUMNS = (
-    "world",
-    "time_s",
-    "x_m",
-    "y_m",
-    "yaw_rad",
-    "mode",
-    "phase",
-    "contact",
-    "failed_sensors",
-    "failed_by",
-    "ended",
+    *("world", "time_s", "x_m", "y_m", "yaw_rad", "mode", "phase", "contact"),
+    *("failed_sensors", "failed_by", "ended"),
 )
 TOUCHED = "touched_sensors"
 """A further column of missions with bumpers."""
@@ -75,7 +66,10 @@ def read_track(run: Run, context: FigureContext, world: str) -> pd.DataFrame:
     table[estimate] = trajectory[estimate].astype(float)
     bumpers = find_bumpers(trajectory)
     if bumpers:
-        table[TOUCHED] = _list_touched(trajectory, bumpers)
+        closed = trajectory[[*bumpers.values()]].to_numpy(float) > 0.0
+        begins = closed & ~np.vstack([np.zeros((1, len(bumpers)), dtype=bool), closed[:-1]])
+        sensors = np.array([*map(str, bumpers)])
+        table[TOUCHED] = [";".join(sensors[row]) for row in begins]
     return table[[*COLUMNS, *estimate, *([TOUCHED] if bumpers else [])]]
 
 
@@ -83,13 +77,6 @@ def find_bumpers(trajectory: pd.DataFrame) -> dict[int, str]:
     """Find the columns of bumpers by the number of the sensor."""
     matches = {name: re.fullmatch(r"touch_(\d+)", str(name)) for name in trajectory}
     return {int(match[1]): str(name) for name, match in matches.items() if match}
-
-
-def _list_touched(trajectory: pd.DataFrame, bumpers: Mapping[int, str]) -> list[str]:
-    closed = trajectory[[*bumpers.values()]].to_numpy(float) > 0.0
-    begins = closed & ~np.vstack([np.zeros((1, len(bumpers)), dtype=bool), closed[:-1]])
-    numbers = list(bumpers)
-    return [";".join(str(numbers[i]) for i in np.flatnonzero(row)) for row in begins]
 
 
 def find_champion_mission(run: Run, world: str) -> "pd.Series[str]":
@@ -145,7 +132,7 @@ def find_mission_world(run: Run, row: "pd.Series[str]") -> Path:
 def list_failures(mission: "pd.Series[str]") -> list[tuple[int, float, str]]:
     """List sensor (from 0), time [s] and effect of each failure in a row of ``missions.csv``."""
     names = ("failed_sensors", "failed_at_s", "failed_by")
-    failures = zip(*(_split(mission[name]) for name in names), strict=True)
+    failures = zip(*(split_cell(mission[name]) for name in names), strict=True)
     return [(int(float(sensor)), float(time), effect) for sensor, time, effect in failures]
 
 
@@ -159,6 +146,6 @@ def _list_failed(mission: "pd.Series[str]", times: Array) -> pd.DataFrame:
     return cells
 
 
-def _split(value: object) -> list[str]:
+def split_cell(value: object) -> list[str]:
     """Split the list in a cell; pandas reads a list of one number as a number."""
     return [] if pd.isna(value) else str(value).split(";")  # type: ignore[call-overload]
