@@ -33,13 +33,8 @@ def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
         above, side = figure.subplots(1, 2, width_ratios=(width, length))
         _draw_view(above, robot, (Y, X))
         _draw_view(side, robot, (X, Z))
-        above.plot(
-            *np.vstack((robot.outline, robot.outline[:1]))[:, ::-1].T,
-            color=BLUE,
-            lw=1.0,
-            ls="--",
-            zorder=3,
-        )
+        closed = np.vstack((robot.outline, robot.outline[:1]))
+        above.plot(*closed[:, ::-1].T, color=BLUE, lw=1.0, ls="--", zorder=3)
         side.axhline(0.0, color="0.3", lw=0.8, zorder=0)
         for colour, poses in zip(_cycle(len(places)), places.values(), strict=True):
             _draw_places(above, side, poses, colour)

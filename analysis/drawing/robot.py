@@ -51,14 +51,9 @@ def frame_axes(axes: Axes, view: Window) -> None:
 def draw_robot(axes: Axes, context: FigureContext, fill: bool = True, zorder: float = 1.0) -> None:
     """Draw the parts of a robot from the lowest up, or, to cover others, their edges alone."""
     for part in sorted(context.parts, key=lambda part: part.top_m):
-        axes.fill(
-            *to_page(outline_part(part)).T,
-            fc=(_WHEEL if part.wheel else _BODY) if fill else "none",
-            ec=_EDGE,
-            lw=0.4,
-            alpha=0.85 if fill else 0.6,
-            zorder=zorder,
-        )
+        face, alpha = _WHEEL if part.wheel else _BODY, 0.85 if fill else 0.6
+        look: dict[str, Any] = {"fc": face if fill else "none", "ec": _EDGE, "lw": 0.4}
+        axes.fill(*to_page(outline_part(part)).T, alpha=alpha, zorder=zorder, **look)
 
 
 def draw_cones(
@@ -111,17 +106,9 @@ def draw_sensors(
     for kind, marker in markers.items():
         chosen = (sensors["type"] == kind).to_numpy()
         places = to_page(sensors.loc[chosen, ["x_m", "y_m"]].to_numpy(dtype=np.float64))
-        axes.scatter(
-            places[:, 0],
-            places[:, 1],
-            s=size_pt**2,
-            c=[colour for colour, is_kind in zip(colours, chosen, strict=True) if is_kind],
-            marker=marker,
-            edgecolors="black",
-            linewidths=0.4,
-            alpha=alpha,
-            zorder=4.0,
-        )
+        faces = [colour for colour, is_kind in zip(colours, chosen, strict=True) if is_kind]
+        look: dict[str, Any] = {"marker": marker, "edgecolors": "black", "linewidths": 0.4}
+        axes.scatter(*places.T, s=size_pt**2, c=faces, alpha=alpha, zorder=4.0, **look)
     _draw_headings(axes, sensors, alpha)
 
 
@@ -129,21 +116,11 @@ def _draw_headings(axes: Axes, sensors: pd.DataFrame, alpha: float) -> None:
     """Draw a short line from each sensor the way it faces, of one length on paper."""
     places = to_page(sensors[["x_m", "y_m"]].to_numpy(dtype=np.float64))
     yaw = np.radians(sensors["yaw_deg"].to_numpy(dtype=np.float64))
-    axes.quiver(
-        *places.T,
-        *(-np.sin(yaw), np.cos(yaw)),  # on paper, whatever the directions of the axes
-        angles="uv",
-        units="inches",
-        scale_units="inches",
-        scale=1.0 / _HEADING_IN,
-        width=0.011,
-        headwidth=1.0,
-        headlength=0.0,
-        headaxislength=0.0,
-        color="black",
-        alpha=alpha,
-        zorder=4.1,
-    )
+    # On paper, whatever the directions of the axes.
+    units = {"angles": "uv", "units": "inches", "scale_units": "inches"}
+    sizes = {"scale": 1.0 / _HEADING_IN, "width": 0.011, "headwidth": 1.0, "headlength": 0.0}
+    look: dict[str, Any] = {**units, **sizes, "headaxislength": 0.0, "color": "black"}
+    axes.quiver(*places.T, -np.sin(yaw), np.cos(yaw), alpha=alpha, zorder=4.1, **look)
 
 
 def make_place_handles(sensors: pd.DataFrame) -> list[Line2D]:

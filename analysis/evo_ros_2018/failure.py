@@ -138,17 +138,9 @@ def _draw_rings(axes: Axes, hit: pd.DataFrame, rings: Sequence[Ring]) -> None:
     """Draw the rings around the sensor that is hit, the widest below the others."""
     centre = hit[hit.sensor == hit.centre].iloc[0]
     for order, ring in enumerate(reversed(rings)):
-        axes.add_patch(
-            Circle(
-                (centre.y_m, centre.x_m),
-                ring.radius_m,
-                fc=VERMILLION,
-                ec=VERMILLION,
-                alpha=0.25,
-                lw=0.6,
-                zorder=2 + order / 10,
-            )
-        )
+        look: dict[str, Any] = {"fc": VERMILLION, "ec": VERMILLION, "alpha": 0.25, "lw": 0.6}
+        place = (centre.y_m, centre.x_m)
+        axes.add_patch(Circle(place, ring.radius_m, zorder=2 + order / 10, **look))
     axes.plot(centre.y_m, centre.x_m, "+", color="black", ms=9, mew=0.8, zorder=5)
 
 
@@ -170,20 +162,10 @@ def _title(hit: pd.DataFrame, twins: Sequence[int]) -> str:
 
 
 def _add_legend(figure: Figure, rings: Sequence[Ring], columns: int) -> None:
+    labels = [f"within {100 * ring.radius_m:g} cm: {ring.probability:.2f}" for ring in rings]
     handles = [
-        Line2D(
-            [],
-            [],
-            mfc=_shade(ring.probability),
-            label=f"within {100 * ring.radius_m:g} cm: {ring.probability:.2f}",
-            **_SENSOR,
-        )
-        for ring in rings
+        Line2D([], [], mfc=_shade(ring.probability), label=label, **_SENSOR)
+        for ring, label in zip(rings, labels, strict=True)
     ]
-    figure.legend(
-        handles=handles,
-        title="sensor: probability that it fails",
-        loc="lower center",
-        ncols=columns,
-        frameon=False,
-    )
+    look: dict[str, Any] = {"title": "sensor: probability that it fails", "frameon": False}
+    figure.legend(handles=handles, loc="lower center", ncols=columns, **look)

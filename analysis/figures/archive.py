@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -79,10 +80,8 @@ def _draw_map(axes: Axes, study: Study, archive: Archive, chosen: Sequence[int])
     (x, y, cells), elites = archive.grid, archive.elites
     fitness: Array = np.full((cells, cells), np.nan)
     fitness[elites.cell_y, elites.cell_x] = elites.fitness
-    extent = (*x.bounds, *y.bounds)
-    image = axes.imshow(
-        fitness, origin="lower", extent=extent, aspect="auto", cmap="viridis", zorder=1
-    )
+    frame: dict[str, Any] = {"origin": "lower", "extent": (*x.bounds, *y.bounds)}
+    image = axes.imshow(fitness, aspect="auto", cmap="viridis", zorder=1, **frame)
     axes.set_facecolor("0.94")
     axes.set(xlabel=x.label, ylabel=y.label)
     side = np.array([axis.bounds[1] - axis.bounds[0] for axis in (x, y)]) / cells
@@ -113,17 +112,9 @@ def mark_number(
     axes: Axes, at: Array, index: int, offset: tuple[float, float] = (0, 0), size: float = 6
 ) -> None:
     """Write the number of a design in a white disc."""
-    axes.annotate(
-        f"{index}",
-        tuple(at),
-        offset,
-        textcoords="offset points",
-        ha="center",
-        va="center",
-        fontsize=size,
-        bbox={"boxstyle": "circle,pad=0.15", "fc": "white", "ec": "black", "lw": 0.5},
-        zorder=5,
-    )
+    disc = {"boxstyle": "circle,pad=0.15", "fc": "white", "ec": "black", "lw": 0.5}
+    style: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center"}
+    axes.annotate(f"{index}", tuple(at), offset, fontsize=size, bbox=disc, zorder=5, **style)
 
 
 def draw_chosen(

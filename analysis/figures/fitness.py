@@ -74,21 +74,14 @@ def _draw_one(
 ) -> Figure:
     figure = Figure(figsize=(width, min(0.72 * width, 3.2)), layout="constrained")
     axes, traced = figure.subplots(), trace_fitness(generations)
-    axes.scatter(
-        generations["generation"],
-        generations["fitness"],
-        s=5,
-        c=generations["generation"],
-        cmap="viridis",
-        alpha=0.6,
-        linewidths=0,
-    )
+    x, y = generations["generation"], generations["fitness"]
+    axes.scatter(x, y, s=5, c=x, cmap="viridis", alpha=0.6, linewidths=0)
     for name, meaning in LABELS.items():
         if traced[name].notna().any():
             colour, dashes = STYLES[name]
             axes.plot(traced[name], color=colour, lw=1.2, ls=dashes, label=meaning)
     if champion is not None:
-        beside = generations["generation"].max() + 0.02 * max(25, generations["generation"].max())
+        beside = x.max() + 0.02 * max(25, x.max())
         axes.vlines(beside, champion.low, champion.high, color=VERMILLION, lw=1.6)
         axes.plot(beside, champion.value, "o", c=VERMILLION, ms=3.5, label="champion, interval")
     axes.set(xlabel="generation", ylabel=wrap(label, _LETTERS_PER_IN * figure.get_figheight()))

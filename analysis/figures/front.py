@@ -54,30 +54,17 @@ def draw_front(study: Study, shown: Front) -> Figure:
             (left + (i % COLUMNS) * (size + 0.04), HEIGHT_IN - 1.35 - (i // COLUMNS) * 1.38)
             for i in range(len(chosen))
         ]
-        draw_chosen(
-            study,
-            front,
-            chosen,
-            [sheet.add_box(figure, corner, (size, size)) for corner in corners],
-        )
+        panels = [sheet.add_box(figure, corner, (size, size)) for corner in corners]
+        draw_chosen(study, front, chosen, panels)
     return figure
 
 
 def _draw_points(axes: Axes, candidates: pd.DataFrame, points: Array, x: Axis, y: Axis) -> None:
-    axes.scatter(
-        candidates[x.column],
-        candidates[y.column],
-        s=6,
-        color="0.7",
-        linewidths=0,
-        label="evaluated",
-        zorder=1,
-    )
+    places = candidates[x.column], candidates[y.column]
+    axes.scatter(*places, s=6, color="0.7", linewidths=0, label="evaluated", zorder=1)
     corner = "steps-post" if x.sign < 0 else "steps-pre"
     axes.plot(points[:, 0], points[:, 1], color=BLUE, lw=0.8, ds=corner, zorder=2)
-    axes.scatter(
-        points[:, 0], points[:, 1], s=14, color=VERMILLION, linewidths=0, label="front", zorder=3
-    )
+    axes.scatter(*points.T, s=14, color=VERMILLION, linewidths=0, label="front", zorder=3)
     better = {1.0: "more is better", -1.0: "less is better"}
     axes.set(xlabel=f"{x.label} ({better[x.sign]})", ylabel=f"{y.label} ({better[y.sign]})")
     axes.margins(0.08)

@@ -1,6 +1,7 @@
 """The same designs on the rungs of a ladder, as lines from rung to rung."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -60,17 +61,10 @@ def _draw_lines(axes: Axes, table: pd.DataFrame) -> None:
         shift = (index - (len(designs) - 1) / 2) * min(_APART, 0.4 / len(designs))
         named = len(designs) <= NAMED
         colour = CATEGORIES[index % len(CATEGORIES)] if named else "0.6"
-        axes.errorbar(
-            np.arange(len(fitness)) + shift,
-            fitness,
-            np.nan_to_num(errors),
-            color=colour,
-            lw=0.8,
-            marker="o",
-            ms=3.0,
-            elinewidth=0.6,
-            label=f"{str(source).rstrip('/').rpartition('/')[2]}: {design}" if named else None,
-        )
+        label = f"{str(source).rstrip('/').rpartition('/')[2]}: {design}" if named else None
+        look: dict[str, Any] = {"lw": 0.8, "marker": "o", "ms": 3.0, "elinewidth": 0.6}
+        places = np.arange(len(fitness)) + shift
+        axes.errorbar(places, fitness, np.nan_to_num(errors), color=colour, label=label, **look)
     if len(designs) > 1:
         mean = np.mean(heights, axis=0)
         axes.plot(range(len(mean)), mean, color="black", lw=1.8, zorder=4, label="mean")

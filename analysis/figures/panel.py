@@ -96,12 +96,9 @@ def _make_colour_handles(placed: pd.DataFrame) -> list[Patch]:
     """Make a legend entry for each rank; the first and the last are named."""
     ranks = sorted(placed["rank"].astype(int).unique())[: len(CATEGORIES)]
     labels = {len(ranks) - 1: "faces most aside", 0: "faces most ahead"}
-    return [
-        Patch(
-            fc=CATEGORIES[rank % len(CATEGORIES)], alpha=0.6, label=labels.get(rank, "in between")
-        )
-        for rank in ranks
-    ]
+    colours = {rank: CATEGORIES[rank % len(CATEGORIES)] for rank in ranks}
+    words = {rank: labels.get(rank, "in between") for rank in ranks}
+    return [Patch(fc=colours[rank], alpha=0.6, label=words[rank]) for rank in ranks]
 
 
 def _title(row: pd.Series) -> str:
@@ -137,12 +134,8 @@ def _make_panels(
             place = first + i // page.columns, i % page.columns
             panels[run] = places[place] = page.add_panel(figure, *place)
         if len(runs) > 1:
-            head: dict[str, Any] = {
-                "xycoords": "axes fraction",
-                "textcoords": "offset points",
-                "weight": "bold",
-            }
-            places[first, 0].annotate(treatment, (0, 1), (0, 72 * above), **head)
+            head: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
+            places[first, 0].annotate(treatment, (0, 1), (0, 72 * above), weight="bold", **head)
         first += math.ceil(len(names) / page.columns)
     for (row, column), axes in places.items():
         below = (row + 1, column) in places

@@ -35,6 +35,13 @@ PANEL_IN = 1.6  # minimum width of a panel
 NAME_LENGTH = 9  # maximum length of a label below an axis
 _GREY = "0.88"  # of the boxes of random designs
 _DASHES = (0, (3, 1.5))
+_LINE = {"color": RANDOM, "lw": 0.6}
+_BOX: dict[str, Any] = {
+    **{"widths": 0.7, "whis": (5, 95), "showfliers": False, "patch_artist": True},
+    "boxprops": {"facecolor": _GREY, "edgecolor": RANDOM, "linewidth": 0.6},
+    "medianprops": {"color": RANDOM, "lw": 1.2},
+    **{"whiskerprops": _LINE, "capprops": _LINE, "manage_ticks": False},
+}
 _MIDDLE = Line2D([], [], color=RANDOM, lw=1.2, ls=_DASHES, label="random designs, mean")
 _LOWER_KEY = [
     Patch(fc=_GREY, ec=RANDOM, lw=0.6, label="random designs: quartiles, 5 % and 95 %"),
@@ -196,24 +203,11 @@ def _with_errors(rows: pd.DataFrame) -> tuple[Array, list[Array]]:
 def _draw_strips(axes: Axes, table: pd.DataFrame, measure: str) -> None:
     """Draw a point for each champion beside a box of the random designs."""
     colours = assign_colours(list(dict.fromkeys(table.treatment)))
-    line = {"color": RANDOM, "lw": 0.6}
     for i, (treatment, colour) in enumerate(colours.items()):
         designs = table[table.treatment == treatment].dropna(subset=measure)
         drawn = designs.loc[designs.random, measure].to_numpy(float)
         if drawn.size:
-            axes.boxplot(
-                [drawn],
-                positions=[i],
-                widths=0.7,
-                whis=(5, 95),
-                showfliers=False,
-                patch_artist=True,
-                boxprops={"facecolor": _GREY, "edgecolor": RANDOM, "linewidth": 0.6},
-                medianprops={"color": RANDOM, "lw": 1.2},
-                whiskerprops=line,
-                capprops=line,
-                manage_ticks=False,
-            )
+            axes.boxplot([drawn], positions=[i], **_BOX)
         values = np.sort(designs.loc[~designs.random, measure].to_numpy(float))
         aside = 0.09 * (np.arange(values.size) % 3 - 1)
         marker = MARKERS[i % len(MARKERS)]

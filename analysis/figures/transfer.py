@@ -164,14 +164,8 @@ def _add_legend(figure: SubFigure) -> None:
     (axes,) = figure.axes
     names = [str(label) for label in axes.get_legend_handles_labels()[1]]
     columns = max(1, min(len(names), int(50 / (max(map(len, names)) + 5))))
-    figure.legend(
-        loc="outside upper center",
-        ncols=columns,
-        frameon=False,
-        handletextpad=0.1,
-        columnspacing=1.0,
-        borderpad=0.1,
-    )
+    style: dict[str, Any] = {"handletextpad": 0.1, "columnspacing": 1.0, "borderpad": 0.1}
+    figure.legend(loc="outside upper center", ncols=columns, frameon=False, **style)
 
 
 def _limits(pairs: pd.DataFrame, errors: Mapping[str, "pd.Series[float]"]) -> tuple[float, float]:

@@ -96,11 +96,11 @@ def _read_bounds(
     if given is None and difference and comparison != WITHIN:
         return 0.0, 0.0
     bounds = given if comparison == WITHIN else [given, given]
-    pair = isinstance(bounds, list) and len(bounds) == 2 and all(map(is_number, bounds))
-    if not pair or bounds[0] > bounds[1]:
+    numbers = bounds if isinstance(bounds, list) and all(map(is_number, bounds)) else []
+    if len(numbers) != 2 or numbers[0] > numbers[1]:
         rule = "two numbers, [low, high]" if comparison == WITHIN else "a number"
         raise InputError(f"{place}: threshold must be {rule}, not {given!r}; correct it")
-    return float(bounds[0]), float(bounds[1])
+    return float(numbers[0]), float(numbers[1])
 
 
 def _read_group(given: object, place: str) -> Group:
