@@ -34,7 +34,7 @@ except ImportError as error:
 DISTROS = {"humble": Stores.ROS2_HUMBLE, "jazzy": Stores.ROS2_JAZZY}
 """Definitions of messages; those of jazzy are also those of iron, kilted and later."""
 METADATA_VERSION: Literal[8] = 8
-"""Of rosbag2: the latest that humble reads too."""
+"""The latest version of rosbag2 that humble reads too."""
 OTHER_TYPES = {
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
     "ackermann_msgs/msg/AckermannDrive": "float32 steering_angle\n"

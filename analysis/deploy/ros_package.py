@@ -38,7 +38,7 @@ _TEMPLATES = Environment(
 
 @dataclass(frozen=True)
 class PackageOptions:
-    """What the user says of a package."""
+    """The user's choices for a package."""
 
     name: str
     maintainer: str  # as in an e-mail: NAME <ADDRESS>

@@ -19,7 +19,7 @@ MAX_SPEED, STEERING_LIMIT = "robot.drive.max_speed_mps", "robot.drive.steering_l
 RANGE_TOPIC = "controller.topics.range"
 """The key of the topic on which nodes got the readings of a sensor, whose name is a field of it."""
 _LAYERS = ("controller.avoidance.", "controller.avoidance_period_s")
-"""What decides beside ArduPilot; the other values start it, and some may be secret."""
+"""The layers beside ArduPilot; the other values start it, and some may be secret."""
 _SCALARS = (bool, int, float, str)
 
 

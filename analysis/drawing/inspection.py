@@ -46,7 +46,7 @@ def draw_inspected_robot(robot: Robot, places: Mapping[str, Array]) -> Figure:
 
 
 def _draw_view(axes: Axes, robot: Robot, plane: tuple[int, int]) -> None:
-    # The nearest part comes last: the highest from above, that with the least y from the right.
+    # The nearest part comes last: the highest from above, or that at the right.
     parts = [(shape_points(part.shape, part.pose), part) for part in robot.visuals]
     parts.sort(key=lambda item: item[0][:, Z].max() if Z not in plane else -item[0][:, Y].min())
     wheels = {part.link for part in robot.visuals if part.rolls} - {*robot.drive.caster_links}

@@ -40,7 +40,7 @@ from .style import BLUE, PAGE_IN, VERMILLION, use_style
 _BODY, _WHEEL = "0.9", "0.72"
 _LEFT, _RIGHT = 16.0, 42.0  # margins beside the views [mm]
 _ABOVE, _BETWEEN, _BELOW = 38.0, 40.0, 17.0  # room over, between and under the views [mm]
-_TALL, _LEAST = 280.0, 60.0  # height of the page that printers can fill, and of both views [mm]
+_TALL, _MINIMUM = 280.0, 60.0  # height of the page that printers can fill, and of both views [mm]
 _FAN = 9.0  # length of the field of view of a sensor on the page [mm]
 
 
@@ -50,7 +50,7 @@ def draw_mounting(plan: MountingPlan) -> Figure:
     low, high = plan.bounds
     notes = list(list_notes(plan))
     footer = LINE * (len(notes) + len(plan.sensors) + 3) + 13.0
-    room = max(_TALL - _ABOVE - _BETWEEN - _BELOW - footer, _LEAST)
+    room = max(_TALL - _ABOVE - _BETWEEN - _BELOW - footer, _MINIMUM)
     length, breadth, tall = (high - low).tolist()
     scale = max(choose_scale(length, width - _LEFT - _RIGHT), choose_scale(breadth + tall, room))
     sizes = (high - low) / scale

@@ -16,7 +16,7 @@ INCH_MM = 25.4
 SMALL_PT, TEXT_PT, TITLE_PT = 6.0, 7.0, 9.0
 THIN, MEDIUM = 0.35, 0.7  # widths of lines [pt]
 GREY, DARK = "0.45", "0.15"
-LABEL_MM = 2.9  # least distance of the lines of two labels
+LABEL_MM = 2.9  # minimum distance of the lines of two labels
 _STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 """The scales 1:1, 1:1.5 ... and ten times them, a hundred times them ..."""
 _BARS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # lengths of the scale bar [mm]

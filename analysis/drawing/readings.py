@@ -1,4 +1,4 @@
-"""What sensors that cast no rays read over the time of missions."""
+"""Readings of sensors that cast no rays over the time of missions."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

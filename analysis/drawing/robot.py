@@ -107,8 +107,9 @@ def draw_sensors(
         chosen = (sensors["type"] == kind).to_numpy()
         places = to_page(sensors.loc[chosen, ["x_m", "y_m"]].to_numpy(dtype=np.float64))
         faces = [colour for colour, is_kind in zip(colours, chosen, strict=True) if is_kind]
-        look: dict[str, Any] = {"marker": marker, "edgecolors": "black", "linewidths": 0.4}
-        axes.scatter(*places.T, s=size_pt**2, c=faces, alpha=alpha, zorder=4.0, **look)
+        style: dict[str, Any] = {"marker": marker, "edgecolors": "black", "linewidths": 0.4}
+        x, y = places.T
+        axes.scatter(x, y, s=size_pt**2, c=faces, alpha=alpha, zorder=4.0, **style)
     _draw_headings(axes, sensors, alpha)
 
 

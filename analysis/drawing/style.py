@@ -1,4 +1,4 @@
-"""What all figures share: widths, fonts, colours, and reproducible files."""
+"""The style of all figures: widths, fonts, colours, and reproducible files."""
 
 import io
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What damage breaks: the rings of spatial failure around a design's sensors (Fig. 10)."""
+"""Sensors that damage breaks: the rings of spatial failure around a design's sensors (Fig. 10)."""
 
 import argparse
 import math

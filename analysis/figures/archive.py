@@ -12,7 +12,7 @@ from matplotlib.image import AxesImage
 
 from evoros.base.arrays import Array
 
-from ..drawing.cells import LEAST_IN, draw_in_cells
+from ..drawing.cells import MIN_IN, draw_in_cells
 from ..drawing.finish import COLOUR_BAR
 from ..drawing.gallery import choose_apart, draw_designs
 from ..drawing.sheet import Sheet
@@ -86,7 +86,7 @@ def _draw_map(axes: Axes, study: Study, archive: Archive, chosen: Sequence[int])
     axes.set(xlabel=x.label, ylabel=y.label)
     side = np.array([axis.bounds[1] - axis.bounds[0] for axis in (x, y)]) / cells
     centres = _find_centres(elites, archive.grid)
-    into = MAP_IN / cells >= LEAST_IN
+    into = MAP_IN / cells >= MIN_IN
     if into:
         designs = [
             place_candidates(elites.loc[[row]], study.records[int(elites.place[row])])

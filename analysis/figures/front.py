@@ -63,8 +63,9 @@ def _draw_points(axes: Axes, candidates: pd.DataFrame, points: Array, x: Axis, y
     places = candidates[x.column], candidates[y.column]
     axes.scatter(*places, s=6, color="0.7", linewidths=0, label="evaluated", zorder=1)
     corner = "steps-post" if x.sign < 0 else "steps-pre"
-    axes.plot(points[:, 0], points[:, 1], color=BLUE, lw=0.8, ds=corner, zorder=2)
-    axes.scatter(*points.T, s=14, color=VERMILLION, linewidths=0, label="front", zorder=3)
+    across, up = points[:, 0], points[:, 1]
+    axes.plot(across, up, color=BLUE, lw=0.8, ds=corner, zorder=2)
+    axes.scatter(across, up, s=14, color=VERMILLION, linewidths=0, label="front", zorder=3)
     better = {1.0: "more is better", -1.0: "less is better"}
     axes.set(xlabel=f"{x.label} ({better[x.sign]})", ylabel=f"{y.label} ({better[y.sign]})")
     axes.margins(0.08)

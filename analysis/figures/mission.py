@@ -89,7 +89,7 @@ class Missions:
 
     @property
     def effects(self) -> Mapping[str, str]:
-        """What faults do to readings, by name."""
+        """The effects of faults on readings, by name."""
         return self.robots[""].failure.effects if self.robots else {}
 
     @cached_property

@@ -45,7 +45,7 @@ TITLES = {
     "gain_validated": "gain of validated fitness",
     "ahead": "share of the cones within 30 deg of ahead",
     "redundant": "champions with a redundant pair",
-    "closest_m": "least distance of two sensors [m]",
+    "closest_m": "minimum distance of two sensors [m]",
     "lost": "sensors that a blow takes",
 }
 SHARES = (COMPLETED, "ahead", "redundant")

@@ -136,7 +136,7 @@ def _title(treatment: str, treatments: Sequence[str], table: pd.DataFrame, room:
     count = int(((table.treatment == treatment) & ~table.random).sum())
     short = _shorten(treatments)[treatment]
     name = treatment if short == treatment else f"{short}: {treatment}"
-    return wrap(f"{name} (n = {count})", room, least=12)
+    return wrap(f"{name} (n = {count})", room, minimum=12)
 
 
 def _draw_profiles(

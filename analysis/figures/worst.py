@@ -1,4 +1,4 @@
-"""What stops a design: the smallest set of failed sensors, and the risk under drawn failures."""
+"""Failures that stop a design: the smallest set of failed sensors, and the risk if drawn."""
 
 import argparse
 from collections.abc import Iterator
@@ -61,8 +61,8 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     searched = {key: rows for table in tables.values() for key, rows in table.groupby(list(KEYS))}
     designs = {}
     for key in counts:
-        parts = (_of(table, key) for table in (cases, sets, risks))
-        designs[key] = TestedDesign(f"design {key[1]} of {key[0]}", *parts, searched.get(key))
+        tables_of_design = (_of(cases, key), _of(sets, key), _of(risks, key), searched.get(key))
+        designs[key] = TestedDesign(f"design {key[1]} of {key[0]}", *tables_of_design)
     key = _choose(cases, options.design)
     record = next(record for record in study.evaluations if key in dict(count_sensors(record)))
     placed = place_sensors(_of(record.mounts.astype(dict.fromkeys(KEYS, str)), key), record.context)

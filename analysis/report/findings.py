@@ -1,4 +1,4 @@
-"""What a study has found, in sentences: which treatment is better, and how sure that is."""
+"""The findings of a study in sentences: which treatment is better, and how sure that is."""
 
 from collections.abc import Iterator
 

@@ -49,7 +49,7 @@ class Interval:
 
 
 NOTHING = Interval(np.nan)
-"""What is not known."""
+"""An unknown value."""
 
 
 def mann_whitney(x: Sample, y: Sample) -> float:

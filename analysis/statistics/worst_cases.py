@@ -1,4 +1,4 @@
-"""What stops a design: cases of failed sensors, sets of them, and the risk of failure."""
+"""Failures that stop a design: cases of failed sensors, sets of them, and their risk."""
 
 import math
 from collections.abc import Mapping

@@ -13,13 +13,13 @@ IGNORED = ("seed", "executor", "figures", "record", "treatment")
 """First parts of keys in which replicates of one treatment may differ; names are read apart."""
 TARGET = "_target_"
 RESERVED = ("name", "run", "treatment", "seed")
-"""What no factor is called."""
+"""Names that no factor has."""
 Values = Mapping[str, Any]
 """The values of a configuration by dotted key."""
 Choices = Mapping[str, str]
 """The choice of a group by the dotted key of the part that it configures."""
 Given = Mapping[str, Any]
-"""What the user has called a treatment: its ``name``, and levels by factor."""
+"""The user's words for a treatment: its ``name``, and levels by factor."""
 _WORLD = "world"
 _MANY = 24  # characters of the names of worlds, beyond which their choice is shorter
 

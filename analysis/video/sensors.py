@@ -19,7 +19,7 @@ from .captions import CLEAR, FAILED, NEAR, Colour
 
 @dataclass(frozen=True)
 class FieldOfView:
-    """What a sensor that casts rays sees."""
+    """The view of a sensor that casts rays."""
 
     frame: Array  # (4, 4) in the robot's frame
     half_rad: float  # half its opening

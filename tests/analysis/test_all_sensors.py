@@ -120,7 +120,7 @@ def on(topic: str, messages: list[ReadMessage]) -> list[dict[str, Any]]:
 
 
 def columns(table: pd.DataFrame, *names: str) -> Array:
-    """What the sensors read at the decisions, without what was silent."""
+    """The readings at the decisions, without silent ones."""
     values = table[list(names)].to_numpy(float)[:-1]
     heard: Array = values[np.isfinite(values).all(axis=1)]
     return heard

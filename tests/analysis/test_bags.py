@@ -77,7 +77,7 @@ def rows(run: Path) -> list[dict[str, float]]:
 
 
 def single(value: float) -> float:
-    """As a message with 32 bits keeps it."""
+    """The value in a message with 32 bits."""
     return float(np.float32(value))
 
 

@@ -379,7 +379,7 @@ def test_a_steady_turn_and_small_corrections_are_no_weave() -> None:
 
 
 def test_only_navigation_between_waypoints_counts() -> None:
-    """Of 50 s ten turning points, the first 2.4 s after the begin, then every 4.85 s."""
+    """50 s have ten turning points, the first 2.4 s after the begin, then every 4.85 s."""
     whole = drive(50)
     assert measure_swings(whole, 1) == []
     assert len(measure_swings(whole, 2)) == 7

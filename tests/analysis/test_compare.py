@@ -375,7 +375,7 @@ def test_every_run_is_a_dot_in_the_row_of_its_treatment() -> None:
 
 
 def test_boxes_are_quartiles_and_whiskers_end_within_one_and_a_half_of_them() -> None:
-    """Of 1 ... 5 and 30: quartiles 2.25 and 4.75, so that 30 lies beyond."""
+    """1 ... 5 and 30 have the quartiles 2.25 and 4.75, so that 30 lies beyond."""
     (axes, _) = drawn(runs_of({"one": [*FIVE["low"], 30.0]})).axes
     (box,) = (patch for patch in axes.patches if isinstance(patch, Rectangle))
     assert (box.get_x(), box.get_x() + box.get_width()) == (2.25, 4.75)

@@ -260,7 +260,7 @@ def panels(*rows: dict[str, object], width: float = 7.0) -> Figure:
 
 
 def colours(axes: Axes) -> list[str]:
-    """Of the cones, in the order of the sensors."""
+    """The colours of the cones, in the order of the sensors."""
     cones = [artist for artist in axes.collections if isinstance(artist, PolyCollection)]
     faces = np.asarray(cones[0].get_facecolor()) if cones else np.empty((0, 4))
     return [to_hex(tuple(face)) for face in faces.tolist()]

@@ -116,7 +116,7 @@ STUDY = pd.concat(
 
 
 def test_quartiles_over_the_replicates_are_those_computed_by_hand() -> None:
-    """Of 2, 4, 6, 20: 3.5, 5, 9.5 by linear interpolation; with those runs that are there."""
+    """2, 4, 6, 20 have 3.5, 5, 9.5 by linear interpolation; with those runs that are there."""
     table: Any = compute_quartiles(STUDY).set_index(["treatment", "generation"])
     calm, later = table.loc[("calm", 0)], table.loc[("calm", 1)]
     assert calm[["recorded_q1", "recorded_median", "recorded_q3"]].tolist() == [3.5, 5.0, 9.5]

@@ -1,4 +1,4 @@
-"""What the page of a report plays is what the run recorded, to the millimetre."""
+"""The page of a report plays the records of the run, to the millimetre."""
 
 import json
 import math
@@ -35,7 +35,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 
 def summed(differences: list[int | None]) -> list[float]:
-    """As the page does it: [m], [s] or [rad] from the differences of their thousandths."""
+    """The sums of the page: [m], [s] or [rad] from the differences of their thousandths."""
     totals = list(accumulate(mission or 0 for mission in differences))
     return [
         math.nan if mission is None else total / 1000

@@ -178,7 +178,7 @@ def test_a_package_is_of_the_named_robot(study: Study, record: Record) -> None:
 def test_a_bag_has_all_robots_in_namespaces_and_frames_of_their_own(
     study: Study, record: Record, tmp_path: Path
 ) -> None:
-    """What the agent drove, read and aimed at is that of its columns."""
+    """The agent drives, reads and aims as its columns do."""
     product = draw(study, "bag", "--world", "near")
     for name, content in product.files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)

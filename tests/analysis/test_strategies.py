@@ -134,7 +134,7 @@ def test_designs_are_as_far_apart_as_their_cones_are_turned(turn: float) -> None
 
 
 def test_the_directions_of_one_cone_are_those_of_its_opening() -> None:
-    """As near as sectors of 5 deg tell: where the opening ends, half a sector is half covered."""
+    """Sectors of 5 deg limit the accuracy: half a sector at the end is half covered."""
     (clusters,) = compute_directions(compute_profiles(design("a", [(0, 0, 40)])))
     np.testing.assert_allclose(clusters, 25 + 30 * (np.arange(36) + 0.5) / 36, atol=2.5)
     (ahead_,) = compute_directions(compute_profiles(design("a", [(0, 0, 0)])))
@@ -221,7 +221,7 @@ def test_equal_points_and_few_points_have_no_clusters() -> None:
 
 
 def test_the_silhouette_by_hand() -> None:
-    """Of 0, 1 and 10, 11: of 0 (10.5 - 1) / 10.5, of 1 (9.5 - 1) / 9.5; the others mirror them."""
+    """0, 1 and 10, 11: 0 has (10.5 - 1) / 10.5, 1 has (9.5 - 1) / 9.5; the others mirror them."""
     points = np.array([[0.0], [1], [10], [11], [10]])
     by_hand = np.mean(
         [
@@ -237,7 +237,7 @@ def test_the_silhouette_by_hand() -> None:
 @settings(max_examples=25, deadline=None)
 @given(st.integers(5, 12), st.integers(0, 1000))
 def test_clusters_are_those_of_scipy(n: int, seed: int) -> None:
-    """Of the numbers of clusters that are tried the one with the greatest mean silhouette."""
+    """The tried number of clusters with the greatest mean silhouette."""
     points = np.random.default_rng(seed).standard_normal((n, 3))
     tree, distance = linkage(points, "ward"), cdist(points, points)
     cuts = [fcluster(tree, k, "maxclust") for k in range(2, min(5, n - 1) + 1)]
@@ -249,7 +249,7 @@ def test_clusters_are_those_of_scipy(n: int, seed: int) -> None:
 
 
 def silhouette(distance: np.ndarray, labels: np.ndarray) -> float:
-    """As Rousseeuw defines it, a point after the other."""
+    """The definition of Rousseeuw, a point after the other."""
     mounted = []
     for i, label in enumerate(labels):
         part = [distance[i, j] for j in np.flatnonzero(labels == label) if j != i]

@@ -1,4 +1,4 @@
-"""What is whole in some folders is found, and what is not is said in one line each."""
+"""Whole runs in some folders are found, and each other folder is reported in a line."""
 
 import json
 import shutil

@@ -101,7 +101,7 @@ BOX = """<robot name="box"><link name="base">
 
 @pytest.fixture(scope="module")
 def looked() -> Iterator[LOOK]:
-    """What a camera sees of the box at a pose."""
+    """The picture of the box at a pose."""
     with open_scene([BOX], []) as scene:
         (robot,) = scene.robots
 

@@ -45,7 +45,7 @@ def test_a_picture_has_what_leans_and_what_is_raised() -> None:
 
 
 def test_a_picture_has_parts_of_meshes_and_leaves_out_floors() -> None:
-    """What a robot drives on is no obstacle; a crate in the air is drawn where it lands."""
+    """A floor is no obstacle; a crate in the air is drawn where it lands."""
     world = field().draw_world(FIXED)
     ground = [body for body in world.bodies if body.is_ground]
     corners = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 2.0))
