@@ -17,7 +17,7 @@ SIDES = ("a", "b")
 
 
 def make_product(subcommand: Subcommand, study: Study, options: argparse.Namespace) -> Product:
-    """Make the product of a subcommand; that of one robot says which one it shows."""
+    """Make the product of a subcommand, which names the robot that it shows."""
     chosen = getattr(subcommand, "ONE_ROBOT", False)
     if not chosen and not getattr(subcommand, "FIRST_ROBOT", False):
         return _add_all_factors(subcommand.make_product(study, options), study)

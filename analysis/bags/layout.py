@@ -59,7 +59,7 @@ def _find_series(
 
 
 def _of_all(series: Mapping[str, str], agents: Sequence[str]) -> dict[str, str]:
-    """Return the labels of the fields of the first robot and of those of the agents."""
+    """Return the labels of the fields of the first robot and of the agents."""
     others = {
         f"/{name}{path}": f"{name} {words}" for name in agents for path, words in series.items()
     }

@@ -33,7 +33,7 @@ TOPICS = (
     Topic("/mode", "std_msgs/msg/String"),
     Topic("/contact", "std_msgs/msg/Bool"),
 )
-"""The topics besides those of the goal and of the sensors."""
+"""The topics besides the goal and the sensors."""
 
 
 def list_topics(mission: RecordedMission, goal: str) -> list[Topic]:

@@ -1,7 +1,7 @@
-"""The messages of several robots in a mission: those of agents are in namespaces with their names.
+"""The messages of several robots in a mission: agents have namespaces with their names.
 
 The first robot has the names that it has alone. The frames of all robots are on ``/tf`` and
-``/tf_static``, those of agents with their names before them, as ROS has it for several robots.
+``/tf_static``, agents' frames with their names before them, as ROS has it for several robots.
 """
 
 from collections.abc import Mapping, Sequence

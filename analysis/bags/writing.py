@@ -32,7 +32,7 @@ except ImportError as error:
     ) from error
 
 DISTROS = {"humble": Stores.ROS2_HUMBLE, "jazzy": Stores.ROS2_JAZZY}
-"""Definitions of messages; those of jazzy are also those of iron, kilted and later."""
+"""Definitions of messages; jazzy suits iron, kilted and later too."""
 METADATA_VERSION: Literal[8] = 8
 """The latest version of rosbag2 that humble reads too."""
 OTHER_TYPES = {

@@ -1,4 +1,4 @@
-"""The champion of a run as one mounts it: its description, each sensor, and what is in its way."""
+"""The champion of a run as one mounts it: its description, its sensors, and their clashes."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -74,7 +74,7 @@ def _simplify(name: str) -> str:
 def write_package(
     champion: Champion, options: PackageOptions, drawings: Mapping[str, bytes]
 ) -> tuple[dict[str, bytes], list[str]]:
-    """Return the files of a package by their paths in it, and lines on what is left to do."""
+    """Return the files of a package by their paths in it, and lines on the remaining work."""
     name = _simplify(champion.name)
     meshes = MeshFiles(options.name)
     meshes.move(champion.robot)

@@ -73,7 +73,7 @@ def _classify(share: float) -> str:
 def compare_with_random(table: pd.DataFrame, rings: Sequence[Ring] = ()) -> pd.DataFrame:
     """Compare champions with random designs: a row for each treatment and feature.
 
-    ``table`` is that of ``describe_designs``; ``docs/analysis.md`` describes the columns. Clusters
+    ``table`` is from ``describe_designs``; ``docs/analysis.md`` describes the columns. Clusters
     are tested against clouds without clusters, and against samples of random designs.
     """
     radii = [ring.radius_m for ring in tuple(rings) or paper_rings()]

@@ -57,7 +57,7 @@ def draw_mission(
     modes: Sequence[str],
     effects: Mapping[str, str] | None = None,
 ) -> None:
-    """Draw a mission in its world; ``modes`` and ``effects`` are those of its context."""
+    """Draw a mission in its world; its context has ``modes`` and ``effects``."""
     draw_obstacles(axes, world).set(array=None, facecolor=OBSTACLE, zorder=1)
     draw_course(axes, world.course)
     axes.set_aspect("equal")
@@ -102,7 +102,7 @@ def make_handles(
     touched: bool,
     effects: Mapping[str, str] | None = None,
 ) -> list[Artist]:
-    """Make the legend entries of what is drawn of the first robot, and of collisions."""
+    """Make the legend entries of the first robot, and of collisions."""
     driven = set(tracks["mode"])
     handles: list[Artist] = [
         Line2D([], [], color=colour, lw=width, label=name)

@@ -74,7 +74,7 @@ def draw_mounting(plan: MountingPlan) -> Figure:
 
 
 def _draw_view(axes: Axes, plan: MountingPlan, view: View) -> None:
-    """Draw the robot, its sensors and its datum; what is nearest to the viewer comes last."""
+    """Draw the robot, its sensors and its datum; the nearest to the viewer comes last."""
     depth, sign = (Z, 1.0) if view.up == Y else (Y, -1.0)
     for solid in sorted(plan.solids, key=lambda s: float((sign * s.points_mm[:, depth]).max())):
         look = {"fc": _WHEEL if solid.wheel else _BODY, "ec": GREY, "alpha": 0.9}

@@ -57,8 +57,7 @@ CATEGORIES = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
 def choose_style(name: str | None) -> Iterator[None]:
     """Draw and save with a matplotlib style meanwhile: a file, or one that matplotlib has.
 
-    ``font.size`` is the size that all others follow, and the width of ``figure.figsize`` is that of
-    one column.
+    All sizes follow ``font.size``, and the width of ``figure.figsize`` is one column.
 
     Raises:
         InputError: there is no such style, or the file cannot be read.

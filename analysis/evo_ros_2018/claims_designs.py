@@ -146,7 +146,7 @@ def _compare_shares(
 def judge_spread_between(mirrored: pd.DataFrame, free: pd.DataFrame) -> Finding:
     """Judge whether champions of runs without symmetry differ more from each other.
 
-    Both spreads are relative to those of random designs. Supported: the interval of their
+    Both spreads are relative to the spread of random designs. Supported: the interval of their
     difference is above 0. Not supported: it is below.
     """
     ratios = []

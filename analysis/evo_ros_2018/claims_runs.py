@@ -61,7 +61,7 @@ def judge_gain(table: pd.DataFrame, line: str) -> Finding:
     """Judge the share of the total gain that was reached early; ``table``: ``read_gains``.
 
     Supported: the interval is above the share that random designs would have reached, whose
-    best grows as the logarithm of their number. Not supported: it is below that of a steady gain.
+    best grows as the logarithm of their number. Not supported: below that of a steady gain.
     If the interval of the total gain contains 0, there is no verdict.
     """
     claim = GAIN[line]
@@ -86,7 +86,7 @@ def judge_gain(table: pd.DataFrame, line: str) -> Finding:
 
 
 def _advise(table: pd.DataFrame, line: str) -> str:
-    """Name the runs that a judgement of early gains needs, and what is there."""
+    """Name the runs that a judgement of early gains needs, and the longest run."""
     needed = f"two mirrored runs of {EARLY + 2} generations or more, {line}"
     if table.empty:
         return needed
@@ -133,7 +133,7 @@ def judge_heading_swing(table: pd.DataFrame, built_in: bool = False) -> Finding:
 def judge_completion(table: pd.DataFrame, drawn: pd.DataFrame | None = None) -> Iterator[Finding]:
     """Judge how many missions with a failed sensor champions completed, by kind and source.
 
-    The tables are those of ``list_missions`` and ``list_random_missions``. Champions are resampled,
+    The tables are from ``list_missions`` and ``list_random_missions``. Champions are resampled,
     not missions. Supported: the interval is above a half, and above the share of random designs.
     Not supported: it is below a half.
     """

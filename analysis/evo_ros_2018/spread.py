@@ -39,7 +39,7 @@ def resample_mean_distance(distances: Array, stream: int = 0) -> Array:
 def relative_difference(
     one: Array, one_random: float, other: Array, other_random: float
 ) -> Interval:
-    """Return the spread of ``one`` less that of ``other``, each relative to random designs.
+    """Return the spread of ``one`` less the spread of ``other``, each relative to random designs.
 
     The spreads are of distances as ``pairwise_distances`` returns; the interval is bootstrapped.
     """

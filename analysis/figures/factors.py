@@ -180,7 +180,7 @@ def draw_factors(
 ) -> Figure:
     """Draw a panel for each measure, with its tests below: replicates, means and intervals.
 
-    ``width`` is in inches. Levels of the first factor are along the axis, those of the second have
+    ``width`` is in inches. Levels of the first factor are along the axis, levels of the second have
     colours, and lines between means are parallel if there is no interaction.
     """
     layout = Layout(len(cells), width, PANEL_IN, table_height(len(names) * 2 - 1, note=True))

@@ -31,7 +31,7 @@ def draw_ladder(
 ) -> Figure:
     """Draw a line for each design over the rungs, and the mean of all in black.
 
-    ``table`` is that of ``climb``. ``cells`` are rows of the table below and ``note`` its last
+    ``table`` is from ``climb``. ``cells`` are rows of the table below and ``note`` its last
     line. Bars are standard errors over the trials.
     """
     layout = Layout(1, width, 0.85 * COLUMN_IN, table_height(len(cells), bool(note)))

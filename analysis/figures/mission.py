@@ -160,7 +160,7 @@ def _draw_map(axes: Axes, missions: Missions, name: str, room: float) -> None:
 def _list_parts_below(
     missions: Missions, columns: int
 ) -> list[tuple[Callable[[SubFigure], None], float]]:
-    """List what is drawn below the maps, with its height [in]."""
+    """List the drawings below the maps, with their heights [in]."""
     parts: list[tuple[Callable[[SubFigure], None], float]] = []
     if has_estimate(missions.first):
         height = math.ceil(len(missions.paths) / columns) * _ERRORS_IN

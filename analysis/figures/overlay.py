@@ -92,7 +92,7 @@ def draw_overlay(
 ) -> Figure:
     """Draw a panel for each treatment and cut: the robot, the sensors, and what they cover.
 
-    ``cover`` is that of ``count_coverage``, ``signals`` as ``Study.signals``; ``width`` is in
+    ``cover`` is from ``count_coverage``, ``signals`` as ``Study.signals``; ``width`` is in
     inches.
     """
     champions = Champions(sensors, contexts, signals)

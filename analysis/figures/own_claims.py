@@ -163,7 +163,7 @@ def _read_column(record: Record, column: str) -> tuple[float, float]:
 
 
 def _measure_fitness(measure: str, study: Study) -> pd.DataFrame:
-    """Measure fitness; that of random designs is of the best of the first generation."""
+    """Measure fitness; for random designs, of the best of the first generation."""
     champions = validate_champions(study).set_index("run")[measure].to_dict()
 
     def read(record: Record) -> tuple[float, float]:

@@ -64,7 +64,7 @@ def draw_panels(
 ) -> Figure:
     """Draw a panel for each champion, in rows by treatment; ``width`` is in inches.
 
-    ``sensors`` is that of ``rank_pairs``, ``signals`` as ``Study.signals``.
+    ``sensors`` is from ``rank_pairs``, ``signals`` as ``Study.signals``.
     """
     champions = Champions(sensors, contexts, signals)
     placed = champions.placed

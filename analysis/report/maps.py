@@ -144,7 +144,7 @@ def _to_percent(points: Any, bounds: Sequence[tuple[float, float]]) -> Array:
 
 
 class _Ground(NamedTuple):
-    """The axes of a map, and what is on it besides the marks."""
+    """The axes of a map, and its content besides the marks."""
 
     name: str
     axes: tuple[Axis, Axis]
@@ -155,7 +155,7 @@ class _Ground(NamedTuple):
 
     @property
     def labels(self) -> tuple[str, str]:
-        """The labels of the axes; those of points tell which direction is better."""
+        """The labels of the axes, which tell which direction is better for points."""
         x, y = (a.label if self.width else f"{a.label} ({BETTER[a.sign]})" for a in self.axes)
         return x, y
 
@@ -207,7 +207,7 @@ def _list_marks(
 def _encode_designs(
     study: Study, table: pd.DataFrame, axes: Sequence[Axis], designs: Sequence[pd.DataFrame]
 ) -> Markup:
-    """Encode what is drawn and written beside the map of each design."""
+    """Encode the picture and the text of each design beside the map."""
     context = study.records[0].context
     shown = [axis for axis in axes if axis.label != FITNESS]
     encoded = [

@@ -17,8 +17,8 @@ def a12_interval(x: Sample, y: Sample) -> Interval:
     """Return A12 and its interval, by method 5 of Newcombe (2006), Stat. Med. 25, 559-573.
 
     The interval contains the values from which A12 is no more than 1.96 standard errors away. The
-    standard error is that of Hanley and McNeil (1982), with the mean of both sizes for each. Unlike
-    that of a bootstrap, it has a width at 0 and 1.
+    standard error is from Hanley and McNeil (1982), with the mean of both sizes for each. Unlike
+    a bootstrapped one, it has a width at 0 and 1.
     """
     value, m, n = a12(x, y), len(x), len(y)
     z = float(stats.norm.ppf(1 - LEVEL / 2))

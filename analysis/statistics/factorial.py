@@ -1,7 +1,7 @@
 """Tests of one or two factors and of their interaction, by permutation of residuals.
 
 Freedman and Lane (1983), J. Bus. Econ. Stat. 1, 292-298: to test an effect, the residuals of the
-model without it are permuted, and its F is compared with those of the permutations. Nothing is
+model without it are permuted, and its F is compared with the F of the permutations. Nothing is
 assumed of the shape of the distributions. The aligned-rank transform is not used: ranks make a
 main effect of skewed values look like an interaction.
 """
@@ -53,7 +53,7 @@ def permute_effects(
     the main effects are those of type II: each is what its factor adds to the other. ``values``
     need two or more in some cell, and values in all cells.
 
-    The p are those of ``resamples`` permutations, of which the observed order is one.
+    Each p is from ``resamples`` permutations, of which the observed order is one.
     """
     names = list(levels)
     sets = [_code(levels[name]) for name in names]

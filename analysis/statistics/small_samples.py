@@ -78,7 +78,7 @@ def holm(p: Sample) -> list[float]:
     """Adjust the p of a family of tests so that each may be compared with ``LEVEL`` by itself.
 
     Holm (1979), Scand. J. Stat. 6, 65-70: the i-th smallest of n is multiplied by n + 1 - i, is at
-    least the adjusted p of the smaller ones, and at most 1. The order is that of ``p``. SciPy has
+    least the adjusted p of the smaller ones, and at most 1. The order of ``p`` is kept. SciPy has
     corrections of the false discovery rate only.
     """
     raw = np.asarray(p, float)

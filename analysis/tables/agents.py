@@ -25,10 +25,10 @@ GROUPS = ("robot", "design", "controller")
 
 @dataclass(frozen=True)
 class AgentRun(Run):
-    """A run whose tables are those of an agent, under the names of a robot that is alone."""
+    """A run with the tables of an agent, under the names of a robot that is alone."""
 
     whole: Run
-    context: FigureContext  # of the first robot, with those of all others
+    context: FigureContext  # of the first robot, with the contexts of all others
     agent: str
     designed: str  # the robot whose design it has; the first one's name is empty
 

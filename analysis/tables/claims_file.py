@@ -92,7 +92,7 @@ def _read(entry: object, place: str) -> OwnClaim:
 def _read_bounds(
     given: object, comparison: str, difference: bool, place: str
 ) -> tuple[float, float]:
-    """Read the threshold, or both of ``WITHIN``; that of a difference is 0 if it is left out."""
+    """Read the threshold, or both of ``WITHIN``; the default for a difference is 0."""
     if given is None and difference and comparison != WITHIN:
         return 0.0, 0.0
     bounds = given if comparison == WITHIN else [given, given]

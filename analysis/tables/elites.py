@@ -30,7 +30,7 @@ class Archive(NamedTuple):
     """The archive of all runs of a study together."""
 
     grid: Grid
-    elites: pd.DataFrame  # the fittest first; ``place`` is that of their run
+    elites: pd.DataFrame  # the fittest first; ``place`` is the index of their run
     growth: pd.DataFrame  # of each run by its generations
 
 
@@ -39,7 +39,7 @@ class Front(NamedTuple):
 
     x: Axis
     y: Axis
-    candidates: pd.DataFrame  # all of them; ``place`` is that of their run
+    candidates: pd.DataFrame  # all of them; ``place`` is the index of their run
     front: pd.DataFrame  # in the order of both objectives
 
 

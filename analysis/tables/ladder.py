@@ -15,7 +15,7 @@ from .treatments import label_treatments
 from .validated import Scores, read_evaluations
 
 NAMES = ("source", "design")
-"""The names of a design; on all rungs it has those of the lowest."""
+"""The names of a design; on all rungs it has the names of the lowest."""
 
 
 def climb(study: Study) -> pd.DataFrame:

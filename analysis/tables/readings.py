@@ -50,7 +50,7 @@ def read_sensors(
         wanted, linked = (", ".join(map(str, sensors)) or "none" for sensors in (ranges, seeing))
         raise InputError(
             f"{source}: must have links of the sensors {wanted}, which have ranges in the "
-            f"trajectory, but has those of {linked}; give the description of the robot that ran "
+            f"trajectory, but has links of {linked}; give the description of the robot that ran "
             f"the mission"
         )
     sensors = []

@@ -76,7 +76,7 @@ class Renderer:
         return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
     def colour_sensors(self, index: int) -> list[Colour]:
-        """Return the colour of each sensor at a time: that of its state, mixed with its error's."""
+        """Return the colour of each sensor at a time: its state's, mixed with its error's."""
         states = self._classify_readings(index)
         return [
             _mix(state, ERRING, float(share))

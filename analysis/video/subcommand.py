@@ -22,7 +22,7 @@ ONE_ROBOT = IN_VIEW = True  # one with its sensors, and the others
 HELP = "a mission of the champion as a video, with the readings of its sensors"
 FORMATS = ("mp4", "gif")
 _OPTION_NAMES = {"start_s": "--from", "end_s": "--to"}
-"""Options whose name differs from that of their field of ``RenderOptions``."""
+"""Options whose name differs from their field of ``RenderOptions``."""
 _DEFAULTS = {"mp4": ((854, 480), 25.0), "gif": ((480, 270), 10.0)}  # size, pictures per second
 
 

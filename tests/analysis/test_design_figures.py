@@ -320,20 +320,20 @@ def test_an_unvalidated_champion_without_sensors_has_its_panel() -> None:
     assert len(panels(bare("b")).axes) == 1
 
 
-@pytest.mark.parametrize(("treatments", "item"), [(1, 1), (1, 10), (3, 10), (2, 7)])
+@pytest.mark.parametrize(("treatments", "replicates"), [(1, 1), (1, 10), (3, 10), (2, 7)])
 @pytest.mark.parametrize("width", [3.5, 7.0])
-def test_a_panel_a_replicate_on_a_page(treatments: int, artist: int, width: float) -> None:
+def test_a_panel_a_replicate_on_a_page(treatments: int, replicates: int, width: float) -> None:
     rows = [
         sensor(0, 0, 20, f"{t}/{i}", seed=i, treatment=f"t{t}")
         for t in range(treatments)
-        for i in range(artist)
+        for i in range(replicates)
     ]
     figure = panels(*rows, width=width)
     assert [axes.get_title()[0] for axes in figure.axes] == [str(r["seed"]) for r in rows]
     assert figure.get_figwidth() == width
     assert figure.get_figheight() <= panel.PAGE_HEIGHT_IN or width < 7.0
     tops = [round(axes.get_position().y1, 6) for axes in figure.axes]
-    firsts = [tops[t * artist] for t in range(treatments)]
+    firsts = [tops[t * replicates] for t in range(treatments)]
     assert firsts == sorted(set(firsts), reverse=True)  # each treatment begins a row
 
 
