@@ -66,8 +66,8 @@ class View:
 
 def spread(places: Sequence[float], minimum: float) -> list[float]:
     """Move increasing places at least ``minimum`` apart, as little as possible."""
-    if not places:
-        return []
+    if np.all(np.diff(places) >= minimum):
+        return list(places)
     gaps = np.array(places) - minimum * np.arange(len(places))
     moved: list[float] = (np.array(places) + (isotonic_regression(gaps).x - gaps)).tolist()
     return moved
