@@ -116,9 +116,9 @@ def _select_values(values: Mapping[str, Any], agent: str) -> dict[str, Any]:
     """Return the configuration of a robot alone: its own parts in place of the first one's."""
     start = f"agents.{agent}."
     parts = {key.removeprefix(start): v for key, v in values.items() if key.startswith(start)}
-    parts = {key: v for key, v in parts.items() if key.partition(".")[0] in GROUPS}
-    groups = {key.partition(".")[0] for key in parts}
-    return {key: v for key, v in values.items() if key.partition(".")[0] not in groups} | parts
+    groups = [group for group in GROUPS if any(key.startswith(f"{group}.") for key in parts)]
+    others = {key: v for key, v in values.items() if key.partition(".")[0] not in groups}
+    return others | {key: v for key, v in parts.items() if key.partition(".")[0] in groups}
 
 
 class Choice(NamedTuple):
