@@ -47,20 +47,16 @@ class BoundRegion(Protocol):
     @property
     def link(self) -> str:
         """The link that carries the sensor."""
-        ...
 
     @property
     def ranges(self) -> Mapping[str, Range]:
         """The lowest and highest value of each of POSITION and ANGLES that the region uses."""
-        ...
 
     def place(self, values: Mapping[str, float]) -> SensorPose:
         """Return the pose of a sensor with a value for each of ``ranges``."""
-        ...
 
     def area(self) -> Area:
         """Return the places and directions for drawing."""
-        ...
 
 
 @runtime_checkable
@@ -70,7 +66,6 @@ class RegionDescription(Protocol):
     @property
     def overhang_m(self) -> float:
         """How far a sensor may stand out from the robot."""
-        ...
 
     def bind(
         self, robot: Robot, mirrored: bool, key: str, sensors: Sequence[Sensor]
@@ -82,7 +77,6 @@ class RegionDescription(Protocol):
         Raises:
             InputError: the region, or its mirror image if ``mirrored``, is off the robot.
         """
-        ...
 
 
 def check_link(link: str, robot: Robot, mirrored: bool, key: str) -> None:

@@ -97,15 +97,12 @@ class Observer(Protocol):
 
     def begin(self, generation: int, missions: int, known: int) -> None:
         """Note that ``missions`` are needed next, of which ``known`` are recorded already."""
-        ...
 
     def mission(self, mission: Mission, outcomes: Outcomes) -> None:
         """Note a mission that was run and recorded."""
-        ...
 
     def generation(self, generation: Generation) -> None:
         """Note a generation that is recorded."""
-        ...
 
 
 class Journal(MissionRecord, Protocol):
@@ -117,7 +114,6 @@ class Journal(MissionRecord, Protocol):
         Raises:
             InputError: the mission was recorded under other draws.
         """
-        ...
 
     def write_generation(self, generation: Generation) -> None:
         """Record a generation.
@@ -125,28 +121,21 @@ class Journal(MissionRecord, Protocol):
         Raises:
             InputError: the journal has the generation, and it differs.
         """
-        ...
 
     def keep_trajectory(self, scenario: Scenario, mission: Mission, trajectory: Array) -> None:
         """Keep the trajectory of a mission that was run, before it is recorded."""
-        ...
 
     def read_trajectory(self, mission: Mission) -> Array:
         """Return the trajectory of a mission, which was kept."""
-        ...
 
     def drop_trajectories(self, missions: Sequence[Mission]) -> list[Mission]:
         """Drop the trajectories of all other missions; return the missions that have none."""
-        ...
 
     def write_champions(self, champions: Champions) -> None:
         """Record what the search has found in place of any other, if that is several designs."""
-        ...
 
     def has_champion(self, champion: Champion) -> bool:
         """Whether the journal has this champion, with its trajectories."""
-        ...
 
     def write_champion(self, champion: Champion, trajectories: Mapping[str, Array]) -> None:
         """Record the champion in place of any other, with a trajectory for each of its tracks."""
-        ...

@@ -21,7 +21,6 @@ class Fitness(Protocol):
         ``CombiningFitness``. ``least_clearance_m`` is NaN in a
         world without obstacles, and ``first_collision_s`` without a collision.
         """
-        ...
 
     def worst(self, outcomes: Sequence[Outcome]) -> float:
         """Return the score of a trial in which at least one mission could not be run.
@@ -29,7 +28,6 @@ class Fitness(Protocol):
         It is at most the ``score`` of a trial without any progress. Metrics of such a mission are
         NaN, but ``sensors`` and ``time_limit_s`` are valid.
         """
-        ...
 
 
 @runtime_checkable
@@ -38,4 +36,3 @@ class CombiningFitness(Fitness, Protocol):
 
     def combine(self, scores: Sequence[float]) -> float:
         """Return the fitness of a design from the scores of its trials, at least one."""
-        ...

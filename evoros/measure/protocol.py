@@ -54,28 +54,22 @@ class Measure(Protocol):
     @property
     def title(self) -> str:
         """What it is, for the axes of figures."""
-        ...
 
     @property
     def unit(self) -> str:
         """Its unit; empty if it has none."""
-        ...
 
     @property
     def bounds(self) -> Sequence[float]:
         """The lowest and the highest value that are told apart; designs may lie beyond."""
-        ...
 
     @property
     def direction(self) -> str:
         """Whether an objective is to ``maximize`` or to ``minimize``."""
-        ...
 
     @property
     def of_design(self) -> bool:
         """Whether it depends on the design alone, so that it can be tried before a run."""
-        ...
 
     def compute(self, evaluated: Evaluated) -> float:
         """Return the number, which must be finite."""
-        ...
