@@ -33,10 +33,10 @@ def evolve(
         generation = scores.conclude(number, search.tell(told), told)
         journal.write_generation(generation)
         observer.generation(generation)
-    found = search.champions()
-    journal.write_champions(list_champions(scores, found))
+    champions = search.champions()
+    journal.write_champions(list_champions(scores, champions))
     if experiment.record == CHAMPIONS and not experiment.scenario.is_live:
-        keep_missions(scores, found if len(found) > 1 else [])
+        keep_missions(scores, champions if len(champions) > 1 else [])
     choice = choose_champion(scores, generation)
     certificate = certify(scores.validated, generation, choice)
     record_champion(scores, choice.individual, certificate)

@@ -20,7 +20,7 @@ from evoros.world.model import TeamSampler, World
 
 
 def make_room(members: Sequence[Member], worlds: Mapping[str, World]) -> dict[str, World]:
-    """Return the worlds, of which those that are drawn for each mission leave room to all robots.
+    """Return the worlds; those that are drawn for each mission leave room to all robots.
 
     Raises:
         InputError: a sampler cannot do that, or finds no room.
@@ -54,8 +54,7 @@ def check_team(members: Sequence[Member], worlds: Mapping[str, World]) -> None:
     """Check the robots of an experiment against one another.
 
     Raises:
-        InputError: a design of another robot, genes without effect, or two robots that touch at
-            home.
+        InputError: a design of another robot, genes without effect, or robots that touch at home.
     """
     designed = {member.name: member for member in members if member.has_own_design}
     for member in members:

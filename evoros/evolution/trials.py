@@ -50,11 +50,7 @@ class Trials:
     def run(
         self, generation: int, needed: Sequence[Mission], purpose: str
     ) -> dict[MissionKey, Outcomes]:
-        """Return the outcomes of missions of one generation.
-
-        Raises:
-            InputError, RunStopped: see ``score``.
-        """
+        """Return the outcomes of missions of one generation."""
         journal = self.journal
         if not needed:
             return {}

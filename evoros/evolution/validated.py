@@ -17,11 +17,7 @@ class Validated:
     _generations: dict[int, int] = field(default_factory=dict)  # of their missions
 
     def validate(self, generation: int, individual: Individual) -> None:
-        """Validate an individual, unless it has been validated or the run does not validate.
-
-        Raises:
-            InputError, RunStopped: see ``Trials.score``.
-        """
+        """Validate an individual, unless it has been validated or the run does not validate."""
         if individual.id not in self.scores:
             self._generations[individual.id] = generation
             count = self.trials.experiment.plan.validation_trials
@@ -30,11 +26,7 @@ class Validated:
     def extend(
         self, individual: Individual, count: int
     ) -> tuple[list[float], dict[str, list[Outcome]]]:
-        """Return the scores of so many trials of a validated one, and the outcomes by world.
-
-        Raises:
-            InputError, RunStopped: see ``Trials.score``.
-        """
+        """Return the scores of so many trials of a validated one, and the outcomes by world."""
         generation = self._generations[individual.id]
         (design,) = self.trials.decode([individual]).values()
         experiment = self.trials.experiment
@@ -48,4 +40,4 @@ class Validated:
     def list_fitness(self) -> dict[int, float]:
         """Return the validated fitness of individuals that have any trials."""
         combine = self.trials.experiment.combine
-        return {number: combine(scores) for number, scores in self.scores.items() if scores}
+        return {i: combine(scores) for i, scores in self.scores.items() if scores}

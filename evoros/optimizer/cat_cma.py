@@ -36,11 +36,7 @@ class CatCma:
     packages = ("cmaes",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness, whose generator is seeded by ``rng``.
-
-        Raises:
-            InputError: the space has no genes, or the package is not installed.
-        """
+        """Start a search by fitness, whose generator is seeded by ``rng``."""
         require_genes(space)
         with require_library("cat_cma"):
             from cmaes import CatCMAwM

@@ -51,11 +51,7 @@ class CmaMae:
             raise invalid(self, "population_size", self.population_size, rule)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness and descriptors, whose generators are seeded by ``rng``.
-
-        Raises:
-            InputError: there are no genes or no descriptors, or the package is not installed.
-        """
+        """Start a search by fitness and descriptors, whose generators are seeded by ``rng``."""
         require_genes(space)
         with require_library("cma_mae"):
             from ribs.emitters import EvolutionStrategyEmitter

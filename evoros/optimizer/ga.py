@@ -49,11 +49,7 @@ class GeneticAlgorithm:
     elite: Annotated[str, one_of("best_so_far", "best_child")] = "best_so_far"
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness, which draws from ``rng`` and from nothing else.
-
-        Raises:
-            InputError: the space has no genes.
-        """
+        """Start a search by fitness, which draws from ``rng`` and from nothing else."""
         require_genes(space)
         return _GeneticSearch(self, space, rng)
 

@@ -40,11 +40,7 @@ class MapElites:
     packages = ("ribs",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness and descriptors, whose generators are seeded by ``rng``.
-
-        Raises:
-            InputError: there are no genes or no descriptors, or the package is not installed.
-        """
+        """Start a search by fitness and descriptors, whose generators are seeded by ``rng``."""
         require_genes(space)
         with require_library("map_elites"):
             from ribs.emitters import IsoLineEmitter

@@ -52,12 +52,7 @@ class Nsga2:
     packages = ("pymoo",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by the objectives, whose generator is seeded by ``rng``.
-
-        Raises:
-            InputError: there are no genes or fewer than two objectives, or the package is not
-                installed.
-        """
+        """Start a search by the objectives, whose generator is seeded by ``rng``."""
         require_genes(space)
         if len(goals.objectives) < 2:
             raise InputError(

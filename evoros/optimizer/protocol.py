@@ -135,7 +135,8 @@ class Optimizer(Protocol):
         """Start a search. The same generator must give the same search: resuming replays it.
 
         Raises:
-            InputError: this optimizer cannot search this space, or for these goals.
+            InputError: this optimizer cannot search this space or for these goals, or its package
+                is not installed.
         """
 
 

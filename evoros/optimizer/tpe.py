@@ -40,11 +40,7 @@ class Tpe:
     packages = ("optuna",)
 
     def start(self, space: Space, goals: Goals, rng: Generator) -> Search:
-        """Start a search by fitness, whose generator is seeded by ``rng``.
-
-        Raises:
-            InputError: the space has no genes, or the package is not installed.
-        """
+        """Start a search by fitness, whose generator is seeded by ``rng``."""
         require_genes(space)
         with require_library("tpe"):
             import optuna
@@ -125,5 +121,7 @@ def _rescore(trial: "optuna.trial.FrozenTrial", fitness: float) -> "optuna.trial
     """Return a finished trial with another fitness."""
     from optuna.trial import create_trial
 
-    params, distributions = trial.params, trial.distributions
-    return create_trial(params=params, distributions=distributions, value=float(fitness))
+    rescored: optuna.trial.FrozenTrial = create_trial(
+        params=trial.params, distributions=trial.distributions, value=float(fitness)
+    )
+    return rescored

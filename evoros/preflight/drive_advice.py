@@ -1,4 +1,4 @@
-"""Finds changes with which a robot moves as commanded; all that it proposes has been driven."""
+"""Finds changes with which a robot moves as commanded; every proposal has been driven."""
 
 import dataclasses
 from importlib.util import find_spec
@@ -31,12 +31,12 @@ class Setting(NamedTuple):
         return Trial(simulator, *self)
 
     def describe(self, trial: TrialDrive) -> str:
-        """Return what the robot does wrong; an empty text if nothing."""
+        """Return the faults of the motion; an empty text if none."""
         return describe(trial, self.robot.drive, self.speed)
 
 
 def moves_right(setting: Setting, simulator: Simulator, before: TrialDrive) -> bool:
-    """Return whether a robot drives all manoeuvres; the worst before come first."""
+    """Return whether a robot drives all manoeuvres; those that were worst come first."""
     trial = setting.in_engine(simulator)
     worst_first = sorted(MANOEUVRES, key=lambda move: -abs(before.shares[move] - 1.0))
     return not describe_rest(trial.stand(), setting.speed) and not any(
@@ -45,7 +45,7 @@ def moves_right(setting: Setting, simulator: Simulator, before: TrialDrive) -> b
 
 
 def advise(key: str, simulator: Simulator, setting: Setting, trial: TrialDrive) -> str:
-    """Return what to change if no finer step helps; ``trial`` is the drive at the given one."""
+    """Return the change to make if no finer step helps; ``trial`` is the drive at the given one."""
     drive, speed = setting.robot.drive, setting.speed
     only_turns = not setting.describe(_without_turns(trial))
     push = speed * speed * elementary.tan(drive.steering_limit) / drive.wheelbase_m
@@ -97,7 +97,7 @@ def choose_mujoco(key: str) -> str:
 
 
 def try_mujoco(setting: Setting, simulator: Simulator) -> str:
-    """Drive in MuJoCo at its default step, else as a simulator; return how the robot moves."""
+    """Drive in MuJoCo at its default step, otherwise as in a simulator; describe the motion."""
     if find_spec("mujoco") is None:
         return " (it is not installed: pip install mujoco-core)"
     names = ("wheel_friction", "steering_lag_s")

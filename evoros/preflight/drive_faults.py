@@ -1,4 +1,4 @@
-"""Tells where a robot's motion differs from what was commanded."""
+"""Describes where a robot's motion differs from the commanded one."""
 
 import math
 from collections.abc import Mapping
@@ -9,14 +9,14 @@ from evoros.preflight.trial_drive import BACK, STRAIGHT, TURNS, Manoeuvre, Rest,
 
 TOLERANCE = 0.05  # as a share of the commanded motion
 SKIDDING_TOLERANCE = 0.1
-"""The same for turns on wheels that slip. The turning resistance by which they are commanded
-assumes equal loads on wheels that touch the ground in a point."""
+"""The tolerance of turns on wheels that slip. Their turning resistance assumes equal loads on
+wheels that touch the ground in a point."""
 MAX_SUNK_M, MAX_TILT_DEG = 0.01, 5.0
-ALIKE = 0.05  # between deviations that are told as one
+ALIKE = 0.05  # maximum difference of deviations that are reported as one
 
 
 def describe(trial: TrialDrive, drive: Drive, speed: float) -> str:
-    """Return what a robot does wrong at a speed [m/s]; an empty text if nothing."""
+    """Return the faults of a robot's motion at a speed [m/s]; an empty text if none."""
     if not all(map(math.isfinite, (*trial.rest, *trial.shares.values()))):
         return "has a pose that is no number"
     faults = [*describe_rest(trial.rest, speed), *describe_shares(trial.shares, drive)]
@@ -24,7 +24,7 @@ def describe(trial: TrialDrive, drive: Drive, speed: float) -> str:
 
 
 def describe_rest(rest: Rest, speed: float) -> list[str]:
-    """Return what a robot does wrong at rest."""
+    """Return the faults of a robot at rest."""
     faults = []
     if not rest.tilt_deg <= MAX_TILT_DEG:
         faults.append(f"stands at a tilt of {rest.tilt_deg:.0f} deg")

@@ -25,6 +25,6 @@ def find_values(part: object, name: str, at: str) -> Iterator[tuple[str, float]]
 
 
 def find_avoidance_range(controller: object) -> tuple[str, float] | None:
-    """Return the key and the value [m] of the greatest ``range_m`` of a controller's layers."""
-    found = find_values(controller, "range_m", "controller")
-    return max(found, key=lambda entry: entry[1], default=None)
+    """Return the key and the value [m] of the maximum ``range_m`` of a controller's layers."""
+    ranges = find_values(controller, "range_m", "controller")
+    return max(ranges, key=lambda entry: entry[1], default=None)

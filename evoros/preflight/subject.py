@@ -1,17 +1,25 @@
-"""The robots of an experiment by themselves, as preflight examines them."""
+"""The robots of an experiment by themselves, with designs that stand for all of a search space."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
+from evoros.base.errors import InputError
+from evoros.base.rng import generator
 from evoros.controller.protocol import Controller, LiveController
+from evoros.design.design import Design
 from evoros.design.space import DesignSpace, SensorDesign
+from evoros.design.team import TeamSpace
 from evoros.evolution.experiment import Experiment
 from evoros.failure.protocol import Failure
 from evoros.mission.member import Member
 from evoros.mission.scenario import Scenario
 from evoros.robot.model import Robot
 from evoros.world.model import World
+
+RANDOM_DESIGNS = 5
 
 
 class Subject(NamedTuple):
@@ -29,11 +37,7 @@ class Subject(NamedTuple):
 
     @property
     def space(self) -> DesignSpace:
-        """The search space of the design.
-
-        Raises:
-            InputError: a region does not fit the robot.
-        """
+        """The search space of the design."""
         return self.scenario.members[0].space
 
 
@@ -50,8 +54,24 @@ def list_subjects(experiment: Experiment) -> list[Subject]:
     return subjects
 
 
-def _isolate(scenario: Scenario, number: int) -> Scenario:
+def _isolate(scenario: Scenario, index: int) -> Scenario:
     """Return the scenario of one of the robots alone."""
-    member = scenario.members[number]
+    member = scenario.members[index]
     alone = Member(member.robot, member.design, member.controller)
     return replace(scenario, members=(alone,), world=scenario.place_worlds(member))
+
+
+def choose_middle(space: DesignSpace | TeamSpace) -> Design:
+    """Return the design in the middle of a search space."""
+    return space.decode(np.full(space.size, 0.5))
+
+
+def try_designs(subject: Subject) -> Iterator[Member]:
+    """Yield the robot with designs from the middle, both ends and the inside of the space."""
+    space, rng = subject.space, generator("preflight", "designs")
+    genomes = [np.full(space.size, share) for share in (0.5, 0.0, 1.0)]
+    for genome in (*genomes, *rng.random((RANDOM_DESIGNS, space.size))):
+        try:
+            yield from subject.scenario.equip(space.decode(genome))
+        except InputError:
+            continue  # a part refuses this design, which is then an outcome of its missions

@@ -22,8 +22,7 @@ from evoros.preflight.drive import check_drive, report_drive
 from evoros.preflight.home import check_home
 from evoros.preflight.preflight import preflight
 from evoros.preflight.routes import check_routes
-from evoros.preflight.self_sight import check_housings, check_self_sight
-from evoros.preflight.sight import check_sight
+from evoros.preflight.sight import check_housings, check_self_sight, check_sight
 from evoros.robot.model import Robot
 from evoros.simulator.mujoco import Mujoco
 from evoros.simulator.protocol import PlacedRobot, open_alone
