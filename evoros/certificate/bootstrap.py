@@ -1,4 +1,4 @@
-"""Intervals of a fitness that is no mean over trials, by resampling the trials."""
+"""Intervals of a fitness other than the mean over trials, by resampling the trials."""
 
 import math
 from collections import Counter
@@ -21,11 +21,11 @@ def resample(scores: Sequence[float], combine: Combine) -> list[float]:
     """
     if count_decisive(scores, combine) < MIN_DECISIVE:
         return []
-    return sorted(combine([scores[i] for i in each]) for each in _choose(len(scores)))
+    return sorted(combine([scores[i] for i in chosen]) for chosen in _choose(len(scores)))
 
 
 def count_decisive(scores: Sequence[float], combine: Combine) -> int:
-    """Count the trials on which the fitness depends: without one of them, it is not as usual."""
+    """Count the trials without which the fitness differs from its most common value."""
     if len(scores) < 2:
         return 0
     without = Counter(combine([*scores[:i], *scores[i + 1 :]]) for i in range(len(scores)))

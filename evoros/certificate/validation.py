@@ -1,4 +1,4 @@
-"""How precisely a champion is validated, and the intervals that its trials give."""
+"""The precision with which a champion is validated, and the intervals of its trials."""
 
 import math
 from collections.abc import Sequence
@@ -63,15 +63,14 @@ class Validation:
         """Return the interval of the mean, whose first stage had so many scores; NaN below two."""
         if first < 2:
             return math.nan, math.nan
-        spread = stdev(scores[:first]) / math.sqrt(len(scores))
-        half_width = self.quantile(first) * spread
-        mean = fmean(scores)
-        return round(mean - half_width, DIGITS), round(mean + half_width, DIGITS)
+        half_width = self.quantile(first) * (stdev(scores[:first]) / math.sqrt(len(scores)))
+        centre = fmean(scores)
+        return round(centre - half_width, DIGITS), round(centre + half_width, DIGITS)
 
     def bound_fitness(self, scores: Sequence[float], first: int, combine: Combine) -> Bounds:
-        """Return the interval of the fitness; that of the mean, or else by the bootstrap.
+        """Return the interval of a mean, or of another fitness by the bootstrap.
 
-        NaN if it depends on too few scores (``bootstrap.resample``).
+        It is NaN if the fitness depends on too few scores (``bootstrap.resample``).
         """
         if combine is mean:
             return self.bound_mean(scores, first)
@@ -113,8 +112,8 @@ def compute_chance(
     """Return the chance that the rival is better, by the trials that both have met; NaN below two.
 
     It is the posterior probability that the mean of the paired differences is positive, for normal
-    differences and the prior 1 / sd: Student's t at the statistic of the paired t-test. Without a
-    mean it is the share of paired resamples in which the rival is better (``bootstrap.resample``).
+    differences and the prior 1 / sd: Student's t at the statistic of the paired t-test. For another
+    fitness it is the share of paired resamples with a better rival (``bootstrap.resample``).
     """
     pairs = list(zip(champion, rival, strict=False))
     if combine is not mean:

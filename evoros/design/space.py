@@ -226,7 +226,9 @@ class DesignSpace:
 
     def _genes(self, genome: Array) -> dict[str, float]:
         vector = np.asarray(genome, dtype=np.float64)
-        if vector.shape != (self.size,) or not np.all((vector >= 0) & (vector <= 1)):  # false for NaN
+        if vector.shape != (self.size,) or not np.all(
+            (vector >= 0) & (vector <= 1)
+        ):  # false for NaN
             raise InputError(
                 f"genome: must be {self.size} numbers from 0 to 1, not {vector.tolist()}; "
                 "clip the genomes that the optimizer proposes"

@@ -1,4 +1,4 @@
-"""What a fitness must offer."""
+"""The protocols of fitness functions."""
 
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
@@ -10,16 +10,16 @@ from evoros.mission.outcome import Outcome
 class Fitness(Protocol):
     """Scores a design; more is better.
 
-    It may have ``title``, what figures call it, and ``unit``, which is empty if it has none.
-    Without a title, they take the name of its class.
+    It may have a ``title`` for figures, and a ``unit``. Without a title, figures show the name of
+    its class.
     """
 
     def score(self, outcomes: Sequence[Outcome]) -> float:
         """Return the score of a trial, whose outcomes come from one mission in each world.
 
-        The fitness of a design is the mean over its trials, unless this is a
-        ``CombiningFitness``. ``least_clearance_m`` is NaN in a
-        world without obstacles, and ``first_collision_s`` without a collision.
+        The fitness of a design is the mean over its trials, unless this is a ``CombiningFitness``.
+        ``least_clearance_m`` is NaN in a world without obstacles, and ``first_collision_s`` without
+        a collision.
         """
 
     def worst(self, outcomes: Sequence[Outcome]) -> float:
