@@ -18,7 +18,7 @@ from evoros.sensor.sonar import Sonar
 
 @dataclass(frozen=True)
 class Cart:
-    """What of a drive can evolve."""
+    """The values of a drive that can evolve."""
 
     max_speed_mps: float = 0.4
 

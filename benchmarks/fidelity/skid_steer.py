@@ -152,7 +152,7 @@ ENGINES: dict[str, tuple[Callable[[float], Simulator], float]] = {
     "pybullet": (make_pybullet, 0.0025),
     "mujoco": (lambda step: Mujoco(time_step=step), 0.01),
 }
-"""What makes each engine at a step, and the step [s] of its table."""
+"""The class of each engine, and the step [s] of its table."""
 
 
 def main(engine: str) -> None:

@@ -48,7 +48,7 @@ SEARCHES = {
     "nsga2": "NSGA-II",
 }
 GIVEN = ("robot", "design", "world", "course", "failure", "controller", "simulator", "fitness")
-"""What the task defines; all else is free."""
+"""The values that the task defines; all others are free."""
 SCORING = ["trials=100", "seed=2026", "executor=serial"]
 CHEAP = ["optimizer.validation_trials=0", "figures=[]", "record=none", "executor=serial"]
 IMAGES = Path(__file__).parents[2] / "docs" / "img"

@@ -184,7 +184,7 @@ class Experiment:
 
     @cached_property
     def goals(self) -> Goals:
-        """What the scores of this experiment have besides the fitness."""
+        """The measures that the scores of this experiment have besides the fitness."""
         bounds = {name: measure.bounds for name, measure in self.descriptors.items()}
         return Goals(
             tuple(self.objectives),

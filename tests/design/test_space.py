@@ -202,11 +202,11 @@ def test_genomes_are_the_same_where_only_absent_sensors_differ(name: str) -> Non
     space, rng = SPACES[name], np.random.default_rng(7)
     hidden = 0
     for genome in rng.random((100, space.size)):
-        number = space.to_row(genome).get("number", space.design.max_number)
+        count = space.to_row(genome).get("number", space.design.max_number)
         for block in space.blocks:
             other = genome.copy()
             other[list(block.genes)] = rng.random(len(block.genes))
-            absent = block.name.startswith("sensor") and int(block.name[6:]) >= int(number)
+            absent = block.name.startswith("sensor") and int(block.name[6:]) >= int(count)
             hidden += absent
             if absent:
                 assert space.same(genome, other)

@@ -96,9 +96,9 @@ def test_ground_within_the_range_of_the_avoidance_is_told_with_the_pitch_that_he
     assert "in 8 of 8 designs" in line
     assert f"sees the ground {0.166 / math.sin(math.radians(15)):.3g} m away" in line
     assert "within controller.avoidance.range_m (2 m)" in line
-    found = re.search(r"raise the pitch to (\d+) deg", line)
-    assert found is not None
-    pitch = int(found[1])
+    advice = re.search(r"raise the pitch to (\d+) deg", line)
+    assert advice is not None
+    pitch = int(advice[1])
     assert list(check_sight(alone(cart(f"robot.mount.pitch_deg={pitch}")))) == []
     assert len(list(check_sight(alone(cart(f"robot.mount.pitch_deg={pitch - 2}"))))) == 1
     near = "controller.avoidance.range_m=0.6"
@@ -259,9 +259,9 @@ def two_wheeler(**simulator: Any) -> Experiment:
 def test_a_step_that_is_too_coarse_is_told_with_one_that_does() -> None:
     (line,) = check_drive(two_wheeler(solver_iterations=2))
     assert line.startswith("simulator: at time_step=0.025, two_wheeler drives 11 % faster")
-    found = re.search(r"set simulator\.time_step=(\S+) simulator\.solver_iterations=(\d+),", line)
-    assert found is not None
-    step, iterations = float(found[1]), int(found[2])
+    advice = re.search(r"set simulator\.time_step=(\S+) simulator\.solver_iterations=(\d+),", line)
+    assert advice is not None
+    step, iterations = float(advice[1]), int(advice[2])
     assert round(0.1 / step) * step == pytest.approx(0.1)  # it divides the periods
     assert list(check_drive(two_wheeler(time_step=step, solver_iterations=iterations))) == []
 
@@ -393,9 +393,9 @@ def test_a_turning_resistance_is_proposed_only_if_it_was_driven_right() -> None:
     assumed = ["robot=mule", "design=around", "robot.drive.turning_resistance=3"]
     wrong = replace(build(*assumed), simulator=Mujoco())
     (line,) = check_drive(wrong)
-    found = re.search(r"set robot\.drive\.turning_resistance=(\S+),", line)
-    assert found is not None, line
-    right = build(*assumed[:2], f"robot.drive.turning_resistance={found[1]}")
+    advice = re.search(r"set robot\.drive\.turning_resistance=(\S+),", line)
+    assert advice is not None, line
+    right = build(*assumed[:2], f"robot.drive.turning_resistance={advice[1]}")
     assert list(check_drive(replace(right, simulator=Mujoco()))) == []
 
 
