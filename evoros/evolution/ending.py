@@ -9,7 +9,7 @@ from evoros.certificate.validation import Validation, combine_chances, compute_c
 from evoros.evolution.contest import Contest
 from evoros.evolution.journal import Generation
 from evoros.evolution.scores import Scores
-from evoros.evolution.validated import Validated
+from evoros.evolution.trials import Validated
 from evoros.mission.outcome import Outcome
 from evoros.mission.plan import FINAL
 from evoros.optimizer.protocol import Individual

@@ -13,8 +13,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.evolution.journal import Generation
 from evoros.evolution.ledger import Ledger
 from evoros.evolution.measuring import list_measures, list_values
-from evoros.evolution.trials import Trials
-from evoros.evolution.validated import Validated
+from evoros.evolution.trials import Trials, Validated
 from evoros.failure.case import Case
 from evoros.failure.protocol import AdaptiveFailure
 from evoros.mission.plan import CONFIRMATION, SELECTION

@@ -11,10 +11,15 @@ from evoros.base.errors import SimulationError, single_line
 from evoros.evolution.experiment import Experiment
 from evoros.executor.protocol import Pool
 from evoros.mission.member import Member
-from evoros.preflight.drive_advice import Setting, advise, choose_mujoco, moves_right, try_mujoco
-from evoros.preflight.drive_faults import TOLERANCE
-from evoros.preflight.layer_values import find_values
-from evoros.preflight.subject import Subject, list_subjects
+from evoros.preflight.drive_advice import (
+    TOLERANCE,
+    Setting,
+    advise,
+    choose_mujoco,
+    moves_right,
+    try_mujoco,
+)
+from evoros.preflight.subject import Subject, find_values, list_subjects
 from evoros.preflight.trial_drive import find_turning_point
 from evoros.robot.model import Robot
 from evoros.simulator.protocol import RuleSimulator, Simulator, doubt_drive

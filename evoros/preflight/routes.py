@@ -11,8 +11,7 @@ from scipy import ndimage
 
 from evoros.base.arrays import Array
 from evoros.geometry.footprint import Footprint, distances, project_bodies
-from evoros.preflight.layer_values import find_avoidance_range
-from evoros.preflight.subject import Subject
+from evoros.preflight.subject import Subject, find_avoidance_range
 from evoros.robot.model import Robot
 from evoros.world.course import Course
 from evoros.world.model import World

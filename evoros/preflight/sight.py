@@ -12,8 +12,7 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.linear import product
 from evoros.mission.member import Member
-from evoros.preflight.layer_values import find_avoidance_range
-from evoros.preflight.subject import Subject, try_designs
+from evoros.preflight.subject import Subject, find_avoidance_range, try_designs
 from evoros.robot.housings import Overlap, find_overlaps, list_housings
 from evoros.robot.model import Robot
 from evoros.robot.occlusion import Occluders

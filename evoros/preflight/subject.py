@@ -1,11 +1,12 @@
-"""The robots of an experiment by themselves, with designs that stand for all of a search space."""
+"""The robots of an experiment by themselves, designs to try, and values of controllers."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from evoros.base.checks import is_number
 from evoros.base.errors import InputError
 from evoros.base.rng import generator
 from evoros.controller.protocol import Controller, LiveController
@@ -75,3 +76,27 @@ def try_designs(subject: Subject) -> Iterator[Member]:
             yield from subject.scenario.equip(space.decode(genome))
         except InputError:
             continue  # a part refuses this design, which is then an outcome of its missions
+
+
+def find_values(part: object, name: str, at: str) -> Iterator[tuple[str, float]]:
+    """Yield the dotted key and the value of each number called ``name`` in a description.
+
+    ``at`` is the key of ``part`` itself.
+    """
+    if is_dataclass(part):
+        children = {field.name: getattr(part, field.name) for field in fields(part)}
+    elif isinstance(part, Mapping):
+        children = dict(part)
+    else:
+        return
+    for key, child in children.items():
+        if key == name and is_number(child):
+            yield f"{at}.{key}", float(child)
+        else:
+            yield from find_values(child, name, f"{at}.{key}")
+
+
+def find_avoidance_range(controller: object) -> tuple[str, float] | None:
+    """Return the key and the value [m] of the maximum ``range_m`` of a controller's layers."""
+    ranges = find_values(controller, "range_m", "controller")
+    return max(ranges, key=lambda entry: entry[1], default=None)

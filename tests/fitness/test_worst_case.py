@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from evoros.base.combining import mean
 from evoros.base.errors import InputError
-from evoros.certificate.bootstrap import count_better, count_decisive, resample
-from evoros.certificate.validation import Validation
+from evoros.certificate.validation import Validation, count_better, count_decisive, resample
 from evoros.cli.evaluate import evaluate
 from evoros.fitness.equation_one import EquationOne
 from evoros.fitness.scoring import Scoring
