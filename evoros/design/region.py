@@ -97,7 +97,7 @@ class Region:
 def check_height(
     robot: Robot, key: str, name: str, heights: Range, overhang: float, base: float = 0.0
 ) -> None:
-    """Hold heights above the ground to those of the robot, or of a link at ``base`` [m]."""
+    """Require heights [m] above the ground that the robot, or a link at ``base`` [m], has."""
     low, high = heights
     # Parts without a collision shape may be higher, such as a mast or the default mount.
     mount = robot.sensor_links[robot.mount_link][2] + robot.mount_z_m

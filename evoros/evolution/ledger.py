@@ -65,7 +65,7 @@ class Ledger:
         return {i: [score for (score,) in rows] for i, rows in by_id.items()}
 
     def add_told(self, individual: int, fitness: float, measures: Sequence[float]) -> None:
-        """Add what the search is told of an individual."""
+        """Add the values that the search is told of an individual."""
         self._told.add(individual, [fitness, *measures])
 
     def find_told(self, individuals: Iterable[int]) -> dict[int, list[float]]:
@@ -77,7 +77,7 @@ class Ledger:
         return {i: row[0] for i, row in self.find_told(individuals).items()}
 
     def show(self, individual: int, generation: int, earlier: int) -> None:
-        """Note which trials an individual shows as a champion: those of this generation.
+        """Note that an individual, as a champion, shows its trials of this generation.
 
         ``earlier`` is the number of its trials in generations before.
         """

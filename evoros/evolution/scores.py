@@ -59,7 +59,7 @@ class Opposition:
 class Scores:
     """The scores of a run's individuals so far.
 
-    The ledger has values of every individual; the other fields have those of a few.
+    The ledger has values of every individual; the other fields keep a few.
     """
 
     trials: Trials

@@ -69,7 +69,7 @@ def _check_design(member: Member, owner: Member) -> None:
     if member.robot != owner.robot:
         raise InputError(
             f"{member.key}design: must be given for another robot than the first one, because "
-            f"its regions are those of its robot; add for example /design@{member.name}.design: "
+            f"its regions lie on its robot; add for example /design@{member.name}.design: "
             f"around to the defaults"
         )
     design = member.design

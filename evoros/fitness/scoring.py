@@ -17,7 +17,7 @@ FITNESS, FITNESS_MEAN = "fitness", "fitness_mean"
 
 @dataclass(frozen=True)
 class Scoring:
-    """Scores trials by the mean of what ``fitness`` gives the ``scored`` robots."""
+    """Scores trials by the mean fitness of the ``scored`` robots."""
 
     fitness: Fitness
     scored: tuple[int, ...] = (0,)  # their places in a scenario

@@ -28,7 +28,7 @@ class CmaMae:
 
     Several strategies share a generation. Each looks for designs that exceed the threshold of
     their cell. A threshold rises from the worst fitness of the first generation by
-    ``learning_rate`` of what exceeds it: at 0 this is CMA-ES for the fitness, at 1 each strategy
+    ``learning_rate`` of the excess: at 0 this is CMA-ES for the fitness, at 1 each strategy
     leaves a cell as soon as its elite is good. Genes beyond their range are reflected into it.
 
     M. Fontaine and S. Nikolaidis, "Covariance Matrix Adaptation MAP-Annealing", GECCO 2023,

@@ -45,7 +45,7 @@ class History:
         return [self.individuals[index] for index in ranked]
 
     def tabulate(self, shown: Iterable[int], survivors: Iterable[int]) -> list[Candidate]:
-        """Return the rows of this generation, after those of earlier ``shown`` individuals.
+        """Return the rows of earlier ``shown`` individuals, then of this generation.
 
         ``survived`` is 1 for ``survivors`` and 0 for the others.
         """

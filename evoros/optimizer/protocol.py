@@ -170,5 +170,5 @@ def check_scores(scores: Mapping[int, Score], asked: Sequence[Individual]) -> No
         if any(map(math.isnan, (score.fitness, *score.objectives, *score.descriptor))):
             raise InputError(
                 f"scores: the fitness, objectives and descriptor must be numbers, not {score} of "
-                f"individual {design_id}; correct what computes them"
+                f"individual {design_id}; correct their computation"
             )

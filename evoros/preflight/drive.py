@@ -33,7 +33,7 @@ FINE_ITERATIONS = 50  # of a solver of contacts, at the finer steps
 
 
 def report_drive(experiment: Experiment, pool: Pool) -> None:
-    """Let a worker drive the robot in each engine, and log where it does not move as commanded.
+    """Let a worker drive the robot in each engine, and log if it does not move as commanded.
 
     A worker, because an engine may crash its process. A simulator that consists of rules is left
     out, because its robot does nothing else.

@@ -73,7 +73,7 @@ def _list_touched(
 
 
 def _list_falling(robot: Robot, world: World) -> list[Body]:
-    """List the bodies that fall to where the robot stands at home."""
+    """List the bodies that fall to the robot's place at home."""
     ground = [body for body in world.bodies if body.is_ground]
     falling: dict[str, Body] = {}
     landed = []

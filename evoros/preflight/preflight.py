@@ -31,7 +31,7 @@ def preflight(experiment: Experiment) -> None:
     The warnings of the checks are logged.
 
     Raises:
-        InputError: a part refuses what it is given.
+        InputError: a part refuses its input.
     """
     for check in CHECKS:
         for warning in check(experiment):

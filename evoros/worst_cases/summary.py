@@ -13,7 +13,7 @@ REPLACED = ("worst_cases", "filter@worst_cases", "failure", "filter@failure", "t
 def describe_worst_cases(table: pd.DataFrame, typed: Sequence[str]) -> Iterator[str]:
     """Yield a line for each design, and one to repeat its worst case.
 
-    ``table`` is that of an evaluation, which was started with the overrides ``typed``.
+    ``table`` comes from an evaluation that was started with the overrides ``typed``.
     """
     for (source, design), rows in table.groupby(["source", "design"], sort=False):
         yield f"design {design} of {source}: {_describe_design(rows)}"
@@ -69,7 +69,7 @@ def _write_rate(row: dict[str, object] | dict[object, object]) -> str:
 
 
 def write_command(typed: Sequence[str], source: str, case: Case, trials: int) -> str:
-    """Return the command line that repeats a case: its missions are those of the search."""
+    """Return the command line that repeats the missions of a case in the search."""
     kept = [override for override in typed if not _is_replaced(override)]
     times = ",".join(map(repr, case.times_s))
     stated = [
