@@ -26,39 +26,30 @@ class Probe(Protocol):
 
     def base(self) -> Pose:
         """The pose of the robot's root link."""
-        ...
 
     def movable(self) -> list[Pose]:
         """The poses of the bodies that can be pushed, in the order of the world."""
-        ...
 
     def push(self, force: float) -> None:
         """Push the first of these along x [N] in the next step."""
-        ...
 
     def throw(self, speed: float) -> None:
         """Let the first of these move along x [m/s]."""
-        ...
 
     def wake(self) -> None:
         """Let all bodies that can be pushed move."""
-        ...
 
     def speeds(self) -> list[float]:
         """The speeds [m/s] of the bodies that can be pushed."""
-        ...
 
     def angle(self, joint: str) -> float:
         """The angle [rad] of a joint."""
-        ...
 
     def height(self, x: float, y: float) -> float:
         """The height [m] of what a ray from above hits first, but for the robot."""
-        ...
 
     def moments(self) -> list[float]:
         """The moments of inertia [kg m2] of the first body that can be pushed, about its axes."""
-        ...
 
 
 def probe(simulation: Any) -> Probe:

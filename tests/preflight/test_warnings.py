@@ -51,7 +51,7 @@ def test_what_is_bundled_gives_no_warning(overrides: list[str]) -> None:
     experiment = build(*overrides)
     checks = check_home, check_routes, check_sight, check_self_sight
     assert [line for check in checks for line in check(alone(experiment))] == []
-    assert [*check_drive(replace(experiment, simulator=PyBullet()))] == []
+    assert check_drive(replace(experiment, simulator=PyBullet())) == []
 
 
 def test_cases_of_failure_that_no_trial_meets_are_told(caplog: pytest.LogCaptureFixture) -> None:
@@ -68,7 +68,7 @@ def test_an_engine_whose_wheels_do_not_slide_as_stated_is_told() -> None:
     assert line.startswith("simulator: erle_rover turns about x=-0.15 m and not about robot.drive.")
     assert "turning_x_m=0.12" in line
     sliding = replace(experiment, simulator=Stub(turning_x_m=0.12))
-    assert list(check_drive(sliding)) == []
+    assert check_drive(sliding) == []
 
 
 def test_a_mount_that_is_chosen_is_told(caplog: pytest.LogCaptureFixture) -> None:
@@ -263,7 +263,7 @@ def test_a_step_that_is_too_coarse_is_told_with_one_that_does() -> None:
     assert advice is not None
     step, iterations = float(advice[1]), int(advice[2])
     assert round(0.1 / step) * step == pytest.approx(0.1)  # it divides the periods
-    assert list(check_drive(two_wheeler(time_step=step, solver_iterations=iterations))) == []
+    assert check_drive(two_wheeler(time_step=step, solver_iterations=iterations)) == []
 
 
 def test_a_motion_that_no_step_corrects_is_told() -> None:
@@ -298,7 +298,7 @@ def test_missions_have_the_same_bits_after_a_short_drive() -> None:
         return states
 
     before = drive()
-    assert list(check_drive(replace(experiment, simulator=PyBullet()))) == []
+    assert check_drive(replace(experiment, simulator=PyBullet())) == []
     np.testing.assert_array_equal(drive(), before)
 
 
@@ -385,7 +385,7 @@ def test_skid_steer_in_pybullet_is_told_once_with_the_engine_in_which_it_holds()
     (line,) = check_drive(fine)
     assert line.startswith(keys)
     assert choices in line
-    assert list(check_drive(replace(experiment, simulator=Mujoco(), confirmation=None))) == []
+    assert check_drive(replace(experiment, simulator=Mujoco(), confirmation=None)) == []
 
 
 def test_a_turning_resistance_is_proposed_only_if_it_was_driven_right() -> None:
@@ -396,11 +396,11 @@ def test_a_turning_resistance_is_proposed_only_if_it_was_driven_right() -> None:
     advice = re.search(r"set robot\.drive\.turning_resistance=(\S+),", line)
     assert advice is not None, line
     right = build(*assumed[:2], f"robot.drive.turning_resistance={advice[1]}")
-    assert list(check_drive(replace(right, simulator=Mujoco()))) == []
+    assert check_drive(replace(right, simulator=Mujoco())) == []
 
 
 def test_a_simulator_without_fault_gives_no_warning() -> None:
-    assert list(check_drive(replace(build("robot=two_wheeler"), simulator=Stub()))) == []
+    assert check_drive(replace(build("robot=two_wheeler"), simulator=Stub())) == []
 
 
 class OnePool:
