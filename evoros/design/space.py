@@ -114,10 +114,7 @@ class SensorDesign:
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """A design bound to a robot.
-
-    A genome that is no vector of the closed unit cube raises an InputError.
-    """
+    """A design bound to a robot; it refuses genomes outside of the closed unit cube."""
 
     design: SensorDesign
     regions: Mapping[str, BoundRegion]
