@@ -22,43 +22,34 @@ STEPS = (0.0025, 0.005, 0.01, 0.02, 0.025)
 
 
 class Probe(Protocol):
-    """What a test asks an engine besides what a mission asks of it."""
+    """The questions of tests to an engine, besides a mission's."""
 
     def base(self) -> Pose:
         """The pose of the robot's root link."""
-        ...
 
     def movable(self) -> list[Pose]:
         """The poses of the bodies that can be pushed, in the order of the world."""
-        ...
 
     def push(self, force: float) -> None:
         """Push the first of these along x [N] in the next step."""
-        ...
 
     def throw(self, speed: float) -> None:
         """Let the first of these move along x [m/s]."""
-        ...
 
     def wake(self) -> None:
         """Let all bodies that can be pushed move."""
-        ...
 
     def speeds(self) -> list[float]:
         """The speeds [m/s] of the bodies that can be pushed."""
-        ...
 
     def angle(self, joint: str) -> float:
         """The angle [rad] of a joint."""
-        ...
 
     def height(self, x: float, y: float) -> float:
         """The height [m] of what a ray from above hits first, but for the robot."""
-        ...
 
     def moments(self) -> list[float]:
         """The moments of inertia [kg m2] of the first body that can be pushed, about its axes."""
-        ...
 
 
 def probe(simulation: Any) -> Probe:
@@ -101,9 +92,9 @@ class BulletProbe:
 
     def angle(self, joint: str) -> float:
         body = self.model.robot.body
-        for number in self.model.robot.joints:
-            if self.bullet.getJointInfo(body, number, self.client)[1].decode() == joint:
-                return float(self.bullet.getJointState(body, number, self.client)[0])
+        for index in self.model.robot.joints:
+            if self.bullet.getJointInfo(body, index, self.client)[1].decode() == joint:
+                return float(self.bullet.getJointState(body, index, self.client)[0])
         raise KeyError(joint)
 
     def height(self, x: float, y: float) -> float:
@@ -182,7 +173,7 @@ def attitude(simulation: Any) -> tuple[float, float, float]:
 
 
 def ranges(simulator: Rigid | Planar, robot: Robot, world: World, settle: float = 0.0) -> Array:
-    """What the sensors read, ``settle`` [s] after the start."""
+    """The readings of the sensors, ``settle`` [s] after the start."""
     readings = np.zeros(len(robot.mounts))
     with open_alone(simulator.open, robot, world) as simulation:
         if settle:

@@ -19,7 +19,7 @@ from evoros.world.model import TeamSampler, World
 
 
 def make_room(members: Sequence[Member], worlds: Mapping[str, World]) -> dict[str, World]:
-    """Return the worlds, of which those that are drawn for each mission leave room to all robots.
+    """Return the worlds; those that are drawn for each mission leave room to all robots.
 
     Raises:
         InputError: a sampler cannot do that, or finds no room.
@@ -53,8 +53,7 @@ def check_team(members: Sequence[Member], worlds: Mapping[str, World]) -> None:
     """Check the robots of an experiment against one another.
 
     Raises:
-        InputError: a design of another robot, genes without effect, or two robots that touch at
-            home.
+        InputError: a design of another robot, genes without effect, or robots that touch at home.
     """
     designed = {member.name: member for member in members if member.has_own_design}
     for member in members:
@@ -69,7 +68,7 @@ def _check_design(member: Member, owner: Member) -> None:
     if member.robot != owner.robot:
         raise InputError(
             f"{member.key}design: must be given for another robot than the first one, because "
-            f"its regions are those of its robot; add for example /design@{member.name}.design: "
+            f"its regions lie on its robot; add for example /design@{member.name}.design: "
             f"around to the defaults"
         )
     design = member.design

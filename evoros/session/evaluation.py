@@ -17,7 +17,7 @@ from evoros.mission.scenario import Scenario
 from evoros.preflight.drive import report_drive
 from evoros.preflight.preflight import preflight
 from evoros.preflight.repeatability import report_repeatability
-from evoros.preflight.self_sight import check_designs
+from evoros.preflight.sight import check_designs
 from evoros.session.design_tables import NamedDesign, read_recorded_designs, write_designs
 from evoros.session.evaluation_record import EvaluationRecord, evaluation_header
 from evoros.session.figures import Draw, draw_figures

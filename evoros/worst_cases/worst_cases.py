@@ -1,4 +1,4 @@
-"""How an evaluation looks for the worst cases of a design."""
+"""The settings of an evaluation's search for the worst cases of a design."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,12 +20,12 @@ RATE = Rule("a number greater than 0 and at most 1", lambda v: is_number(v) and 
 class WorstCases:
     """Cases of one failed sensor are tried first, then of two, and so on, until one stops a design.
 
-    All sets of a size are tried at all ``times_s`` if these are at most ``max_cases`` cases, and
-    otherwise those that add a sensor to the worst sets of one sensor less. Then, ``rounds`` of
+    All sets of a size are tried at all ``times_s`` if these are at most ``max_cases`` cases.
+    Otherwise the search extends the worst smaller sets by one sensor. Then, ``rounds`` of
     ``population`` mutants of the worst exchange sensors and move single failures in time. Each case
     gets up to ``screening`` trials, and the worst ``candidates`` of a size ``trials`` fresh ones.
-    By these a case stops a design in a world if its missions there are completed at a rate below
-    ``stops_below``, and below that without a failure.
+    By these a case stops a design in a world if its rate of completion is below ``stops_below``,
+    and below the rate without a failure.
     """
 
     most: Annotated[int, COUNT] = 6  # sensors that fail

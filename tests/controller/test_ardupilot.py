@@ -42,8 +42,7 @@ from evoros.evolution.experiment import Experiment
 from evoros.filter.delay import Delay
 from evoros.mission.rollout import run_mission
 from evoros.mission.scenario import Scenario
-from evoros.preflight.preflight import preflight
-from evoros.preflight.told import check_told
+from evoros.preflight.preflight import check_told, preflight
 
 SHORT_S = 4.0
 LAST_TICK = round(SHORT_S / PERIOD_S) - 1

@@ -58,8 +58,8 @@ def test_the_files_of_a_run_are_documented(finished: evoros.Run) -> None:
 
 def test_the_replay_of_a_mission_gives_what_was_recorded(finished: evoros.Run) -> None:
     (block,) = code("run_folder")
-    for number in range(len(finished.missions)):
+    for index in range(len(finished.missions)):
         names: dict[str, Any] = {}
-        exec(block.replace("iloc[-1]", f"iloc[{number}]"), names)
+        exec(block.replace("iloc[-1]", f"iloc[{index}]"), names)
         assert names["outcome"].progress == names["row"].progress
         assert names["outcome"].least_clearance_m == names["row"].least_clearance_m
