@@ -67,9 +67,9 @@ def checked(cls: type[T]) -> type[T]:
             if not (rule.holds(value) or (optional and value is None)):
                 fix = "" if rule.plain else _missing_target(value)
                 raise invalid(self, name, value, f"must be {rule.text}", fix)
-            for number in _list_numbers(value):
-                if abs(number) > rule.limit:
-                    raise invalid(self, name, number, f"must be at most {rule.limit:g}")
+            for amount in _list_numbers(value):
+                if abs(amount) > rule.limit:
+                    raise invalid(self, name, amount, f"must be at most {rule.limit:g}")
         if check_together is not None:
             check_together(self)
 

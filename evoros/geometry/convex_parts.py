@@ -95,7 +95,7 @@ def divide(
     """
     done: list[Piece] = []
     waiting = [(-piece.concavity, 0, piece)]
-    number = 0
+    serial = 0
     while waiting:
         concavity, _, worst = heapq.heappop(waiting)
         pieces: list[Piece] = []
@@ -106,8 +106,8 @@ def divide(
         if not pieces:
             done.append(worst)
         for part in pieces:
-            number += 1
-            heapq.heappush(waiting, (-part.concavity, number, part))
+            serial += 1
+            heapq.heappush(waiting, (-part.concavity, serial, part))
     return done
 
 

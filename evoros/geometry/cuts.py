@@ -140,10 +140,10 @@ def _divide_owners(
         if corner >= count:
             inner.setdefault(segment, []).append((level, corner))
     new: list[tuple[int, int, int]] = []
-    for segment, found in inner.items():
+    for segment, divisions in inner.items():
         first, last = segments[segment].tolist()
         apex = next(i for i in faces[owners[segment]].tolist() if i not in (first, last))
-        chain = [first, *(corner for _, corner in sorted(found)), last]
+        chain = [first, *(corner for _, corner in sorted(divisions)), last]
         new += [(apex, i, j) for i, j in pairwise(chain)]
     kept = np.delete(faces, owners[list(inner)], axis=0)
     return np.concatenate([kept, np.array(new, dtype=np.int64).reshape(-1, 3)])

@@ -30,8 +30,8 @@ def decompose(rings: Sequence[Sequence[Point]]) -> list[Ring]:
                 if j != i and _contains(ring, other[0]) and _depth(cleaned, j) == depth + 1
             ]
             pieces += _merge_triangles(_clip_ears(_bridge(ring, holes)))
-    found = sum(_area(piece) for piece in pieces)
-    if abs(found - expected) > 1e-6 * expected:
+    covered = sum(_area(piece) for piece in pieces)
+    if abs(covered - expected) > 1e-6 * expected:
         raise ValueError("it crosses itself")
     return pieces
 

@@ -41,12 +41,12 @@ def divide_mesh(triangles: Array) -> Parts:
     groups, deviation = _gather(_join_cavities(split_by_edges(weld(triangles))))
     for group in groups:
         if len(group) == 1:
-            found, error = _decompose_part(group[0], _WORK * len(group[0].faces) / len(triangles))
+            parts, error = _decompose_part(group[0], _WORK * len(group[0].faces) / len(triangles))
         else:
-            found, error = _clump(group), 0.0
-        dropped += not found
+            parts, error = _clump(group), 0.0
+        dropped += not parts
         deviation = max(deviation, error)
-        for hull in found:
+        for hull in parts:
             simple, error = simplify(hull)
             hulls.append(simple)
             deviation = max(deviation, error)

@@ -124,26 +124,26 @@ def clearance(first: Solid, second: Solid) -> Clearance | None:
     The vertical line through the origin leaves the hull of the differences at these heights.
     """
     points = _differences(first, second)
-    found = None
+    lifts = None
     for _ in range(_ROUNDS):
         planes, points = hull_planes(points)
-        found, normals = _cross(planes)
+        lifts, normals = _cross(planes)
         beyond = [_farthest(first, second, normal) for normal in normals]
         reaches = [float((p * n).sum()) for p, n in zip(beyond, normals, strict=True)]
-        if found is None:
+        if lifts is None:
             if reaches[0] <= 0.0:
                 return None
             points = np.concatenate([points, beyond])
             continue
         new = [
             point
-            for point, reach, normal, lift in zip(beyond, reaches, normals, found, strict=True)
+            for point, reach, normal, lift in zip(beyond, reaches, normals, lifts, strict=True)
             if reach + lift * normal[2] > _EXACT_M * abs(normal[2])
         ]
         if not new:
-            return found
+            return lifts
         points = np.concatenate([points, new])
-    return found
+    return lifts
 
 
 def _cross(planes: Array) -> tuple[Clearance | None, list[Array]]:

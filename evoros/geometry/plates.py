@@ -47,10 +47,10 @@ def _merge(points: Array, faces: Indices, normal: Array) -> list[list[int]]:
     flat = points[:, [(axis + 1) % 3, (axis + 2) % 3]].tolist()
     loops: dict[int, list[int]] = {}
     owner: dict[tuple[int, int], int] = {}
-    for number, (i, j, k) in enumerate(faces.tolist()):
+    for index, (i, j, k) in enumerate(faces.tolist()):
         loop = [i, j, k] if _turn(flat, i, j, k) > 0 else [i, k, j]
-        loops[number] = loop
-        owner |= dict.fromkeys(_edges_of(loop), number)
+        loops[index] = loop
+        owner |= dict.fromkeys(_edges_of(loop), index)
     inner = [(i, j) for i, j in owner if i < j and (j, i) in owner]
     inner.sort(key=lambda edge: (-length(points[edge[0]] - points[edge[1]]), edge))
     for i, j in inner:

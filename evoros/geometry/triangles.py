@@ -87,8 +87,8 @@ def sample(triangles: Array, step: float) -> tuple[Array, Indices]:
     rows = np.maximum(np.ceil(height / step), 1.0).astype(np.int64) + 1
     counts = columns * rows
     owner = np.repeat(np.arange(len(triangles)), counts)
-    number = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    row, column = np.divmod(number, columns[owner])
+    index = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    row, column = np.divmod(index, columns[owner])
     t = (row / (rows[owner] - 1))[:, None]
     s = (column / (columns[owner] - 1))[:, None] * (1 - t)
     return a[owner] + (b - a)[owner] * s + (c - a)[owner] * t, owner

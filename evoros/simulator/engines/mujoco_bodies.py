@@ -53,16 +53,16 @@ class Sole(NamedTuple):
 def add_bodies(spec: Any, library: Any, world: World) -> list[Sole]:
     """Add the bodies of a world; return the shapes that can touch its ground."""
     soles = []
-    for number, body in enumerate(world.bodies):
+    for index, body in enumerate(world.bodies):
         friction = min(body.friction, MAX_FRICTION)
         if body.mass is None:
             group = GROUND if body.is_ground else FIXED
             posed = ((body.pose @ shape.pose, shape) for shape in body.shapes)
-            names = add_shapes(spec, library, spec.worldbody, f"world {number}", group, posed)
+            names = add_shapes(spec, library, spec.worldbody, f"world {index}", group, posed)
         else:
             placed = _add_movable(spec, body)
             posed = ((shape.pose, shape) for shape in body.shapes)
-            names = add_shapes(spec, library, placed, f"world {number}", MOVABLE, posed)
+            names = add_shapes(spec, library, placed, f"world {index}", MOVABLE, posed)
             soles += [Sole(name, friction) for name in names]
         for name in names:
             spec.geom(name).friction = [friction, 0.0, 0.0]
@@ -91,8 +91,8 @@ def add_shapes(
 ) -> list[str]:
     """Add shapes to a body of the engine; return the names that they get."""
     names = []
-    for number, (pose, shape) in enumerate(posed):
-        names.append(f"{name}.{number}")
+    for index, (pose, shape) in enumerate(posed):
+        names.append(f"{name}.{index}")
         types, meets = MEETS[group]
         owner.add_geom(
             name=names[-1],

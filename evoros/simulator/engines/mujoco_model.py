@@ -142,19 +142,19 @@ def compile_model(
     return Model(library, model, library.MjData(model), tuple(parts))
 
 
-def _prefix(robots: Sequence[PlacedRobot], number: int) -> str:
+def _prefix(robots: Sequence[PlacedRobot], index: int) -> str:
     """What the names of one of several robots begin with."""
-    return "" if len(robots) == 1 else f"{number}/"
+    return "" if len(robots) == 1 else f"{index}/"
 
 
-def _masks(robots: Sequence[PlacedRobot], number: int) -> tuple[int, int]:
+def _masks(robots: Sequence[PlacedRobot], index: int) -> tuple[int, int]:
     """The type of a robot and what it meets: of several robots, each has a bit, by which it meets
     the others and not itself."""
     types, meets = MEETS[ROBOT]
     if len(robots) == 1:
         return types, meets
-    others = sum(ROBOT_BIT << i for i in range(len(robots)) if i != number)
-    return types | ROBOT_BIT << number, meets | others
+    others = sum(ROBOT_BIT << i for i in range(len(robots)) if i != index)
+    return types | ROBOT_BIT << index, meets | others
 
 
 def _find_parts(model: Any, robot: Robot, prefix: str) -> Parts:
@@ -163,14 +163,14 @@ def _find_parts(model: Any, robot: Robot, prefix: str) -> Parts:
     wheels = [model.joint(prefix + name).qposadr[0] for name in drive.wheel_joints]
     servos = [model.actuator(prefix + name).id for name in drive.steering_joints]
     steering = [model.joint(prefix + name).qposadr[0] for name in drive.steering_joints]
-    own = model.body_rootid[model.geom_bodyid] == model.jnt_bodyid[root.id]
+    belongs = model.body_rootid[model.geom_bodyid] == model.jnt_bodyid[root.id]
     return Parts(
         root=(int(root.qposadr[0]), int(root.dofadr[0])),
         servos=np.array(servos, dtype=int),
         rotors=np.array(rotors, dtype=int),
         wheels=np.array(wheels, dtype=int),
         steering=np.array(steering, dtype=int),
-        visible=np.flatnonzero(own & (model.geom_contype != 0)),
+        visible=np.flatnonzero(belongs & (model.geom_contype != 0)),
     )
 
 

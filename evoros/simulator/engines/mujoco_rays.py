@@ -48,15 +48,15 @@ class MujocoRays:
         self._normals = np.zeros((ends[-1], 3))  # of the surfaces, outwards; 0: nothing was hit
         self._starts, self._turned = np.zeros((len(parts), 3)), np.zeros((ends[-1], 3))
         self._sensors = [
-            self._bind(model, number, slice(ends[part.start], ends[part.stop]), beams[part.start])
-            for number, part in enumerate(parts)
+            self._bind(model, index, slice(ends[part.start], ends[part.stop]), beams[part.start])
+            for index, part in enumerate(parts)
         ]
 
-    def _bind(self, model: Model, number: int, rays: slice, beam: Beam) -> Sensor:
+    def _bind(self, model: Model, index: int, rays: slice, beam: Beam) -> Sensor:
         arguments = (
             model.model,
             model.data,
-            self._starts[number],
+            self._starts[index],
             self._turned[rays].reshape(-1),
             VISIBLE,
             True,  # fixed shapes too

@@ -14,14 +14,14 @@ from evoros.simulator.engines.rigid_signals import Motion, RigidSignals
 class MujocoSignals:
     """The signals of one of the robots of ``model``."""
 
-    def __init__(self, model: Model, robot: Robot, number: int) -> None:
-        engine, data, parts = model.model, model.data, model.robots[number]
+    def __init__(self, model: Model, robot: Robot, index: int) -> None:
+        engine, data, parts = model.model, model.data, model.robots[index]
         self._signals = RigidSignals(robot, -float(engine.opt.gravity[2]))
         self.feels = self._signals.feels
         self._data = data
         # What can touch this robot: all but the ground and itself.
-        self._own = np.isin(np.arange(engine.ngeom), parts.visible)
-        self._other = (engine.geom_group != GROUND) & ~self._own
+        self._ours = np.isin(np.arange(engine.ngeom), parts.visible)
+        self._theirs = (engine.geom_group != GROUND) & ~self._ours
         position, rate = parts.root
         self._pose, self._rates = data.qpos[position : position + 7], data.qvel[rate : rate + 6]
         self._wheels = parts.wheels
@@ -37,8 +37,8 @@ class MujocoSignals:
     def feel(self) -> None:
         """Count a step in which the robot touches something, where it does."""
         contact = self._data.contact
-        own, other = self._own[contact.geom], self._other[contact.geom]
-        felt = (own & other[:, ::-1]).any(axis=1)
+        ours, theirs = self._ours[contact.geom], self._theirs[contact.geom]
+        felt = (ours & theirs[:, ::-1]).any(axis=1)
         if not felt.any():
             return
         rotation, position = root_frame(self._pose)

@@ -43,8 +43,8 @@ class MujocoSimulation:
         self._turns = list(zip(self._vehicles, share_arrays(robots), strict=True))
         groups = engine.geom_group
         self._owners = np.where((groups == FIXED) | (groups == MOVABLE), OBSTACLE, GROUND)
-        for number, parts in enumerate(model.robots):
-            self._owners[parts.visible] = number
+        for index, parts in enumerate(model.robots):
+            self._owners[parts.visible] = index
 
     def observe(self, state: Array) -> None:
         """Fill ``state`` with the true states of the base links; contact is that since last time.
@@ -68,8 +68,8 @@ class MujocoSimulation:
         if place is None or len(self._robots) == 1:
             return warning
         firsts = [parts.root[1] for parts in self._model.robots]
-        number = sum(first <= int(place[1]) for first in firsts) - 1
-        return f"{name_robot(number, self._robots[number])}: {warning}" if number >= 0 else warning
+        index = sum(first <= int(place[1]) for first in firsts) - 1
+        return f"{name_robot(index, self._robots[index])}: {warning}" if index >= 0 else warning
 
     def sense(self, signals: Array) -> None:
         """Fill ``signals``: the nearest hit [m] of each beam, within its sensor's range, first.
@@ -103,9 +103,9 @@ class MujocoSimulation:
         if not all(vehicle.touched for vehicle in vehicles):
             for pair in self._owners[self._model.data.contact.geom].tolist():
                 if GROUND not in pair:
-                    for number in pair:
-                        if number >= 0:
-                            vehicles[number].touched = True
+                    for index in pair:
+                        if index >= 0:
+                            vehicles[index].touched = True
         for vehicle in vehicles:
             vehicle.feel()
 
@@ -113,8 +113,8 @@ class MujocoSimulation:
 class _Vehicle:
     """One of the robots."""
 
-    def __init__(self, model: Model, robot: Robot, number: int) -> None:
-        self._drive, self._data, self._parts = robot.drive, model.data, model.robots[number]
+    def __init__(self, model: Model, robot: Robot, index: int) -> None:
+        self._drive, self._data, self._parts = robot.drive, model.data, model.robots[index]
         position, rate = self._parts.root
         data = model.data
         self._pose, self._rates = data.qpos[position : position + 7], data.qvel[rate : rate + 6]
@@ -123,8 +123,8 @@ class _Vehicle:
         self._command: tuple[float, float] | None = None
         self.touched = False  # since the last observation
         self._rays, self._ranges = MujocoRays(model, robot), robot.beam_count
-        self._signals = MujocoSignals(model, robot, number)
-        rest = [parts.visible for i, parts in enumerate(model.robots) if i != number]
+        self._signals = MujocoSignals(model, robot, index)
+        rest = [parts.visible for i, parts in enumerate(model.robots) if i != index]
         self.others = np.concatenate([np.zeros(0, dtype=int), *rest])  # the other robots' shapes
 
     def observe(self, state: Array) -> None:

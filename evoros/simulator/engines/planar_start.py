@@ -10,20 +10,10 @@ from evoros.base.arrays import Array
 from evoros.base.packing import pack
 from evoros.robot.model import Robot
 from evoros.robot.rays import DIRECTION
+from evoros.simulator.engines import planar_layout as layout
 from evoros.simulator.engines.planar_beams import FREE_RANGE, beam_rows, group_rows
 from evoros.simulator.engines.planar_bodies import find_movables, place_bodies
-from evoros.simulator.engines.planar_layout import (
-    CORNERS,
-    MOTION_SIZE,
-    PLACES,
-    TOUCHES,
-    Drive,
-    Hull,
-    Memory,
-    Plane,
-    Sight,
-    place_robot,
-)
+from evoros.simulator.engines.planar_layout import Drive, Hull, Memory, Plane, Sight, place_robot
 from evoros.simulator.engines.planar_probes import list_probes
 from evoros.simulator.engines.planar_shapes import list_shapes
 from evoros.simulator.engines.rays import sensor_beams
@@ -43,7 +33,7 @@ def lay_out(
     tallest = max(robot.height_m for robot, _ in robots)
     gains = _gain(time_step, lags[0]), _gain(time_step, lags[1])
     shapes, faces, counts = list_shapes([robot for robot, _ in robots])
-    places, packed = [np.zeros(PLACES)], []
+    places, packed = [np.zeros(layout.PLACES)], []
     for (robot, _), count in zip(robots, counts, strict=True):
         hull, sight = _lay_out_surroundings(robot, world, tallest)
         probes = list_probes(robot, world.gravity_mps2)
@@ -55,14 +45,14 @@ def lay_out(
     _, movables = find_movables(world, tallest)
     rows = hulls, sights, probe_rows, shapes, faces, pack(movables)
     memory = Memory(
-        np.zeros((len(robots), MOTION_SIZE)),
-        np.zeros((int(places[-1][CORNERS]), 2)),
-        np.zeros(int(places[-1][TOUCHES])),
+        np.zeros((len(robots), layout.MOTION_SIZE)),
+        np.zeros((int(places[-1][layout.CORNERS]), 2)),
+        np.zeros(int(places[-1][layout.TOUCHES])),
         np.zeros_like(shapes),
         pack(place_bodies(movables)),
     )
-    for number, (_, (x, y, _, yaw)) in enumerate(robots):
-        place_robot(memory, number, x, y, yaw)
+    for index, (_, (x, y, _, yaw)) in enumerate(robots):
+        place_robot(memory, index, x, y, yaw)
     return pack(Plane(time_step, drives, np.array(places), *rows)), pack(memory)
 
 

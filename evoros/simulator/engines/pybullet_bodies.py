@@ -41,9 +41,9 @@ def add_body(bullet: Any, client: int, body: Body) -> list[int]:
     group, meets = (GROUND if body.is_ground else FIXED), MOVING
     if body.mass is not None:
         group, meets = MOVABLE, MOVING | GROUND | FIXED
-    numbers = []
+    body_ids = []
     for pose, shapes in split_body(body):
-        number: int = bullet.createMultiBody(
+        body_id: int = bullet.createMultiBody(
             body.mass or 0.0,
             create_shape(bullet, client, shapes),
             _create_look(bullet, client, shapes),
@@ -52,15 +52,15 @@ def add_body(bullet: Any, client: int, body: Body) -> list[int]:
             useMaximalCoordinates=True,
             physicsClientId=client,
         )
-        bullet.setCollisionFilterGroupMask(number, -1, group, meets, physicsClientId=client)
+        bullet.setCollisionFilterGroupMask(body_id, -1, group, meets, physicsClientId=client)
         friction = min(body.friction, MAX_FRICTION)
-        bullet.changeDynamics(number, -1, lateralFriction=friction, physicsClientId=client)
+        bullet.changeDynamics(body_id, -1, lateralFriction=friction, physicsClientId=client)
         if body.mass is None and shapes[0].kind == "convex":
-            bullet.changeDynamics(number, -1, collisionMargin=MARGIN_M, physicsClientId=client)
-        numbers.append(number)
+            bullet.changeDynamics(body_id, -1, collisionMargin=MARGIN_M, physicsClientId=client)
+        body_ids.append(body_id)
     if body.mass is not None:
-        _make_movable(bullet, client, number, body)
-    return numbers
+        _make_movable(bullet, client, body_id, body)
+    return body_ids
 
 
 def _create_look(bullet: Any, client: int, shapes: Sequence[Shape]) -> int:
@@ -73,18 +73,18 @@ def _create_look(bullet: Any, client: int, shapes: Sequence[Shape]) -> int:
     return int(bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.01, physicsClientId=client))
 
 
-def _make_movable(bullet: Any, client: int, number: int, body: Body) -> None:
+def _make_movable(bullet: Any, client: int, body_id: int, body: Body) -> None:
     inertia = _inertia(body)
     if inertia is not None:
         bullet.changeDynamics(  # with its mass, which the engine would otherwise set to 0
-            number,
+            body_id,
             -1,
             mass=body.mass,
             localInertiaDiagonal=inertia,
             physicsClientId=client,
         )
     asleep = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_SLEEP
-    bullet.changeDynamics(number, -1, activationState=asleep, physicsClientId=client)
+    bullet.changeDynamics(body_id, -1, activationState=asleep, physicsClientId=client)
 
 
 def _inertia(body: Body) -> Vector | None:
@@ -99,10 +99,10 @@ def find_falling(
 ) -> tuple[int, ...]:
     """The movable bodies, by their numbers, that nothing carries."""
     return tuple(
-        number
-        for number, body in movable.items()
+        body_id
+        for body_id, body in movable.items()
         if not (world.is_level and _bottom(body) <= GAP_M)
-        and not _is_carried(bullet, client, number)
+        and not _is_carried(bullet, client, body_id)
     )
 
 
@@ -110,27 +110,27 @@ def _bottom(body: Body) -> float:
     return min(bottom_height(shape, body.pose @ shape.pose) for shape in body.shapes)
 
 
-def _is_carried(bullet: Any, client: int, number: int) -> bool:
-    low, high = bullet.getAABB(number, -1, client)
+def _is_carried(bullet: Any, client: int, body_id: int) -> bool:
+    low, high = bullet.getAABB(body_id, -1, client)
     low = (low[0], low[1], low[2] - GAP_M)
     near = bullet.getOverlappingObjects(low, high, physicsClientId=client) or ()
     return any(
         point[7][2] > UPWARDS  # of the normal, towards this body
         for other in dict.fromkeys(other for other, _ in near)
-        if other != number
-        for point in bullet.getClosestPoints(number, other, GAP_M, physicsClientId=client)
+        if other != body_id
+        for point in bullet.getClosestPoints(body_id, other, GAP_M, physicsClientId=client)
     )
 
 
-def measure_radius(bullet: Any, client: int, number: int) -> float:
+def measure_radius(bullet: Any, client: int, body_id: int) -> float:
     """Return a radius [m] about its centre of mass within which a body lies, however it turns."""
-    low, high = bullet.getAABB(number, -1, client)
-    centre, _ = bullet.getBasePositionAndOrientation(number, client)
+    low, high = bullet.getAABB(body_id, -1, client)
+    centre, _ = bullet.getBasePositionAndOrientation(body_id, client)
     middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
     return math.dist(middle, centre) + math.dist(low, high) / 2
 
 
-def wake(bullet: Any, client: int, number: int) -> None:
+def wake(bullet: Any, client: int, body_id: int) -> None:
     """Let a body move, until it comes to rest."""
     awake = bullet.ACTIVATION_STATE_ENABLE_SLEEPING | bullet.ACTIVATION_STATE_WAKE_UP
-    bullet.changeDynamics(number, -1, activationState=awake, physicsClientId=client)
+    bullet.changeDynamics(body_id, -1, activationState=awake, physicsClientId=client)

@@ -39,15 +39,15 @@ def quiet() -> Iterator[None]:
     """Keep all output from the terminal, including that of C code."""
     libc = ctypes.CDLL(None)
     libc.fflush(None)
-    saved = [(os.dup(number), number) for number in (1, 2)]
+    saved = [(os.dup(descriptor), descriptor) for descriptor in (1, 2)]
     null = os.open(os.devnull, os.O_WRONLY)
     try:
-        for _, number in saved:
-            os.dup2(null, number)
+        for _, descriptor in saved:
+            os.dup2(null, descriptor)
         yield
     finally:
         libc.fflush(None)
-        for copy, number in saved:
-            os.dup2(copy, number)
+        for copy, descriptor in saved:
+            os.dup2(copy, descriptor)
             os.close(copy)
         os.close(null)

@@ -68,14 +68,14 @@ class BulletRays:
         states = self._bullet.getJointStates(self._body, self._steering, self._client)
         return np.array([state[0] for state in states])
 
-    def _cast(self, starts: Sequence[Any], ends: Sequence[Any], number: int = -1) -> Sequence[Any]:
+    def _cast(self, starts: Sequence[Any], ends: Sequence[Any], rank: int = -1) -> Sequence[Any]:
         """The nearest hit of each ray; with a ``number``, one of all its hits, in any order."""
         hits: Sequence[Any] = self._bullet.rayTestBatch(
             starts,
             ends,
             parentObjectUniqueId=self._body,
             parentLinkIndex=-1,
-            reportHitNumber=number,
+            reportHitNumber=rank,
             collisionFilterMask=self._seen,
             physicsClientId=self._client,
         )
@@ -87,11 +87,11 @@ class BulletRays:
         """Correct rays that start inside a shape at which the engine ends them."""
         inside = [ray for ray, fraction in enumerate(fractions) if fraction == 0.0]
         starts, ends = [starts[ray] for ray in inside], [ends[ray] for ray in inside]
-        nearest, number, left = [1.0] * len(inside), 0, True
+        nearest, rank, left = [1.0] * len(inside), 0, True
         while left:
-            hits = self._cast(starts, ends, number)
+            hits = self._cast(starts, ends, rank)
             nearest = [min(n, hit[2] or 1.0) for n, hit in zip(nearest, hits, strict=True)]
-            left, number = any(hit[0] >= 0 for hit in hits), number + 1
+            left, rank = any(hit[0] >= 0 for hit in hits), rank + 1
         for ray, fraction in zip(inside, nearest, strict=True):
             fractions[ray] = fraction
 

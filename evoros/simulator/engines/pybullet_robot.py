@@ -35,14 +35,14 @@ class LoadedRobot:
 class Groups(NamedTuple):
     """The collision groups of one of several robots, or none."""
 
-    own: int = 0
+    bit: int = 0
     others: int = 0
 
 
 class _Joint(NamedTuple):
     """A joint with the link behind it; the engine gives both the same number."""
 
-    number: int
+    index: int
     name: str
     link: str
     fixed: bool
@@ -78,7 +78,7 @@ def load_robot(
     return LoadedRobot(
         body=body,
         touching=_set_up_links(bullet, client, body, joints, robot, wheel_friction, groups),
-        joints=tuple(joint.number for joint in joints if not joint.fixed),
+        joints=tuple(joint.index for joint in joints if not joint.fixed),
         steering=steering,
         steering_forces=steering_forces,
         wheels=wheels,
@@ -112,10 +112,10 @@ def _rolls_on_cylinders(elements: Element, drive: Drive) -> bool:
 
 def _read_joints(bullet: Any, client: int, body: int) -> list[_Joint]:
     joints = []
-    for number in range(bullet.getNumJoints(body, physicsClientId=client)):
-        info = bullet.getJointInfo(body, number, physicsClientId=client)
+    for index in range(bullet.getNumJoints(body, physicsClientId=client)):
+        info = bullet.getJointInfo(body, index, physicsClientId=client)
         name, link, fixed = info[1].decode(), info[12].decode(), info[2] == bullet.JOINT_FIXED
-        joints.append(_Joint(number, name, link, fixed, info[10]))
+        joints.append(_Joint(index, name, link, fixed, info[10]))
     return joints
 
 
@@ -124,8 +124,8 @@ def _motors(
 ) -> tuple[tuple[int, ...], tuple[float, ...]]:
     """The numbers and motor forces [N m] of the named joints."""
     by_name = {joint.name: joint for joint in joints}
-    found = [by_name[name] for name in names]
-    return tuple(joint.number for joint in found), tuple(joint.force for joint in found)
+    chosen = [by_name[name] for name in names]
+    return tuple(joint.index for joint in chosen), tuple(joint.force for joint in chosen)
 
 
 def _release(
@@ -133,9 +133,9 @@ def _release(
 ) -> None:
     """Switch off the motors of joints that nothing drives: the engine's would hold them still."""
     for joint in joints:
-        if not joint.fixed and joint.number not in driven:
+        if not joint.fixed and joint.index not in driven:
             bullet.setJointMotorControl2(
-                body, joint.number, bullet.VELOCITY_CONTROL, force=0, physicsClientId=client
+                body, joint.index, bullet.VELOCITY_CONTROL, force=0, physicsClientId=client
             )
 
 
@@ -143,8 +143,8 @@ def _rolling_friction(
     joints: Sequence[_Joint], drive: Drive, wheel_friction: float
 ) -> dict[int, float]:
     """The friction of the links that meet the ground only."""
-    friction = {joint.number: 0.0 for joint in joints if joint.link in drive.caster_links}
-    wheels = (joint.number for joint in joints if joint.name in drive.wheel_joints)
+    friction = {joint.index: 0.0 for joint in joints if joint.link in drive.caster_links}
+    wheels = (joint.index for joint in joints if joint.name in drive.wheel_joints)
     return friction | dict.fromkeys(wheels, wheel_friction)
 
 
@@ -159,14 +159,14 @@ def _set_up_links(
 ) -> tuple[int, ...]:
     """Set friction, damping and collision masks; returns the links that can touch obstacles."""
     rolling = _rolling_friction(joints, robot.drive, wheel_friction)
-    exposed = {joint.number for joint in joints if joint.link in robot.exposed_links}
+    exposed = {joint.index for joint in joints if joint.link in robot.exposed_links}
     covered = rolling.keys() - exposed
     links = range(-1, len(joints))
     for link in links:
         group, meets = ROBOT, GROUND
         if link not in covered:
-            group, meets = ROBOT | groups.own, GROUND | FIXED | MOVABLE | groups.others
-            meets |= RAY if groups.own else 0
+            group, meets = ROBOT | groups.bit, GROUND | FIXED | MOVABLE | groups.others
+            meets |= RAY if groups.bit else 0
         bullet.setCollisionFilterGroupMask(body, link, group, meets, physicsClientId=client)
         bullet.changeDynamics(
             body,

@@ -14,9 +14,9 @@ from evoros.simulator.engines.rigid_signals import Motion, RigidSignals
 class BulletSignals:
     """The signals of one of the robots of ``model``."""
 
-    def __init__(self, bullet: Any, client: int, model: Model, robot: Robot, number: int) -> None:
+    def __init__(self, bullet: Any, client: int, model: Model, robot: Robot, index: int) -> None:
         self._bullet, self._client = bullet, client
-        self._ground, self._robot = model.ground, model.robots[number]
+        self._ground, self._robot = model.ground, model.robots[index]
         settings = bullet.getPhysicsEngineParameters(client)
         self._signals = RigidSignals(robot, -float(settings["gravityAccelerationZ"]))
         self.feels = self._signals.feels
@@ -40,12 +40,12 @@ class BulletSignals:
     def feel(self) -> None:
         """Count a step in which the robot touches something, where it does."""
         robot = self._robot
-        found: dict[tuple[int, int, int], list[Any]] = {}  # by link, other body and its link
+        touches: dict[tuple[int, int, int], list[Any]] = {}  # by link, other body and its link
         for link in robot.touching:
             for point in self._bullet.getContactPoints(robot.body, -1, link, -2, self._client):
                 if point[2] not in self._ground and (point[8] <= 0.0 or point[9] > 0.0):
-                    found.setdefault((link, point[2], point[4]), []).append(point[5])
-        if found:
+                    touches.setdefault((link, point[2], point[4]), []).append(point[5])
+        if touches:
             position, rotation, *_ = self._find_motion()
-            pieces = (product(np.array(points) - position, rotation) for points in found.values())
+            pieces = (product(np.array(points) - position, rotation) for points in touches.values())
             self._signals.touch(points[:, :2] for points in pieces)

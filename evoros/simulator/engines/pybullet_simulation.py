@@ -85,11 +85,11 @@ class _Vehicle:
     """
 
     def __init__(
-        self, engine: Engine, model: Model, robot: Robot, settings: Settings, number: int
+        self, engine: Engine, model: Model, robot: Robot, settings: Settings, index: int
     ) -> None:
         bullet, client = engine.bullet, engine.client
         self._bullet, self._client, self._model = bullet, client, model
-        self._robot = model.robots[number]
+        self._robot = model.robots[index]
         self._drive, self._lag = robot.drive, settings.steering_lag_s
         self._step = settings.time_step
         self._gap = NEAR_STEPS * robot.drive.max_speed_mps * settings.time_step
@@ -97,7 +97,7 @@ class _Vehicle:
         self._command: tuple[float, float] | None = None
         self._touched = False  # since the last observation
         self._rays, self._ranges = BulletRays(bullet, client, self._robot, robot), robot.beam_count
-        self._signals = BulletSignals(bullet, client, model, robot, number)
+        self._signals = BulletSignals(bullet, client, model, robot, index)
 
     def observe(self, state: Array) -> None:
         bullet, client, robot = self._bullet, self._client, self._robot

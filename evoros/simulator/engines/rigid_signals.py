@@ -31,11 +31,11 @@ class RigidSignals:
 
     def __init__(self, robot: Robot, gravity: float) -> None:
         measures = [sensor.measures for sensor in robot.mounted_sensors()]
-        self.exist = any(each in SIGNAL_SIZES for each in measures)
+        self.exist = any(kind in SIGNAL_SIZES for kind in measures)
         self._zones, self._gravity = find_zones(robot), gravity
         self.feels = bool(self._zones)  # whether an engine has to tell of contacts
         starts = [part.start for part in robot.signal_layout]
-        self._touches = {starts[number]: 0.0 for number in self._zones}
+        self._touches = {starts[index]: 0.0 for index in self._zones}
         frames = robot.sensor_frames
         self._frames = {
             start: frame
@@ -43,7 +43,7 @@ class RigidSignals:
             if measured == MOTION
         }
         self._wheels = [
-            start for start, each in zip(starts, measures, strict=True) if each == WHEELS
+            start for start, kind in zip(starts, measures, strict=True) if kind == WHEELS
         ]
         self._rolling = solve_rolling(robot.drive) if self._wheels else np.zeros((2, 0))
         self._places = dict(zip(self._zones, self._touches, strict=True))
@@ -58,9 +58,9 @@ class RigidSignals:
             for points in contacts
             for a, b in (combinations(points.tolist(), 2) if len(points) > 1 else [[points[0]] * 2])
         ]
-        for number, zone in self._zones.items():
+        for index, zone in self._zones.items():
             if any(crosses_zone(zone, *piece) for piece in pieces):
-                self._touches[self._places[number]] += 1.0
+                self._touches[self._places[index]] += 1.0
 
     def fill(self, signals: Array, motion: Motion, angles: Sequence[float]) -> None:
         """Write all signals; ``angles`` [rad] are those of the drive's wheel joints."""

@@ -55,6 +55,6 @@ def name_robots(robots: Sequence[PlacedRobot]) -> str:
     return " and ".join(name_robot(i, placed.robot) for i, placed in enumerate(robots))
 
 
-def name_robot(number: int, robot: Robot) -> str:
+def name_robot(index: int, robot: Robot) -> str:
     """Name one of several robots in a message."""
-    return f"robot {number} ({robot.name})"
+    return f"robot {index} ({robot.name})"
