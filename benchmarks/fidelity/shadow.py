@@ -78,8 +78,8 @@ class _Simulation:
         self.log.shadows.append(shadow_readings)
 
     def _attitude(self) -> tuple[float, float, float]:
-        bullet, client, model = self.real._bullet, self.real._client, self.real._model
-        centre = bullet.getBasePositionAndOrientation(model.robot.body, client)
+        bullet, model = self.real._bullet, self.real._model
+        centre = bullet.getBasePositionAndOrientation(model.robot.body)
         position, facing = bullet.multiplyTransforms(*centre, *model.robot.to_base)
         roll, pitch, _ = bullet.getEulerFromQuaternion(facing)
         return position[2], roll, pitch

@@ -96,7 +96,7 @@ def forget_models() -> None:
 
 @cache
 def _warnings() -> list[str]:
-    """What the engine has warned of in this mission."""
+    """The engine's warnings in this mission."""
     return []
 
 

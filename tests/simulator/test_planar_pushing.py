@@ -223,7 +223,7 @@ def push_in_pybullet(world: World, seconds: float) -> Array:
         simulation.advance(np.array([0.3, 0.0]), seconds)
         simulation.observe(np.zeros(STATE_SIZE))
         (number,) = simulation._model.movable
-        place, _ = simulation._bullet.getBasePositionAndOrientation(number, simulation._client)
+        place, _ = simulation._bullet.getBasePositionAndOrientation(number)
     return np.array(place[:2])
 
 

@@ -21,7 +21,7 @@ VISIBLE = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
 MEETS: dict[int, tuple[int, int]] = {GROUND: (0, 4), FIXED: (0, 3), MOVABLE: (2, 3), ROBOT: (1, 0)}
 """Type and what it meets, as bits, of each group."""
 ROBOT_BIT = 8
-"""That of the first of several robots; the others have the next ones."""
+"""The type of the first of several robots; the others have the next ones."""
 
 MAX_FRICTION = 1.0
 """Gazebo takes the smaller of two coefficients. So one of 100, which many worlds have, must not

@@ -27,7 +27,7 @@ from evoros.simulator.engines.mujoco_bodies import (
 CHASSIS_FRICTION = 1.0  # the chassis touches the ground only when the robot tips over
 
 MOTOR_INERTIA = 1e6
-"""Of the rotor that a motor drives, in kg m2: so much that no load changes its rate."""
+"""The rotor's that a motor drives [kg m2]: so much that no load changes its rate."""
 
 
 ROOT_JOINT = "evoros root"

@@ -1,4 +1,4 @@
-"""What sensors that cast no rays measure in MuJoCo."""
+"""The signals of sensors that cast no rays in MuJoCo."""
 
 import numpy as np
 

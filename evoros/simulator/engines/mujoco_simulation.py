@@ -5,14 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evoros.base import elementary
-from evoros.base.arrays import CONTACT, DRIVE_SPEED, SPEED, STEERING, YAW, YAW_RATE, Array, X, Y
+from evoros.base.arrays import CONTACT, DRIVE_SPEED, STEERING, Array
 from evoros.base.errors import SimulationError
 from evoros.robot.model import Robot
 from evoros.simulator.engines.mujoco_bodies import FIXED, MOVABLE, ROBOT
 from evoros.simulator.engines.mujoco_model import Model, Settings
 from evoros.simulator.engines.mujoco_rays import MujocoRays
 from evoros.simulator.engines.mujoco_signals import MujocoSignals
+from evoros.simulator.engines.rigid_signals import fill_state
 from evoros.simulator.engines.teams import name_robot, share_arrays
 
 HARMLESS = "Linesearch"
@@ -21,7 +21,7 @@ _PLACE = re.compile(r" at DOF (\d+)")
 """How a warning names a part of the state."""
 
 GROUND, OBSTACLE = -1, -2
-"""What a shape belongs to that is no robot's."""
+"""The owners of shapes that are no robot's."""
 
 
 class MujocoSimulation:
@@ -130,15 +130,12 @@ class _Vehicle:
     def observe(self, state: Array) -> None:
         x, y, _, qw, qx, qy, qz = self._pose.tolist()
         vx, vy, _, wx, wy, wz = self._rates.tolist()  # the turning is about the link's own axes
-        yaw = elementary.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-        state[X], state[Y], state[YAW] = x, y, yaw
-        state[YAW_RATE] = (
+        yaw_rate = (
             2.0 * (qx * qz - qw * qy) * wx
             + 2.0 * (qy * qz + qw * qx) * wy
             + (1.0 - 2.0 * (qx * qx + qy * qy)) * wz
         )
-        sin, cos = elementary.sin_cos(yaw)
-        state[SPEED] = vx * cos + vy * sin
+        fill_state(state, (x, y), (qx, qy, qz, qw), (vx, vy), yaw_rate)
         state[CONTACT] = self.touched
         self.touched = False
 

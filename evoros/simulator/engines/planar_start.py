@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.packing import pack
 from evoros.robot.model import Robot
@@ -17,6 +16,7 @@ from evoros.simulator.engines.planar_layout import Drive, Hull, Memory, Plane, S
 from evoros.simulator.engines.planar_probes import list_probes
 from evoros.simulator.engines.planar_shapes import list_shapes
 from evoros.simulator.engines.rays import sensor_beams
+from evoros.simulator.engines.servos import lag_gain
 from evoros.simulator.engines.steered_sight import lay_out_steered_sight
 from evoros.simulator.protocol import PlacedRobot
 from evoros.world.model import World
@@ -31,7 +31,7 @@ def lay_out(
     ``lags`` are the time constants of the steering and of the drive; all times are in [s].
     """
     tallest = max(robot.height_m for robot, _ in robots)
-    gains = _gain(time_step, lags[0]), _gain(time_step, lags[1])
+    gains = lag_gain(time_step, lags[0]), lag_gain(time_step, lags[1])
     shapes, faces, counts = list_shapes([robot for robot, _ in robots])
     places, packed = [np.zeros(layout.PLACES)], []
     for (robot, _), count in zip(robots, counts, strict=True):
@@ -67,11 +67,6 @@ def _describe_drive(robot: Robot, gains: tuple[float, float]) -> Drive:
         drive.wheelbase_m / drive.turn_ratio,
         drive.rear_axle_x_m,
     )
-
-
-def _gain(step: float, lag: float) -> float:
-    """Share of an error that a first-order lag with this time constant makes up in one step."""
-    return -elementary.expm1(-step / lag) if lag > 0.0 else 1.0
 
 
 def _lay_out_surroundings(robot: Robot, world: World, tallest: float) -> tuple[Hull, Sight]:

@@ -4,7 +4,8 @@ import ctypes
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
+from inspect import isroutine
 from typing import Any
 
 from evoros.base.errors import InputError
@@ -23,6 +24,20 @@ def import_pybullet() -> Any:
     except ImportError as error:
         raise not_installed() from error
     return pybullet
+
+
+class Client:
+    """A connection to PyBullet, with the functions of the library for it."""
+
+    def __init__(self, library: Any) -> None:
+        self._library, self._id = library, library.connect(library.DIRECT)
+
+    def __getattr__(self, name: str) -> Any:
+        attribute = getattr(self._library, name)
+        if isroutine(attribute):
+            attribute = partial(attribute, physicsClientId=self._id)
+        setattr(self, name, attribute)  # looked up once
+        return attribute
 
 
 def not_installed() -> InputError:

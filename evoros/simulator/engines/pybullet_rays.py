@@ -39,8 +39,8 @@ class Batch(NamedTuple):
 class BulletRays:
     """The rays of all range sensors of a robot, which the engine moves along."""
 
-    def __init__(self, bullet: Any, client: int, loaded: LoadedRobot, robot: Robot) -> None:
-        self._bullet, self._client, self._body = bullet, client, loaded.body
+    def __init__(self, bullet: Any, loaded: LoadedRobot, robot: Robot) -> None:
+        self._bullet, self._body = bullet, loaded.body
         self._seen, self._batches = loaded.seen, _batches(robot, bullet, loaded.to_base)
         self._parts, self._steering = SteeredParts(robot), loaded.steering
         self._low = np.array([span.range_min for batch in self._batches for span in batch.spans])
@@ -65,7 +65,7 @@ class BulletRays:
 
     def _read_steering(self) -> Array:
         """Return the angles [rad] of the steering joints."""
-        states = self._bullet.getJointStates(self._body, self._steering, self._client)
+        states = self._bullet.getJointStates(self._body, self._steering)
         return np.array([state[0] for state in states])
 
     def _cast(self, starts: Sequence[Any], ends: Sequence[Any], rank: int = -1) -> Sequence[Any]:
@@ -77,7 +77,6 @@ class BulletRays:
             parentLinkIndex=-1,
             reportHitNumber=rank,
             collisionFilterMask=self._seen,
-            physicsClientId=self._client,
         )
         return hits
 

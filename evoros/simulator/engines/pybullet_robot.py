@@ -51,7 +51,6 @@ class _Joint(NamedTuple):
 
 def load_robot(
     bullet: Any,
-    client: int,
     robot: Robot,
     frame: Frame,
     wheel_friction: float,
@@ -69,15 +68,15 @@ def load_robot(
     if _rolls_on_cylinders(elements, drive):
         flags |= bullet.URDF_USE_IMPLICIT_CYLINDER
     urdf = merge_fixed_links(elements, drive.caster_links)
-    body = load_urdf(bullet, client, urdf, frame, flags)
-    joints = _read_joints(bullet, client, body)
+    body = load_urdf(bullet, urdf, frame, flags)
+    joints = _read_joints(bullet, body)
     steering, steering_forces = _motors(joints, drive.steering_joints)
     wheels, wheel_forces = _motors(joints, drive.wheel_joints)
-    _release(bullet, client, body, joints, {*steering, *wheels})
-    center = bullet.getDynamicsInfo(body, -1, physicsClientId=client)[3:5]
+    _release(bullet, body, joints, {*steering, *wheels})
+    center = bullet.getDynamicsInfo(body, -1)[3:5]
     return LoadedRobot(
         body=body,
-        touching=_set_up_links(bullet, client, body, joints, robot, wheel_friction, groups),
+        touching=_set_up_links(bullet, body, joints, robot, wheel_friction, groups),
         joints=tuple(joint.index for joint in joints if not joint.fixed),
         steering=steering,
         steering_forces=steering_forces,
@@ -110,10 +109,10 @@ def _rolls_on_cylinders(elements: Element, drive: Drive) -> bool:
     )
 
 
-def _read_joints(bullet: Any, client: int, body: int) -> list[_Joint]:
+def _read_joints(bullet: Any, body: int) -> list[_Joint]:
     joints = []
-    for index in range(bullet.getNumJoints(body, physicsClientId=client)):
-        info = bullet.getJointInfo(body, index, physicsClientId=client)
+    for index in range(bullet.getNumJoints(body)):
+        info = bullet.getJointInfo(body, index)
         name, link, fixed = info[1].decode(), info[12].decode(), info[2] == bullet.JOINT_FIXED
         joints.append(_Joint(index, name, link, fixed, info[10]))
     return joints
@@ -128,15 +127,11 @@ def _motors(
     return tuple(joint.index for joint in chosen), tuple(joint.force for joint in chosen)
 
 
-def _release(
-    bullet: Any, client: int, body: int, joints: Sequence[_Joint], driven: Collection[int]
-) -> None:
+def _release(bullet: Any, body: int, joints: Sequence[_Joint], driven: Collection[int]) -> None:
     """Switch off the motors of joints that nothing drives: the engine's would hold them still."""
     for joint in joints:
         if not joint.fixed and joint.index not in driven:
-            bullet.setJointMotorControl2(
-                body, joint.index, bullet.VELOCITY_CONTROL, force=0, physicsClientId=client
-            )
+            bullet.setJointMotorControl2(body, joint.index, bullet.VELOCITY_CONTROL, force=0)
 
 
 def _rolling_friction(
@@ -150,7 +145,6 @@ def _rolling_friction(
 
 def _set_up_links(
     bullet: Any,
-    client: int,
     body: int,
     joints: Sequence[_Joint],
     robot: Robot,
@@ -167,7 +161,7 @@ def _set_up_links(
         if link not in covered:
             group, meets = ROBOT | groups.bit, GROUND | FIXED | MOVABLE | groups.others
             meets |= RAY if groups.bit else 0
-        bullet.setCollisionFilterGroupMask(body, link, group, meets, physicsClientId=client)
+        bullet.setCollisionFilterGroupMask(body, link, group, meets)
         bullet.changeDynamics(
             body,
             link,
@@ -175,7 +169,6 @@ def _set_up_links(
             linearDamping=0,
             angularDamping=0,
             jointDamping=0,
-            physicsClientId=client,
         )
-    shapes = (link for link in links if bullet.getCollisionShapeData(body, link, client))
+    shapes = (link for link in links if bullet.getCollisionShapeData(body, link))
     return tuple(link for link in shapes if link not in covered)

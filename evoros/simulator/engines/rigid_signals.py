@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evoros.base import elementary
-from evoros.base.arrays import Array
+from evoros.base.arrays import SPEED, YAW, YAW_RATE, Array, X, Y
 from evoros.base.linear import product
 from evoros.drive.protocol import Drive
 from evoros.geometry.shapes import Pose
@@ -82,6 +82,21 @@ class RigidSignals:
         values[signal.VELOCITY : signal.TURNING] = motion.velocity + np.cross(motion.turning, arm)
         values[signal.TURNING : signal.GRAVITY] = motion.turning
         values[signal.GRAVITY] = self._gravity
+
+
+def fill_state(
+    state: Array,
+    place: Sequence[float],
+    quaternion: Sequence[float],
+    velocity: Sequence[float],
+    yaw_rate: float,
+) -> None:
+    """Write how a base link moves in the world: [m], (x, y, z, w), [m/s] and [rad/s]."""
+    qx, qy, qz, qw = quaternion
+    yaw = elementary.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    sin, cos = elementary.sin_cos(yaw)
+    state[X], state[Y], state[YAW], state[YAW_RATE] = place[0], place[1], yaw, yaw_rate
+    state[SPEED] = velocity[0] * cos + velocity[1] * sin
 
 
 def solve_rolling(drive: Drive) -> Array:

@@ -1,0 +1,11 @@
+"""Servos that lag."""
+
+from evoros.base import elementary
+
+
+def lag_gain(step: float, lag: float) -> float:
+    """Return the share of an error that a first-order lag makes up in one step.
+
+    ``lag`` is its time constant. Both are in [s].
+    """
+    return -elementary.expm1(-step / lag) if lag > 0.0 else 1.0
