@@ -1,9 +1,9 @@
-"""What a filter must offer."""
+"""The protocol of filters, and what several of them share."""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
@@ -17,7 +17,7 @@ from evoros.compilation.named_rules import UNUSED, Started
 
 @dataclass(frozen=True)
 class Channels:
-    """What a filter may know about the n values that it filters."""
+    """The properties of the n values that a filter changes."""
 
     low: Array  # (n,) minimum value, -inf if there is none
     high: Array  # (n,) maximum value: what a range sensor reports if it sees nothing
@@ -29,6 +29,11 @@ class Channels:
     def size(self) -> int:
         """The number of values."""
         return len(self.low)
+
+    def samples(self, duration_s: float) -> int:
+        """Return how many samples a duration takes, rounded up."""
+        # In floating point 0.3 / 0.1 is slightly above 3; the tolerance ignores such an excess.
+        return math.ceil(duration_s / self.period - 1e-6)
 
 
 def select_channels(channels: Channels, onset: Array, of: str | None, part: str) -> Array:
@@ -47,6 +52,18 @@ def select_channels(channels: Channels, onset: Array, of: str | None, part: str)
             f"or set it to null for all"
         )
     return np.where(chosen, onset, math.inf)
+
+
+class Held(NamedTuple):
+    """The memory of a filter that repeats values: a count and a value for each channel."""
+
+    count: Array
+    value: Array
+
+
+def hold_nothing(channels: Channels) -> Held:
+    """Return the memory of a filter that has not held a value yet."""
+    return Held(np.zeros(channels.size), np.full(channels.size, math.nan))
 
 
 FILTER_ARGUMENTS = "parameters", "memory", "rng", UNUSED, "values", "time"

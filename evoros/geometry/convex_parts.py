@@ -10,7 +10,7 @@ from evoros.base.arrays import Array
 from evoros.base.linear import product
 from evoros.geometry.cuts import cut
 from evoros.geometry.hull import MOST_CORNERS, Hull, hull_volume, make_hull, simplify
-from evoros.geometry.triangles import Indices, Surface, sample, split_by_points
+from evoros.geometry.triangles import Indices, Surface, find_normals, sample, split_by_points
 
 MOST_PARTS = 64
 _MANY = 5000  # faces, of which only every second, third ... is looked at if there are more
@@ -166,7 +166,7 @@ def _candidates(piece: Piece) -> list[tuple[Array, float]]:
     """Return planes (normal, offset [m]) at the deepest faces, along them and along the axes."""
     tried = 8 if len(piece.surface.faces) <= _FINE else 3
     corners = piece.surface.triangles[piece.suspects]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = find_normals(corners)
     lengths = np.sqrt((normals * normals).sum(axis=1))
     planes: dict[tuple[float, ...], tuple[Array, float]] = {}
     for i in np.flatnonzero(lengths > 1e-12):

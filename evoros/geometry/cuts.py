@@ -64,7 +64,10 @@ def _clip(surface: Surface, distance: Array) -> tuple[Surface, Indices, Indices]
     owners = np.concatenate(
         [edge_on, starts[0] + np.arange(len(one)), starts[2] + np.arange(len(two))]
     )
-    return _joined(points, np.concatenate(pieces), segments, owners)
+    side = np.concatenate(pieces)
+    used = np.unique(side)
+    surface = Surface(points[used], np.searchsorted(used, side))
+    return surface, np.searchsorted(used, segments), owners
 
 
 def _rolled(faces: Indices, lone: NDArray[np.bool_], chosen: NDArray[np.bool_]) -> Indices:
@@ -73,15 +76,6 @@ def _rolled(faces: Indices, lone: NDArray[np.bool_], chosen: NDArray[np.bool_]) 
     columns = (first[:, None] + np.arange(3)) % 3
     rolled: Indices = np.take_along_axis(faces[chosen], columns, axis=1)
     return rolled
-
-
-def _joined(
-    points: Array, faces: Indices, segments: Indices, owners: Indices
-) -> tuple[Surface, Indices, Indices]:
-    """Return the surface without unused points, and the segments by its indices."""
-    used, indices = np.unique(faces, return_inverse=True)
-    renamed = np.searchsorted(used, segments)
-    return Surface(points[used], indices.reshape(-1, 3)), renamed, owners
 
 
 def _cap(side: Surface, segments: Indices, owners: Indices, axis: int) -> Surface:

@@ -12,6 +12,7 @@ from evoros.geometry.triangles import (
     Surface,
     compact,
     concatenate,
+    find_normals,
     is_closed,
     split_by_edges,
     unique_rows,
@@ -105,7 +106,7 @@ def _is_hull(piece: Piece, tolerance: float) -> bool:
     if abs(lacking) <= 0.02 * hull.area:
         return piece.concavity <= tolerance
     # The area vectors of a closed surface cancel out; what is left points into the opening.
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    normals = find_normals(corners) / 2
     away = (normals * (corners.mean(axis=1) - hull.corners.mean(axis=0))).sum(axis=1)
     opening = -(normals * np.sign(away)[:, None]).sum(axis=0)
     size = float(np.sqrt((opening * opening).sum()))

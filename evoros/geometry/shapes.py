@@ -202,9 +202,7 @@ class Body:
     pose: Pose  # in the world; of a movable body: at its centre of mass, along its principal axes
     shapes: Annotated[tuple[Shape, ...], sequence_of(Shape, "shapes")]
     mass: Annotated[float | None, MASS] = None  # [kg]; None: fixed to the ground
-    friction: Annotated[float, replace(NOT_NEGATIVE, limit=math.inf)] = (
-        1.0  # coefficient mu of this body's surface
-    )
+    friction: Annotated[float, FRICTION] = 1.0  # coefficient mu of this body's surface
     inertia: Annotated[Vector | None, _numbers(3)] = None
     """Principal moments [kg m2] about the axes of ``pose``; None: those of homogeneous shapes."""
     floor: bool = False  # a fixed body that robots drive on, such as a floor made of a box

@@ -7,7 +7,7 @@ from numpy.random import Generator
 
 from evoros.base.arrays import NO_VALUES, POSE_SIZE, Array
 from evoros.base.errors import InputError
-from evoros.compilation.named_rules import bind
+from evoros.compilation.named_rules import bind, start_part
 from evoros.controller.protocol import ESTIMATOR_ARGUMENTS, Controller, LiveController
 from evoros.failure.case import Case
 from evoros.failure.protocol import Failure, Fault, StatedFailure, SystematicFailure, make_faults
@@ -125,7 +125,7 @@ def _start_reading(
     return [
         FilterStage(
             every,
-            *bind(sensor.rule, SENSOR_ARGUMENTS, sensor.start()),
+            *bind(sensor.rule, SENSOR_ARGUMENTS, start_part(sensor.start)),
             rng,
             signals[part],
             readings[place],
@@ -172,7 +172,7 @@ def start_localization(
                 f"it does not depend on what comes before; remove "
                 f"{', '.join(list(controller.localization)[:number])}, or put it after"
             )
-        started = item.start_estimate(robot, controller.period_s)
+        started = start_part(item.start_estimate, robot, controller.period_s)
         rule, rng = bind(item.rule, ESTIMATOR_ARGUMENTS, started), draws(f"localization.{name}")
         stages = [FilterStage(1, *rule, rng, readings, pose)]
     return stages + _start_filters("localization", filters, channels, pose, 1, draws)
@@ -203,5 +203,6 @@ def _start_filter(
             f"{type(item).__name__}.effect: must be one of {', '.join(EFFECTS)}, not {effect!r}; "
             f"correct the class"
         )
-    rule = bind(item.rule, FILTER_ARGUMENTS, item.start(channels, onset, rng))
+    started = start_part(item.start, channels, onset, rng)
+    rule = bind(item.rule, FILTER_ARGUMENTS, started)
     return FilterStage(every, *rule, rng, NO_VALUES, values)
