@@ -1,8 +1,8 @@
-"""Rules name what they take: some arguments of their kind, and the values of their start.
+"""Rules take values by name: some arguments of their kind, and the values of their start.
 
 The mission loop calls all rules of a kind alike, with flat arrays. An adapter stands between the
-loop and a rule: it unpacks the parameters and the memory, and leaves out what the rule does not
-take.
+loop and a rule: it unpacks the parameters and the memory, and leaves out the arguments that the
+rule does not take.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""Gives rules the elementary functions of evoros in place of those of Python and numpy.
+"""Gives rules the elementary functions of evoros in place of Python's and numpy's.
 
 A rule may name them as ``math.sin``, as ``np.sin`` or, after ``from math import sin``, as ``sin``.
 """

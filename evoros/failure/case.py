@@ -11,8 +11,8 @@ from evoros.base.arrays import Array
 INTACT = "intact"
 """The text of the case in which no sensor fails."""
 MODEL, NOMINAL, SCREENED, CONFIRMED = "model", "nominal", "screened", "confirmed"
-"""What trials are for: to estimate the risk under the failure model, to know the design without a
-failure, to find bad cases, and to judge these."""
+"""The purposes of trials: to estimate the risk under the failure model, to know the design without
+a failure, to find bad cases, and to judge these."""
 
 
 @dataclass(frozen=True)

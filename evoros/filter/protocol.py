@@ -20,7 +20,7 @@ class Channels:
     """The properties of the n values that a filter changes."""
 
     low: Array  # (n,) minimum value, -inf if there is none
-    high: Array  # (n,) maximum value: what a range sensor reports if it sees nothing
+    high: Array  # (n,) maximum value; a range sensor that sees nothing reports it
     position: Array  # (n, 3) place on the robot [m], zeros for a pose
     period: float  # time between two samples [s]
     names: tuple[str, ...] = ()  # (n,) of the quantities; none for a pose
@@ -70,7 +70,7 @@ FILTER_ARGUMENTS = "parameters", "memory", "rng", UNUSED, "values", "time"
 """The rule of a filter changes ``values`` (n,) in place at ``time`` [s]; NaN is silence."""
 
 ENDS, ALTERS, GROWS = EFFECTS = "ends", "alters", "grows"
-"""Readings no longer depend on what is seen; they do, but not as before; they do less and less."""
+"""Readings no longer depend on the surroundings; they do, but not as before; less and less."""
 
 
 @compilable
@@ -97,7 +97,7 @@ class Filter(Protocol):
 
     @property
     def effect(self) -> str:
-        """Tells figures what it does to readings: ``ENDS``, ``ALTERS`` or ``GROWS``."""
+        """The effect on readings, for figures: ``ENDS``, ``ALTERS`` or ``GROWS``."""
         ...
 
     @property

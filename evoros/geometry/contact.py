@@ -20,7 +20,7 @@ def polygon_contact(
 ) -> tuple[float, float, float, float, float, float]:
     """Return the contact of two convex counter-clockwise polygons (k, 2), which may be rounded.
 
-    The radii [m] are what surrounds the polygons, which may be segments or points.
+    The polygons, which may be segments or points, are surrounded by the radii [m].
 
     Returns:
         The depth [m] of the overlap, at most 0 without contact; the normal x, y, from the first to

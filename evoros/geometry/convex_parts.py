@@ -25,7 +25,7 @@ class Piece:
     surface: Surface
     hull: Hull
     depth: float  # [m] of the surface in the hull, at most
-    concavity: float  # largest distance [m] of the surface from that of the hull, or back
+    concavity: float  # largest distance [m] of the surface from the hull's, or back
     suspects: Indices  # indices of the faces of the deepest hollows, the deepest ones first
 
 
@@ -112,7 +112,7 @@ def divide(
 
 
 def _best_cut(piece: Piece, planes: list[tuple[Array, float]], closed: bool) -> list[Piece]:
-    """Cut a piece by the plane that leaves the least hull volume; no pieces if none divides it."""
+    """Cut a piece by the plane that leaves the smallest hulls; no pieces if none divides it."""
     best: tuple[float, int] | None = None
     plane = None
     for normal, offset in planes:

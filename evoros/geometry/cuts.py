@@ -11,7 +11,7 @@ from evoros.geometry.triangles import Indices, Surface
 
 
 def cut(surface: Surface, normal: Array, offset: float, capped: bool) -> list[Surface]:
-    """Return what lies below and above the plane ``normal . p = offset``, if anything does.
+    """Return the parts below and above the plane ``normal . p = offset``, if there are any.
 
     ``capped`` closes the cuts of a closed surface.
     """

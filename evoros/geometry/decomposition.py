@@ -8,7 +8,7 @@ Ring = list[Point]
 
 
 def decompose(rings: Sequence[Sequence[Point]]) -> list[Ring]:
-    """Return convex polygons, counter-clockwise, that together cover what the rings enclose.
+    """Return convex polygons, counter-clockwise, that together cover the inside of the rings.
 
     A ring inside another one is a hole. A ring must not cross itself or another ring.
 

@@ -50,7 +50,7 @@ def project_shape(
 
 
 def _extreme_points(shape: Shape, pose: Pose, low_m: float, high_m: float) -> Array:
-    """Return points (n, 3) [m] in the world whose hull is that of a polyhedron or a height field.
+    """Return points (n, 3) [m] in the world with the hull of a polyhedron or a height field.
 
     Only the part of a polyhedron between the two heights counts.
     """

@@ -32,7 +32,7 @@ class Parts:
 
     hulls: tuple[Hull, ...]
     dropped: int  # number of parts that are too small to count
-    deviation: float  # largest distance [m] from the surface to that of the parts
+    deviation: float  # largest distance [m] from the surface to the parts'
 
 
 def divide_mesh(triangles: Array) -> Parts:
@@ -98,14 +98,14 @@ def _lacking(pieces: list[Piece], solid: Surface) -> float:
 
 
 def _is_hull(piece: Piece, tolerance: float) -> bool:
-    """Whether the surface is that of its hull, but for a missing bottom."""
+    """Whether the surface covers its hull, but for a missing bottom."""
     if piece.depth > tolerance:
         return False
     hull, corners = piece.hull, piece.surface.triangles
     lacking = hull.area - piece.surface.area
     if abs(lacking) <= 0.02 * hull.area:
         return piece.concavity <= tolerance
-    # The area vectors of a closed surface cancel out; what is left points into the opening.
+    # The area vectors of a closed surface cancel out; the rest points into the opening.
     normals = find_normals(corners) / 2
     away = (normals * (corners.mean(axis=1) - hull.corners.mean(axis=0))).sum(axis=1)
     opening = -(normals * np.sign(away)[:, None]).sum(axis=0)

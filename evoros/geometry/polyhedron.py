@@ -40,7 +40,7 @@ def convex_polyhedron(corners: tuple[Vector, ...]) -> Polyhedron:
 def hull_planes(points: Array) -> tuple[Array, Array]:
     """Return the convex hull of points (n, 3) [m]: its faces (f, 4) and its corners (k, 3).
 
-    The faces are as those of a polyhedron.
+    The faces are as in ``Polyhedron``.
     """
     hull = _hull(points)
     return _distinct_planes(hull.equations), points[hull.vertices]
@@ -88,7 +88,7 @@ def clip_polyhedron(corners: Array, edges: NDArray[np.intp], low: float, high: f
 
 
 def solid_properties(corners: tuple[Vector, ...]) -> tuple[float, Array, Array]:
-    """Return what the hull of corners has as a homogeneous solid of density 1.
+    """Return properties of the hull of corners as a homogeneous solid of density 1.
 
     Returns:
         The volume [m3], the centre of mass (3,) [m], and the inertia tensor (3, 3) [m5] about it.

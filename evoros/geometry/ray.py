@@ -18,7 +18,7 @@ Frame = tuple[float, float, float, float, float, float, float, float, float]
 Point = tuple[float, float, float]
 """x, y, z [m]."""
 MARGIN_M = 1e-9
-"""More than rounding can change a distance: what is farther away by it is so in any case."""
+"""More than rounding can change a distance."""
 FACE_SIZE = 4
 """A face of a polyhedron: its outward normal (3,), and its distance [m] from the origin of the
 polyhedron's frame along that normal."""
@@ -51,7 +51,7 @@ def cast_rays(
     If ``ranges`` is not empty, it has a distance for each ray, which is lowered, and ``best`` does
     not count.
 
-    ``faces`` (f, FACE_SIZE) are those of all polyhedra. The rays (n, 3) are unit vectors, whose
+    ``faces`` (f, FACE_SIZE) are all polyhedra's. The rays (n, 3) are unit vectors, whose
     frame ``turn_frame`` has turned; ``origin`` is relative to the obstacle's centre, in that frame.
     A ray that starts inside the obstacle does not see it.
     """
@@ -109,7 +109,7 @@ def is_beyond(box: Array, frame: Frame, centre: Point, distance: float) -> bool:
 
 @compilable
 def turn_frame(obstacle: Array, cos: float, sin: float) -> Frame:
-    """Return the rotation from the frame of the rays to that of an obstacle.
+    """Return the rotation from the frame of the rays to an obstacle's.
 
     The frame of the rays is turned to the left by the angle of ``cos`` and ``sin``.
     """

@@ -78,7 +78,7 @@ class Mujoco:
 
 
 def _begin_warnings() -> list[str]:
-    """Forget the warnings of the last mission; return the list that gets those of this one."""
+    """Forget the warnings of the last mission; return the list for the warnings of this one."""
     _warnings().clear()
     return _warnings()
 

@@ -15,7 +15,7 @@ from evoros.simulator.engines.steered_sight import SteeredParts
 
 
 class Sensor(NamedTuple):
-    """The rays of one sensor within those of all, and the arguments of the call that casts them.
+    """The place of one sensor's rays among all, and the arguments of the call that casts them.
 
     The arguments are views of the arrays of all rays, made once, because that costs as much as
     casting.
@@ -72,7 +72,7 @@ class MujocoRays:
     def cast(self, pose: Array, ranges: Array) -> None:
         """Fill ``ranges`` with the nearest hit [m] of each beam, within the sensor's range.
 
-        ``pose`` is that of the root link. A ray that starts inside a shape does not see it.
+        ``pose`` is the root link's. A ray that starts inside a shape does not see it.
         """
         if not self._sensors:
             return
@@ -88,7 +88,7 @@ class MujocoRays:
     def cast_at_parts(self, angles: Array, ranges: Array) -> None:
         """Lower each range [m] whose beam sees a steered part of the robot, if any may.
 
-        ``angles`` [rad] are those of the steering joints.
+        ``angles`` [rad] are the steering joints'.
         """
         self.parts.lower(angles, ranges)
         np.maximum(ranges, self._low, out=ranges)
@@ -132,7 +132,7 @@ def _turn(rotation: tuple[float, ...], vector: Array, turned: Array) -> None:
 def leaves_shape(turned: Array, normals: Array) -> bool:
     """Return whether any ray ends where it leaves a shape, in which it has started.
 
-    ``normals`` (n, 3) are those of the surfaces that the rays hit, outwards, or 0.
+    ``normals`` (n, 3) are the outward normals of the surfaces that the rays hit, or 0.
     """
     for row in range(len(turned)):
         along = 0.0

@@ -19,7 +19,7 @@ class MujocoSignals:
         self._signals = RigidSignals(robot, -float(engine.opt.gravity[2]))
         self.feels = self._signals.feels
         self._data = data
-        # What can touch this robot: all but the ground and itself.
+        # All but the ground and itself can touch this robot.
         self._ours = np.isin(np.arange(engine.ngeom), parts.visible)
         self._theirs = (engine.geom_group != GROUND) & ~self._ours
         position, rate = parts.root
@@ -35,7 +35,7 @@ class MujocoSignals:
             self._signals.fill(signals, motion, self._data.qpos[self._wheels])
 
     def feel(self) -> None:
-        """Count a step in which the robot touches something, where it does."""
+        """Count a step in which the robot touches something, in the zones that it touches with."""
         contact = self._data.contact
         ours, theirs = self._ours[contact.geom], self._theirs[contact.geom]
         felt = (ours & theirs[:, ::-1]).any(axis=1)

@@ -25,7 +25,7 @@ arm [m2] of its friction about the vertical; its coefficient of friction; that t
 its first part and the one after its last."""
 BODY_SIZE = 8
 RADIUS, START, END, BOTTOM, TOP = range(5)
-"""A part: what surrounds its corners [m], its first corner and the one after its last, and its
+"""A part: the radius around its corners [m], its first corner and the one after its last, and its
 lowest and highest point [m]."""
 PART_SIZE = 5
 FIXED_BOTTOM, FIXED_TOP = FOOTPRINT_SIZE, FOOTPRINT_SIZE + 1

@@ -95,7 +95,7 @@ def overlaps_robot(
 
 @compilable
 def feel_robots(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> None:
-    """Count what contact sensors feel of the contact of a robot at a pose with others."""
+    """Count the touches that contact sensors feel if a robot at a pose meets others."""
     for other in range(len(unpack(Memory, memory).motions)):
         if other != index and overlaps_robot(parameters, memory, index, pose, other):
             outline = outline_of(parameters, memory, index)

@@ -26,7 +26,9 @@ class Drive(NamedTuple):
     steering_gain: float  # share of its error that the steering makes up in one step
     speed_gain: float  # share of its error that the speed makes up in one step
     max_speed: float  # [m/s]
-    speed_limit_offset: float  # [m] beside the rear axle's centre, where the speed has its limit
+    speed_limit_offset: (
+        float  # [m] from the rear axle's centre to the side, to the place that has the limit
+    )
     steering_limit: float  # [rad]
     wheelbase: float  # [m]
     rear_axle_x: float  # [m]

@@ -119,7 +119,7 @@ def drag_along(robot: Pusher, contact: Contact, side: float) -> float:
     _, nx, ny, along, _, _ = contact
     x, y, cos, sin = robot.pose
     old_x, old_y, old_cos, old_sin = robot.before
-    # Where the point is on the robot, and from there, where it was in the world.
+    # The place of the point on the robot, and from there, its place in the world before.
     px = along * nx - side * ny - x
     py = along * ny + side * nx - y
     ahead = cos * px + sin * py

@@ -1,9 +1,8 @@
 """The rules of motion of the planar simulator, over the arrays of ``planar_layout``.
 
 In each step, the robots move one after another, in their order. A robot does not push another one:
-it does not make a step into the outline of another robot, where that is then, and stops.
-They give the same bits compiled and interpreted, and to robots that are far apart those of each
-alone.
+instead of a step into the present outline of another robot, it stops. The rules give the same bits
+compiled and interpreted, and robots that are far apart move as each would alone.
 """
 
 import math
@@ -41,7 +40,7 @@ def advance(parameters: Array, memory: Array, commands: Array, duration: float) 
 
 
 def advance_pushing(parameters: Array, memory: Array, commands: Array, duration: float) -> None:
-    """Drive as ``advance`` does, push bodies, and count what contact sensors feel.
+    """Drive as ``advance`` does, push bodies, and count touches of contact sensors.
 
     Bodies that can be pushed are no obstacles as long as they can. ``advance`` has the same results
     without such bodies and sensors, and compiles in a quarter of the time.

@@ -45,7 +45,7 @@ def sense(parameters: Array, memory: Array, signals: Array) -> None:
 
 
 def sense_signals(parameters: Array, memory: Array, signals: Array) -> None:
-    """Fill ``signals`` as ``sense`` does, and with those of all other sensors.
+    """Fill ``signals`` as ``sense`` does, and with the signals of all other sensors.
 
     It takes a sixth longer to compile than ``sense``, which suffices for most first runs.
     """

@@ -42,7 +42,7 @@ def fill_motion(parameters: Array, memory: Array, index: int, probe: Array, sign
     signals[signal.POSITION] = x + cos * px - sin * py
     signals[signal.POSITION + 1] = y + sin * px + cos * py
     signals[signal.POSITION + 2] = probe[FRAME + 2]
-    # The turn of the robot about the vertical, times that of the frame on the robot.
+    # The turn of the robot about the vertical, times the frame's on the robot.
     z, w = elementary.sin_cos(0.5 * motion[YAW])
     qw = probe[FRAME + 3]
     qx = probe[FRAME + 4]

@@ -29,7 +29,7 @@ UPWARDS = 0.1  # a contact whose normal points up by less does not carry a body
 
 MAX_FRICTION = 1.0
 """Gazebo takes the smaller of two coefficients and Bullet their product. So a coefficient of 100,
-which many worlds have, must not multiply that of the wheels."""
+which many worlds have, must not multiply the wheels'."""
 
 
 def add_body(bullet: Any, body: Body) -> list[int]:
@@ -63,7 +63,7 @@ def add_body(bullet: Any, body: Body) -> list[int]:
 
 
 def _create_look(bullet: Any, shapes: Sequence[Shape]) -> int:
-    """The visual shape, which nobody sees; -1: that of the contact.
+    """Return the visual shape, which nobody sees; -1: the contact's.
 
     For polyhedra the engine would read again the files of their contact.
     """
@@ -86,7 +86,7 @@ def _make_movable(bullet: Any, body_id: int, body: Body) -> None:
 
 
 def _inertia(body: Body) -> Vector | None:
-    """The principal moments [kg m2]; None: those of the engine, which takes polyhedra for boxes."""
+    """Return the principal moments [kg m2]; None: the engine's, which takes polyhedra for boxes."""
     if body.inertia is None and any(shape.kind == "convex" for shape in body.shapes):
         return joint_moments(body.shapes, body.mass or 0.0)
     return body.inertia

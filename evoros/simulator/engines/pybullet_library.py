@@ -51,7 +51,7 @@ def not_installed() -> InputError:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep all output from the terminal, including that of C code."""
+    """Keep all output from the terminal, including the output of C code."""
     libc = ctypes.CDLL(None)
     libc.fflush(None)
     saved = [(os.dup(descriptor), descriptor) for descriptor in (1, 2)]

@@ -1,7 +1,7 @@
-"""Shapes in PyBullet: what a client creates for a shape, and the files that it needs for some.
+"""Shapes in PyBullet, and the files that it needs for some of them.
 
-The engine takes the corners of a polyhedron directly if it is the only shape of its body. Those of
-several, and those of a robot, it takes from files only, which it reads at once.
+The engine takes the corners of a polyhedron directly if it is the only shape of its body. It takes
+the polyhedra of other bodies and of robots from files only, which it reads at once.
 """
 
 import tempfile

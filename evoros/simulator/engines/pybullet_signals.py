@@ -40,7 +40,7 @@ class BulletSignals:
         return Motion(np.array(position), rotation, velocity + np.cross(turning, arm), turning)
 
     def feel(self) -> None:
-        """Count a step in which the robot touches something, where it does."""
+        """Count a step in which the robot touches something, in the zones that it touches with."""
         touches: dict[tuple[int, int, int], list[Any]] = {}  # by link, other body and its link
         for link, point in find_touches(self._bullet, self._robot, self._ground):
             touches.setdefault((link, point[2], point[4]), []).append(point[5])

@@ -21,13 +21,13 @@ class Motion(NamedTuple):
     """How the root link of a robot moves, along the axes of the world."""
 
     position: Array  # (3,) [m]
-    rotation: Array  # (3, 3), from the link's axes to those of the world
+    rotation: Array  # (3, 3), from the link's axes to the world's
     velocity: Array  # (3,) [m/s], of the link's origin
     turning: Array  # (3,) [rad/s]
 
 
 class RigidSignals:
-    """The signals of one robot in one mission: an engine tells what happens, and it fills them."""
+    """The signals of one robot in one mission: filled from the engine's motion and contacts."""
 
     def __init__(self, robot: Robot, gravity: float) -> None:
         measures = [sensor.measures for sensor in robot.mounted_sensors()]
@@ -51,7 +51,7 @@ class RigidSignals:
     def touch(self, contacts: Iterable[Array]) -> None:
         """Count a step with contacts, each the points (k, 2) [m] of one, in the robot's frame.
 
-        A contact is what lies between its points, which engines find at its corners only.
+        A contact is the hull of its points, which engines find at its corners only.
         """
         pieces = [
             (*a, *b)
@@ -63,7 +63,7 @@ class RigidSignals:
                 self._touches[self._places[index]] += 1.0
 
     def fill(self, signals: Array, motion: Motion, angles: Sequence[float]) -> None:
-        """Write all signals; ``angles`` [rad] are those of the drive's wheel joints."""
+        """Write all signals; ``angles`` [rad] are the drive's wheel joints'."""
         for start, frame in self._frames.items():
             self._fill_motion(signals[start:], motion, frame)
         for start in self._wheels:
@@ -100,7 +100,7 @@ def fill_state(
 
 
 def solve_rolling(drive: Drive) -> Array:
-    """Return the matrix (2, wheels) from the angles of the wheels to what they tell, as WHEELS.
+    """Return the matrix (2, wheels) from the angles of the wheels to their signal, see WHEELS.
 
     The rates of wheels that are not steered are linear in the speed and the yaw rate of the robot.
     The matrix is the solution by least squares for them, and 0 for the wheels that are steered.

@@ -41,7 +41,7 @@ class SteeredSight(NamedTuple):
 
 
 def lay_out_steered_sight(robot: Robot, clear_ranges: Array) -> Array:
-    """Return the array ``sight`` of a robot; ``clear_ranges`` (n,) [m] are those of its beams."""
+    """Return the array ``sight`` of a robot; ``clear_ranges`` (n,) [m] are its beams'."""
     steered, (rays, starts) = robot.occluders.steered, robot.ray_table
     if not len(steered.rows) or not len(rays):
         return np.zeros(0)
