@@ -71,7 +71,7 @@ class BulletProbe:
         self.model = simulation._model
 
     def base(self) -> Pose:
-        robot = self.model.robot
+        robot = self.model.robots[0]
         pose = self.bullet.getBasePositionAndOrientation(robot.body)
         return Pose(*self.bullet.multiplyTransforms(*pose, *robot.to_base))
 
@@ -100,8 +100,8 @@ class BulletProbe:
         return [math.hypot(*rate) for rate in rates]
 
     def angle(self, joint: str) -> float:
-        body = self.model.robot.body
-        for number in self.model.robot.joints:
+        body = self.model.robots[0].body
+        for number in self.model.robots[0].joints:
             if self.bullet.getJointInfo(body, number)[1].decode() == joint:
                 return float(self.bullet.getJointState(body, number)[0])
         raise KeyError(joint)

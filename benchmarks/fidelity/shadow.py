@@ -79,8 +79,8 @@ class _Simulation:
 
     def _attitude(self) -> tuple[float, float, float]:
         bullet, model = self.real._bullet, self.real._model
-        centre = bullet.getBasePositionAndOrientation(model.robot.body)
-        position, facing = bullet.multiplyTransforms(*centre, *model.robot.to_base)
+        centre = bullet.getBasePositionAndOrientation(model.robots[0].body)
+        position, facing = bullet.multiplyTransforms(*centre, *model.robots[0].to_base)
         roll, pitch, _ = bullet.getEulerFromQuaternion(facing)
         return position[2], roll, pitch
 

@@ -81,7 +81,7 @@ def bare(
     spent = 0.0
     with open_alone(scenario.simulator.open, robot, world) as opened:
         simulation: Any = opened
-        bullet, body = simulation._bullet, simulation._model.robot.body
+        bullet, body = simulation._bullet, simulation._model.robots[0].body
         rays = [(starts, ends) for starts, ends, _ in simulation._vehicles[0]._rays._batches]
         step = scenario.simulator.time_step
         for number, (command, duration) in enumerate(commands):

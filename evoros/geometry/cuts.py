@@ -11,10 +11,7 @@ from evoros.geometry.triangles import Indices, Surface
 
 
 def cut(surface: Surface, normal: Array, offset: float, capped: bool) -> list[Surface]:
-    """Return the parts below and above the plane ``normal . p = offset``, if there are any.
-
-    ``capped`` closes the cuts of a closed surface.
-    """
+    """Return the parts below and above the plane ``normal . p = offset``; capped: closed."""
     distance = product(surface.points, normal) - offset
     distance[np.abs(distance) < 1e-6] = 0.0
     sides = []

@@ -50,10 +50,7 @@ def project_shape(
 
 
 def _extreme_points(shape: Shape, pose: Pose, low_m: float, high_m: float) -> Array:
-    """Return points (n, 3) [m] in the world with the hull of a polyhedron or a height field.
-
-    Only the part of a polyhedron between the two heights counts.
-    """
+    """Return points (n, 3) [m] whose hull is a shape's; a polyhedron is cut at two heights."""
     if shape.kind == "heightfield":
         return placed_corners(height_points(shape).reshape(-1, 3), pose.rotation, pose.position)
     solid = convex_polyhedron(shape.corners)
@@ -87,10 +84,7 @@ def _project_cylinder(radius: float, length: float, axis: Array) -> tuple[Array,
 
 
 def _circumscribe(along: float, across: float) -> Array:
-    """Return the corners of a polygon around an ellipse of these half axes [m].
-
-    A very narrow ellipse gets four corners.
-    """
+    """Return the corners of a polygon around an ellipse of half axes [m]; 4 if very narrow."""
     if along < _EXCESS * across:
         return np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (along, across)
     angles = np.arange(_ELLIPSE_CORNERS) * (2 * math.pi / _ELLIPSE_CORNERS)
@@ -122,10 +116,7 @@ def top_height(shape: Shape, pose: Pose) -> float:
 
 
 def project_bodies(bodies: Iterable[Body], below_m: float = math.inf) -> tuple[Footprint, ...]:
-    """Project all solid shapes that begin below a height [m] and end above the ground.
-
-    Polyhedra are projected only between the two.
-    """
+    """Project all solid shapes between the ground and a height [m]; polyhedra only in between."""
     placed = [(shape, body.pose @ shape.pose) for body in bodies for shape in body.shapes]
     return tuple(
         project_shape(shape, pose, 0.0, below_m)

@@ -36,10 +36,7 @@ def solid_moments(shape: Shape, mass: float) -> Vector:
 
 
 def joint_moments(shapes: Sequence[Shape], mass: float) -> Vector:
-    """Return the moments [kg m2] of homogeneous shapes of one density that make up a mass [kg].
-
-    They are about the axes of the frame in which the shapes have their poses.
-    """
+    """Return the moments [kg m2] of shapes of one density and a joint mass [kg]."""
     volumes = [solid_volume(shape) for shape in shapes]
     total = np.zeros((3, 3))
     for shape, volume in zip(shapes, volumes, strict=True):

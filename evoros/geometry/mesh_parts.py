@@ -162,10 +162,7 @@ def _signed_volume(surface: Surface) -> float:
 
 
 def _gather(surfaces: list[Surface]) -> tuple[list[list[Surface]], float]:
-    """Group small neighbours until there are at most ``_MOST_SURFACES``, and how wide [m] they are.
-
-    The leaves of a tree become clumps, in cells that grow until there are few enough of them.
-    """
+    """Group small neighbours into at most ``_MOST_SURFACES`` clumps of a width [m]."""
     if len(surfaces) <= _MOST_SURFACES:
         return [[surface] for surface in surfaces], 0.0
     low = np.array([surface.points.min(axis=0) for surface in surfaces])

@@ -101,10 +101,7 @@ def _unit_circle() -> Array:
 
 
 def overlap_depth(first: Solid, second: Solid) -> float:
-    """Return the shortest way [m] out of each other for two solids; 0 or less if they are apart.
-
-    It is exact to 0.1 mm or 2 %, whichever is more.
-    """
+    """Return the shortest way [m] to part two solids, to 0.1 mm or 2 %; 0 or less if apart."""
     points = _differences(first, second)
     depth = 0.0
     for _ in range(_ROUNDS):

@@ -48,10 +48,9 @@ def find_edge(polygon: Array, i: int) -> tuple[float, float, float, float]:
 
 @compilable
 def find_separation(polygon: Array, points: Array, enough: float) -> tuple[float, int]:
-    """Return how far [m] its best edge separates a polygon from all points, and the edge.
+    """Return how far [m] the best edge separates a polygon from points, and the edge, or -1.
 
-    Without edges these are -inf and -1. The first edge that separates by more than ``enough`` will
-    do.
+    The first edge that separates by more than ``enough`` will do.
     """
     best = -math.inf
     edge = -1

@@ -38,10 +38,7 @@ def convex_polyhedron(corners: tuple[Vector, ...]) -> Polyhedron:
 
 
 def hull_planes(points: Array) -> tuple[Array, Array]:
-    """Return the convex hull of points (n, 3) [m]: its faces (f, 4) and its corners (k, 3).
-
-    The faces are as in ``Polyhedron``.
-    """
+    """Return the hull of points (n, 3) [m]: faces as in ``Polyhedron``, and corners (k, 3)."""
     hull = _hull(points)
     return _distinct_planes(hull.equations), points[hull.vertices]
 

@@ -98,10 +98,7 @@ def is_beside(box: Array, frame: Frame, x: float, y: float, across: float, along
 
 @compilable
 def is_beyond(box: Array, frame: Frame, centre: Point, distance: float) -> bool:
-    """Whether a box, its centre at ``centre`` in the frame of the rays, is ``distance`` [m] away.
-
-    If this is not known, it is not.
-    """
+    """Whether a box, ``centre`` in the rays' frame, is surely beyond ``distance`` [m]."""
     x, y, _ = _turn(frame, centre)
     far = distance + MARGIN_M
     return bool(abs(x) - box[EXTENT] > far or abs(y) - box[EXTENT + 1] > far)
@@ -109,10 +106,7 @@ def is_beyond(box: Array, frame: Frame, centre: Point, distance: float) -> bool:
 
 @compilable
 def turn_frame(obstacle: Array, cos: float, sin: float) -> Frame:
-    """Return the rotation from the frame of the rays to an obstacle's.
-
-    The frame of the rays is turned to the left by the angle of ``cos`` and ``sin``.
-    """
+    """Return the rotation to an obstacle's frame from the rays', turned left by an angle."""
     r = ROTATION
     # The transpose of the obstacle's rotation, after the turn of the rays' frame.
     return (

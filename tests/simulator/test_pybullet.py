@@ -144,7 +144,7 @@ def test_merged_links_move_as_the_separate_ones(
             )
         state, rows = np.zeros(STATE_SIZE), []
         with open_alone(PyBullet().open, robot, level(experiment)) as simulation:
-            joints = simulation._bullet.getNumJoints(simulation._model.robot.body)
+            joints = simulation._bullet.getNumJoints(simulation._model.robots[0].body)
             assert joints == 6 + separate * len(design.mounts)
             for tick in range(100):
                 simulation.advance(np.array([0.3, 0.4 * math.sin(0.06 * tick)]), 0.1)
@@ -161,7 +161,7 @@ TETRAHEDRON = '<convex corners="0 0 0 0.004 0 0 0 0.004 0 0 0 0.004"/>'
 
 @pytest.mark.parametrize("shape", ['<box size="0.004 0.004 0.004"/>', TETRAHEDRON])
 def test_a_link_of_500_parts_is_read_as_a_whole(shape: str) -> None:
-    parts = "".join(BLOCK.format(x=0.01 * number, shape=shape) for number in range(500))
+    parts = "".join(BLOCK.format(x=0.01 * i, shape=shape) for i in range(500))
     urdf = f'<robot name="many"><link name="base">{parts}</link></robot>'
     assert len(urdf) > 8191  # the engine cuts longer lines
     assert "\n" not in urdf

@@ -147,10 +147,7 @@ def _prefix(robots: Sequence[PlacedRobot], index: int) -> str:
 
 
 def _masks(robots: Sequence[PlacedRobot], index: int) -> tuple[int, int]:
-    """Return the type of a robot and the types that it meets.
-
-    Each of several robots has a bit, by which it meets the others and not itself.
-    """
+    """Return a robot's type and the types that it meets: among several, the others' bits."""
     types, meets = MEETS[ROBOT]
     if len(robots) == 1:
         return types, meets

@@ -25,10 +25,9 @@ GROUND, OBSTACLE = -1, -2
 
 
 class MujocoSimulation:
-    """The robots of ``model`` in their world, in steps that they make together.
+    """The robots of ``model`` in their world.
 
-    The calls of the engine and the views of its state are bound once: looking them up costs as
-    much as some of them.
+    Calls of the engine and views of its state are bound once, because looking them up costs time.
     """
 
     def __init__(
@@ -72,10 +71,7 @@ class MujocoSimulation:
         return f"{name_robot(index, self._robots[index])}: {warning}" if index >= 0 else warning
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``: the nearest hit [m] of each beam, within its sensor's range, first.
-
-        Robots see one another, and not themselves.
-        """
+        """Fill ``signals``; robots see one another, and not themselves."""
         engine, data = self._model.model, self._model.data
         self._place(engine, data)
         for vehicle, share in self._turns:
@@ -84,10 +80,7 @@ class MujocoSimulation:
             engine.geom_group[vehicle.others] = ROBOT
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s].
-
-        Contact is tested in every step, because it may be shorter than a control period.
-        """
+        """Drive with ``command`` for ``duration`` [s]; a contact may last a single step."""
         for vehicle, share in self._turns:
             vehicle.set_motors(command[share.command])
         step, engine, data = self._step, self._model.model, self._model.data

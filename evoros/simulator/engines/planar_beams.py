@@ -60,20 +60,14 @@ def _facing(robot: Robot, frames: Array, sums: Array) -> Iterator[float]:
 
 
 def _free_ranges(height: Array, slopes: Array, first: Indices, farthest: Array) -> Array:
-    """Return the readings [m] without obstacles: the ground, or ``farthest``.
-
-    They never change, because the robot stays level.
-    """
+    """Return the constant readings [m] without obstacles: the ground, or ``farthest``."""
     drop = -np.minimum.reduceat(slopes, first)
     seen = drop * farthest > height
     return np.where(seen, height / np.where(seen, drop, 1.0), farthest)
 
 
 def _edges(rays: Array, first: Indices, yaws: Array) -> Array:
-    """Return unit vectors (n, 4) outwards across the left and the right edge of each beam.
-
-    They are zeros if the beam is not a wedge.
-    """
+    """Return unit vectors (n, 4) outwards across each beam's edges, or zeros if it is no wedge."""
     x, y = rays[:, 0], rays[:, 1]
     angles = atan2_all(y, x) - np.repeat(yaws, np.diff([*first, len(rays)]))
     angles = atan2_all(sin_all(angles), cos_all(angles))

@@ -38,10 +38,7 @@ def place_outline(parameters: Array, memory: Array, index: int, pose: PlanarPose
 
 @compilable
 def touches(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> bool:
-    """Whether the outline of a robot at a pose overlaps an obstacle that stays, or another robot.
-
-    Each robot that it overlaps has a contact.
-    """
+    """Whether a robot at a pose overlaps an obstacle that stays, or robots, which get a contact."""
     motions = unpack(Memory, memory).motions
     touched = False
     for other in range(len(motions)):
@@ -136,10 +133,7 @@ def feel_pressed(parameters: Array, memory: Array, index: int) -> bool:
 
 @compilable
 def feel(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> None:
-    """Count a touch for each zone of a robot at a pose that has a part of a contact.
-
-    These contacts are with obstacles that stay and with bodies that can be pushed.
-    """
+    """Count a touch for each zone of a robot that an obstacle or a body that it pushes touches."""
     probes = probes_of(parameters, index).contact
     place_outline(parameters, memory, index, pose)
     touched = int(unpack(Plane, parameters).places[index, layout.TOUCHES])

@@ -54,10 +54,7 @@ def move_body(movables: Movables, placed: Placed, index: int, push: Push) -> Non
 
 @compilable
 def solve_contact(push: Push, arm: float, lever: float, squared: float) -> tuple[float, float]:
-    """Return how far [m] a contact moves a body along its normal and its perpendicular.
-
-    ``squared`` [m2] is the square of the arm of the body's friction about the vertical.
-    """
+    """Return how far [m] a contact moves a body along its normal and across it."""
     nn = 1.0 + lever * lever / squared
     nt = lever * arm / squared
     tt = 1.0 + arm * arm / squared

@@ -36,11 +36,7 @@ class Pusher(NamedTuple):
 
 @compilable
 def push_bodies(movables: Movables, placed: Placed, robot: Pusher) -> int:
-    """Push the bodies that a robot's outline overlaps, or leave them if it cannot push so far.
-
-    Returns:
-        UNTOUCHED, PUSHED or BLOCKED.
-    """
+    """Push bodies off a robot's outline, or leave them: return UNTOUCHED, PUSHED or BLOCKED."""
     levels = placed.levels
     for i in range(len(levels)):
         levels[i] = 0.0
@@ -112,10 +108,7 @@ def push_by_robot(movables: Movables, placed: Placed, robot: Pusher, slip: float
 
 @compilable
 def drag_along(robot: Pusher, contact: Contact, side: float) -> float:
-    """Return how far [m] the robot's point of contact moved in the step, beside the normal.
-
-    ``side`` [m] is its place beside the normal.
-    """
+    """Return how far [m] the robot's point of contact, at ``side`` [m], moved beside the normal."""
     _, nx, ny, along, _, _ = contact
     x, y, cos, sin = robot.pose
     old_x, old_y, old_cos, old_sin = robot.before
@@ -195,10 +188,7 @@ def push_by_fixed(movables: Movables, placed: Placed, index: int) -> bool:
 
 @compilable
 def push_by_body(movables: Movables, placed: Placed, index: int) -> bool:
-    """Push other bodies off a body; return whether any overlapped it.
-
-    If two bodies overlap, the one that is nearer to the robot in the chain pushes the other.
-    """
+    """Push others off a body that is nearer to the robot; return whether any overlap."""
     levels = placed.levels
     overlaps = False
     for j in range(len(levels)):

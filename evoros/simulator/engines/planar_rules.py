@@ -114,10 +114,7 @@ def move(
 
 @compilable
 def push(parameters: Array, memory: Array, index: int, pose: PlanarPose) -> int:
-    """Push the bodies in a robot's way to a pose; see ``push_bodies``.
-
-    Other robots do not yield: bodies that would be pushed into one of them stay.
-    """
+    """Push the bodies in a robot's way, but not into other robots; see ``push_bodies``."""
     robot = hull_of(parameters, index)
     outline = contact.place_outline(parameters, memory, index, pose)
     before = pose_of(memory, index)

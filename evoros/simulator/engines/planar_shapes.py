@@ -18,10 +18,7 @@ _Description: TypeAlias = tuple[str, tuple[str, ...], tuple[str, ...], frozenset
 
 
 def list_shapes(robots: Sequence[Robot]) -> tuple[Array, Array, list[int]]:
-    """Return the shapes of robots for rays, the faces of polyhedra, and how many each robot has.
-
-    Nobody sees a robot that is alone, so it has none.
-    """
+    """Return the shapes of several robots for rays, their faces, and how many each robot has."""
     if len(robots) == 1:
         return *sight_rows([])[:2], [0]
     return _list_shapes(tuple(map(_describe, robots)))

@@ -26,10 +26,7 @@ from evoros.world.obstacles import obstacle_arrays, world_arrays
 def lay_out(
     robots: Sequence[PlacedRobot], world: World, time_step: float, lags: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """Return the parameters and the memory of a mission.
-
-    ``lags`` are the time constants of the steering and of the drive; all times are in [s].
-    """
+    """Return the parameters and the memory; ``lags`` [s] are of steering and drive."""
     tallest = max(robot.height_m for robot, _ in robots)
     gains = lag_gain(time_step, lags[0]), lag_gain(time_step, lags[1])
     shapes, faces, counts = list_shapes([robot for robot, _ in robots])
@@ -95,10 +92,7 @@ def _weigh(robot: Robot) -> float:
 
 
 def _measure_sight(beams: Array) -> float:
-    """How far [m] the sensors see from the robot's origin.
-
-    Rounded up to half metres, so that many designs share the arrays of a world.
-    """
+    """Return the reach of the sensors in half metres, so that designs share a world's arrays."""
     if not len(beams):
         return 0.5
     farthest = (np.sqrt((beams[:, :2] * beams[:, :2]).sum(axis=1)) + beams[:, FREE_RANGE]).max()

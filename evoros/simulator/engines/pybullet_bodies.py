@@ -63,10 +63,7 @@ def add_body(bullet: Any, body: Body) -> list[int]:
 
 
 def _create_look(bullet: Any, shapes: Sequence[Shape]) -> int:
-    """Return the visual shape, which nobody sees; -1: the contact's.
-
-    For polyhedra the engine would read again the files of their contact.
-    """
+    """Return the look, which nobody sees: -1, the contact's, unless files would be read."""
     if len(shapes) == 1 or all(shape.kind != "convex" for shape in shapes):
         return -1
     return int(bullet.createVisualShape(bullet.GEOM_SPHERE, radius=0.01))

@@ -44,11 +44,6 @@ class Model:
     falling: tuple[int, ...]  # movable bodies in the air
     watched: Mapping[int, float]  # movable bodies that need finer steps, and their radii [m]
 
-    @property
-    def robot(self) -> LoadedRobot:
-        """The first robot."""
-        return self.robots[0]
-
 
 class Engine:
     """One PyBullet client and the model that it holds."""

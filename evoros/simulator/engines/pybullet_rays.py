@@ -115,10 +115,7 @@ def _batches(robot: Robot, bullet: Any, to_base: Frame) -> list[Batch]:
 
 
 def _turn_rays(robot: Robot, rotation: Array) -> Iterator[Array]:
-    """Yield the directions (k, 3) of each beam along axes other than the robot's.
-
-    Each sensor is turned before its rays are, which rounds them once.
-    """
+    """Yield the directions (k, 3) of each beam along other axes, turned and rounded only once."""
     for mount, frame in zip(robot.mounts, robot.sensor_frames, strict=True):
         if mount.sensor in robot.sorted_rays:
             rays, ends = robot.sorted_rays[mount.sensor]

@@ -13,22 +13,21 @@ from evoros.simulator.engines.pybullet_robot import LoadedRobot
 from evoros.simulator.engines.rigid_signals import Motion, RigidSignals
 
 
-class BulletSignals:
+class BulletSignals(RigidSignals):
     """The signals of one of the robots of ``model``."""
 
     def __init__(self, bullet: Any, model: Model, robot: Robot, index: int) -> None:
         self._bullet = bullet
         self._ground, self._robot = model.ground, model.robots[index]
         settings = bullet.getPhysicsEngineParameters()
-        self._signals = RigidSignals(robot, -float(settings["gravityAccelerationZ"]))
-        self.feels = self._signals.feels
+        super().__init__(robot, -float(settings["gravityAccelerationZ"]))
 
     def read(self, signals: Array) -> None:
         """Write all signals into their parts."""
-        if self._signals.exist:
+        if self.exist:
             robot = self._robot
             states = self._bullet.getJointStates(robot.body, robot.wheels)
-            self._signals.fill(signals, self._find_motion(), [state[0] for state in states])
+            self.fill(signals, self._find_motion(), [state[0] for state in states])
 
     def _find_motion(self) -> Motion:
         bullet, robot = self._bullet, self._robot
@@ -47,7 +46,7 @@ class BulletSignals:
         if touches:
             position, rotation, *_ = self._find_motion()
             pieces = (product(np.array(points) - position, rotation) for points in touches.values())
-            self._signals.touch(points[:, :2] for points in pieces)
+            self.touch(points[:, :2] for points in pieces)
 
 
 def find_touches(

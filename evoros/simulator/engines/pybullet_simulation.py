@@ -44,18 +44,12 @@ class PyBulletSimulation:
             vehicle.observe(state[share.state])
 
     def sense(self, signals: Array) -> None:
-        """Fill ``signals``: the nearest hit [m] of each beam, within its sensor's range, first.
-
-        Robots see one another, and not themselves.
-        """
+        """Fill ``signals``; robots see one another, and not themselves."""
         for vehicle, share in self._turns:
             vehicle.sense(signals[share.signals])
 
     def advance(self, command: Array, duration: float) -> None:
-        """Drive with ``command`` for ``duration`` [s]; the motors are set only when it changes.
-
-        Contact is tested after every step, because it may be shorter than a control period.
-        """
+        """Drive with ``command`` for ``duration`` [s]; a contact may last a single step."""
         for vehicle, share in self._turns:
             vehicle.take(command[share.command])
         step, vehicles = self._bullet.stepSimulation, self._vehicles
@@ -79,10 +73,7 @@ class PyBulletSimulation:
 
 
 class _Vehicle:
-    """One of the robots.
-
-    The calls of the engine are bound once: looking them up costs as much as some of them.
-    """
+    """One of the robots."""
 
     def __init__(
         self, engine: Engine, model: Model, robot: Robot, settings: Settings, index: int

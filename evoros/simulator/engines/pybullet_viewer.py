@@ -152,11 +152,7 @@ def open_scene(urdfs: Sequence[str], bodies: Sequence[tuple[Body, Colour]]) -> I
 
 
 def without_meshes(urdf: str) -> str:
-    """Remove the visual shapes of links that have meshes.
-
-    PyBullet then shows the collision shapes of these links and opens no mesh files, which may not
-    exist.
-    """
+    """Remove the looks of links with meshes, which may be missing: PyBullet shows contacts."""
     root = parse(urdf.encode(), "robot.urdf")
     for link in root.findall("link"):
         visuals = link.findall("visual")

@@ -30,23 +30,17 @@ class RigidSignals:
     """The signals of one robot in one mission: filled from the engine's motion and contacts."""
 
     def __init__(self, robot: Robot, gravity: float) -> None:
-        measures = [sensor.measures for sensor in robot.mounted_sensors()]
-        self.exist = any(kind in SIGNAL_SIZES for kind in measures)
-        self._zones, self._gravity = find_zones(robot), gravity
-        self.feels = bool(self._zones)  # whether an engine has to tell of contacts
         starts = [part.start for part in robot.signal_layout]
-        self._touches = {starts[index]: 0.0 for index in self._zones}
-        frames = robot.sensor_frames
-        self._frames = {
-            start: frame
-            for start, frame, measured in zip(starts, frames, measures, strict=True)
-            if measured == MOTION
-        }
-        self._wheels = [
-            start for start, kind in zip(starts, measures, strict=True) if kind == WHEELS
-        ]
+        kinds = [sensor.measures for sensor in robot.mounted_sensors()]
+        mounted = list(zip(starts, kinds, robot.sensor_frames, strict=True))
+        self.exist = any(kind in SIGNAL_SIZES for kind in kinds)
+        self._gravity = gravity
+        self._zones = {starts[index]: zone for index, zone in find_zones(robot).items()}
+        self.feels = bool(self._zones)  # whether an engine has to tell of contacts
+        self._touches = dict.fromkeys(self._zones, 0.0)
+        self._frames = {start: frame for start, kind, frame in mounted if kind == MOTION}
+        self._wheels = [start for start, kind, _ in mounted if kind == WHEELS]
         self._rolling = solve_rolling(robot.drive) if self._wheels else np.zeros((2, 0))
-        self._places = dict(zip(self._zones, self._touches, strict=True))
 
     def touch(self, contacts: Iterable[Array]) -> None:
         """Count a step with contacts, each the points (k, 2) [m] of one, in the robot's frame.
@@ -58,9 +52,9 @@ class RigidSignals:
             for points in contacts
             for a, b in (combinations(points.tolist(), 2) if len(points) > 1 else [[points[0]] * 2])
         ]
-        for index, zone in self._zones.items():
+        for start, zone in self._zones.items():
             if any(crosses_zone(zone, *piece) for piece in pieces):
-                self._touches[self._places[index]] += 1.0
+                self._touches[start] += 1.0
 
     def fill(self, signals: Array, motion: Motion, angles: Sequence[float]) -> None:
         """Write all signals; ``angles`` [rad] are the drive's wheel joints'."""

@@ -103,7 +103,7 @@ def see_parts_at(sight: Array, steering: float, ranges: Array) -> None:
 
 
 def see_parts(sight: Array, angles: Array, ranges: Array) -> None:
-    """Lower each range [m] whose beam sees a part with the steering joints at ``angles`` [rad]."""
+    """Lower the ranges [m] of beams that see a part, with the steering at ``angles`` [rad]."""
     parts = unpack(SteeredSight, sight).parts
     for index in range(len(parts)):
         sin, cos = elementary.sin_cos(angles[int(parts[index, JOINT])])
