@@ -10,7 +10,12 @@ from evoros.base import elementary
 from evoros.base.arrays import Array
 from evoros.base.linear import product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
-from evoros.geometry.polyhedron import clip_polyhedron, convex_polyhedron, placed_corners
+from evoros.geometry.polyhedron import (
+    box_corners,
+    clip_polyhedron,
+    convex_polyhedron,
+    placed_corners,
+)
 from evoros.geometry.shapes import Body, Pose, Shape
 
 _ELLIPSE_CORNERS = 64
@@ -41,8 +46,7 @@ def project_shape(
     if shape.kind == "sphere":
         return Footprint(centre[None], shape.size[0])
     if shape.kind == "box":
-        signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-        corners = product(signs * np.array(shape.size) / 2, pose.rotation.T)
+        corners = product(box_corners(shape), pose.rotation.T)
         return Footprint(convex_hull(corners[:, :2]) + centre)
     radius, length = shape.size
     vertices, radius = _project_cylinder(radius, length, pose.rotation[:, 2])

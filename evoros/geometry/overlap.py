@@ -17,7 +17,7 @@ import numpy as np
 from evoros.base.arrays import Array
 from evoros.base.linear import length, product
 from evoros.compilation.elementary_arrays import cos_all, sin_all
-from evoros.geometry.polyhedron import convex_polyhedron, hull_planes, placed_corners
+from evoros.geometry.polyhedron import box_corners, convex_polyhedron, hull_planes, placed_corners
 from evoros.geometry.shapes import Pose, Shape
 
 _EXACT_M = 1e-4
@@ -83,9 +83,7 @@ def _surface_points(shape: Shape) -> Array:
     if shape.kind == "convex":
         return convex_polyhedron(shape.corners).corners
     if shape.kind == "box":
-        signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-        corners: Array = signs * np.array(shape.size) / 2
-        return corners
+        return box_corners(shape)
     if shape.kind == "sphere":
         return np.concatenate([np.eye(3), -np.eye(3)]) * shape.size[0]
     radius, height = shape.size

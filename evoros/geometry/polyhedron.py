@@ -1,5 +1,6 @@
 """Convex polyhedra: the faces, edges, volume and moments of the hull of some corners."""
 
+import itertools
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from evoros.base.arrays import Array
 from evoros.base.linear import determinant, product
-from evoros.geometry.shapes import Vector
+from evoros.geometry.shapes import Shape, Vector
 
 _SAME_FACE = 9
 """Decimals in which the planes of two triangles agree if both belong to one face."""
@@ -67,6 +68,12 @@ def _face_outwards(
     turned = triangles.copy()
     turned[inwards] = turned[inwards][:, ::-1]
     return turned
+
+
+def box_corners(box: Shape) -> Array:
+    """Return the corners (8, 3) [m] of a box in its frame."""
+    corners: Array = np.array(list(itertools.product((-1, 1), repeat=3))) * np.array(box.size) / 2
+    return corners
 
 
 def clip_polyhedron(corners: Array, edges: NDArray[np.intp], low: float, high: float) -> Array:

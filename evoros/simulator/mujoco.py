@@ -72,15 +72,9 @@ class Mujoco:
         """
         check_number(robots)
         settings = Settings(self.time_step, self.wheel_friction, self.steering_lag_s)
-        warnings = _begin_warnings()
+        _warnings().clear()
         model = _models().prepare(robots, world, settings)
-        yield MujocoSimulation(model, [robot for robot, _ in robots], settings, warnings)
-
-
-def _begin_warnings() -> list[str]:
-    """Forget the warnings of the last mission; return the list for the warnings of this one."""
-    _warnings().clear()
-    return _warnings()
+        yield MujocoSimulation(model, [robot for robot, _ in robots], settings, _warnings())
 
 
 @cache

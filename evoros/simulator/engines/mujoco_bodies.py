@@ -1,6 +1,7 @@
 """The bodies of a world in MuJoCo, and which pairs of bodies can touch."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -176,7 +177,7 @@ def add_ground_pairs(
     stiffness of the contacts of sliding and of rolling shapes.
     """
     grounds = [geom for geom in spec.geoms if geom.group == GROUND]
-    for sole, ground in _product(soles, grounds):
+    for sole, ground in product(soles, grounds):
         friction = sole.friction * float(ground.friction[0])
         spec.add_pair(
             geomname1=sole.shape,
@@ -185,11 +186,6 @@ def add_ground_pairs(
             friction=[max(friction, 1e-5)] * 2 + [0.0, 0.0, 0.0],
             **(rolls if sole.rolls else slides),
         )
-
-
-def _product(soles: Iterable[Sole], grounds: Iterable[Any]) -> Iterator[tuple[Sole, Any]]:
-    grounds = list(grounds)
-    return ((sole, ground) for sole in soles for ground in grounds)
 
 
 def scalar_first(pose: Pose) -> list[float]:
