@@ -40,14 +40,7 @@ def _clip(surface: Surface, distance: Array) -> tuple[Surface, Indices, Indices]
     two = _rolled(faces, d > 0, (inside == 2) & (outside == 1))
     starts = np.concatenate([one[:, 0], one[:, 0], two[:, 1], two[:, 2]])
     ends = np.concatenate([one[:, 1], one[:, 2], two[:, 0], two[:, 0]])
-    codes, new = np.unique(starts * len(surface.points) + ends, return_inverse=True)
-    first, last = np.divmod(codes, len(surface.points))
-    share = distance[first] / (distance[first] - distance[last])
-    a, b = surface.points[first], surface.points[last]
-    crossings = a + (b - a) * share[:, None]
-    # Where an edge ends on the plane, it crosses it in that very point.
-    numbers = np.where(distance[last] == 0, last, len(surface.points) + np.arange(len(codes)))
-    new = numbers[new]
+    crossings, new = _cross_edges(surface.points, distance, starts, ends)
     p, q, r, s = np.split(new, np.cumsum([len(one), len(one), len(two)]))
     pieces = [
         kept,
@@ -65,6 +58,21 @@ def _clip(surface: Surface, distance: Array) -> tuple[Surface, Indices, Indices]
     used = np.unique(side)
     surface = Surface(points[used], np.searchsorted(used, side))
     return surface, np.searchsorted(used, segments), owners
+
+
+def _cross_edges(
+    points: Array, distance: Array, starts: Indices, ends: Indices
+) -> tuple[Array, Indices]:
+    """Return where edges cross the plane (k, 3), and the index of each edge's crossing.
+
+    The crossings follow ``points``. An edge that ends on the plane crosses it in that very point.
+    """
+    codes, edges = np.unique(starts * len(points) + ends, return_inverse=True)
+    first, last = np.divmod(codes, len(points))
+    share = distance[first] / (distance[first] - distance[last])
+    a, b = points[first], points[last]
+    indices = np.where(distance[last] == 0, last, len(points) + np.arange(len(codes)))
+    return a + (b - a) * share[:, None], indices[edges]
 
 
 def _rolled(faces: Indices, lone: NDArray[np.bool_], chosen: NDArray[np.bool_]) -> Indices:
