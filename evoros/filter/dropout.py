@@ -23,9 +23,7 @@ class Dropout:
     name: ClassVar[str] = "Dropout"
     probability: Annotated[float, PROBABILITY] = 0.1
     duration_s: Annotated[float, NOT_NEGATIVE] = 0.0  # of an outage, in whole samples, at least 1
-    lost: Annotated[str, one_of("silent", "last")] = (
-        "silent"  # a lost sample is NaN, or the last value
-    )
+    lost: Annotated[str, one_of("silent", "last")] = "silent"  # a lost sample is NaN, or the last
 
     class Parameters(NamedTuple):
         probability: float
@@ -51,7 +49,7 @@ class Dropout:
         for i in range(len(values)):
             starts = rng.random() < parameters.probability and time >= parameters.onset[i]
             # One sample of an outage less, or a new outage.
-            memory.count[i] = max(memory.count[i] - 1.0, 0.0) or starts * parameters.samples
-            if memory.count[i] > 0.0:
+            memory.counter[i] = max(memory.counter[i] - 1.0, 0.0) or starts * parameters.samples
+            if memory.counter[i] > 0.0:
                 values[i] = memory.value[i] if parameters.repeats == 1.0 else math.nan
             memory.value[i] = values[i]

@@ -55,9 +55,9 @@ def select_channels(channels: Channels, onset: Array, of: str | None, part: str)
 
 
 class Held(NamedTuple):
-    """The memory of a filter that repeats values: a count and a value for each channel."""
+    """The memory of a filter that repeats values: a counter and a value for each channel."""
 
-    count: Array
+    counter: Array
     value: Array
 
 

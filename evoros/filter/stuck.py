@@ -28,7 +28,7 @@ class Stuck:
         """Remember the value at the onset, then repeat it."""
         for i in range(len(values)):
             if time >= parameters.onset[i]:
-                if memory.count[i] == 0.0:
-                    memory.count[i] = 1.0
+                if memory.counter[i] == 0.0:
+                    memory.counter[i] = 1.0
                     memory.value[i] = values[i]
                 values[i] = memory.value[i]

@@ -42,7 +42,7 @@ class Groups(NamedTuple):
 class _Joint(NamedTuple):
     """A joint with the link behind it; the engine gives both the same number."""
 
-    index: int
+    joint_id: int
     name: str
     link: str
     fixed: bool
@@ -77,7 +77,7 @@ def load_robot(
     return LoadedRobot(
         body=body,
         touching=_set_up_links(bullet, body, joints, robot, wheel_friction, groups),
-        joints=tuple(joint.index for joint in joints if not joint.fixed),
+        joints=tuple(joint.joint_id for joint in joints if not joint.fixed),
         steering=steering,
         steering_forces=steering_forces,
         wheels=wheels,
@@ -124,22 +124,22 @@ def _motors(
     """The numbers and motor forces [N m] of the named joints."""
     by_name = {joint.name: joint for joint in joints}
     chosen = [by_name[name] for name in names]
-    return tuple(joint.index for joint in chosen), tuple(joint.force for joint in chosen)
+    return tuple(joint.joint_id for joint in chosen), tuple(joint.force for joint in chosen)
 
 
 def _release(bullet: Any, body: int, joints: Sequence[_Joint], driven: Collection[int]) -> None:
     """Switch off the motors of joints that nothing drives: the engine's would hold them still."""
     for joint in joints:
-        if not joint.fixed and joint.index not in driven:
-            bullet.setJointMotorControl2(body, joint.index, bullet.VELOCITY_CONTROL, force=0)
+        if not joint.fixed and joint.joint_id not in driven:
+            bullet.setJointMotorControl2(body, joint.joint_id, bullet.VELOCITY_CONTROL, force=0)
 
 
 def _rolling_friction(
     joints: Sequence[_Joint], drive: Drive, wheel_friction: float
 ) -> dict[int, float]:
     """The friction of the links that meet the ground only."""
-    friction = {joint.index: 0.0 for joint in joints if joint.link in drive.caster_links}
-    wheels = (joint.index for joint in joints if joint.name in drive.wheel_joints)
+    friction = {joint.joint_id: 0.0 for joint in joints if joint.link in drive.caster_links}
+    wheels = (joint.joint_id for joint in joints if joint.name in drive.wheel_joints)
     return friction | dict.fromkeys(wheels, wheel_friction)
 
 
@@ -153,7 +153,7 @@ def _set_up_links(
 ) -> tuple[int, ...]:
     """Set friction, damping and collision masks; returns the links that can touch obstacles."""
     rolling = _rolling_friction(joints, robot.drive, wheel_friction)
-    exposed = {joint.index for joint in joints if joint.link in robot.exposed_links}
+    exposed = {joint.joint_id for joint in joints if joint.link in robot.exposed_links}
     covered = rolling.keys() - exposed
     links = range(-1, len(joints))
     for link in links:
