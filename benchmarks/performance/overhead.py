@@ -81,7 +81,7 @@ def bare(
     spent = 0.0
     with open_alone(scenario.simulator.open, robot, world) as opened:
         simulation: Any = opened
-        bullet, client, body = simulation._bullet, simulation._client, simulation._model.robot.body
+        bullet, body = simulation._bullet, simulation._model.robots[0].body
         rays = [(starts, ends) for starts, ends, _ in simulation._vehicles[0]._rays._batches]
         step = scenario.simulator.time_step
         for index, (command, duration) in enumerate(commands):
@@ -94,13 +94,12 @@ def bare(
                         parentObjectUniqueId=body,
                         parentLinkIndex=-1,
                         collisionFilterMask=VISIBLE,
-                        physicsClientId=client,
                     )
                 spent += thread_time() - begin
             simulation.advance(command, 0.0)
             begin = thread_time()
             for _ in range(round(duration / step)):
-                bullet.stepSimulation(client)
+                bullet.stepSimulation()
             spent += thread_time() - begin
         simulation.observe(state)
     return spent, state

@@ -12,7 +12,7 @@ from evoros.base.rng import generator
 from evoros.bridge.mavlink import RELEASED, GroundStation
 from evoros.bridge.process import OutsideProcess
 from evoros.bridge.sitl import NO_PULSE, SitlFrames
-from evoros.compilation.named_rules import bind
+from evoros.compilation.named_rules import bind, start_part
 from evoros.controller.ardupilot_parameters import list_range_finders
 from evoros.controller.ardupilot_settings import ArduPilotSettings
 from evoros.controller.protocol import LAYER_ARGUMENTS, Briefing
@@ -58,8 +58,9 @@ class ArduPilotPilot:
         self._second = max(1, round(1.0 / settings.period_s))
         self._avoid_every = round(settings.avoidance_period_s / settings.period_s)
         rng = generator(str(briefing.seed), "avoidance")
-        started = settings.avoidance.start(robot, settings.avoidance_period_s, rng)
-        self._rule = bind(settings.avoidance.rule, LAYER_ARGUMENTS, started)
+        avoidance = settings.avoidance
+        started = start_part(avoidance.start, robot, settings.avoidance_period_s, rng)
+        self._rule = bind(avoidance.rule, LAYER_ARGUMENTS, started)
         self._wish = np.zeros(COMMAND_SIZE)
         self._radio = (RELEASED, RELEASED)
         self._avoiding = False

@@ -8,7 +8,7 @@ from numpy.random import Generator
 
 from evoros.base.arrays import NO_VALUES, POSE_SIZE, Array
 from evoros.base.errors import InputError
-from evoros.compilation.named_rules import bind
+from evoros.compilation.named_rules import bind, start_part
 from evoros.controller.protocol import ESTIMATOR_ARGUMENTS, Controller, LiveController
 from evoros.failure.case import Case
 from evoros.failure.protocol import Failure, Fault, StatedFailure, SystematicFailure, make_faults
@@ -127,7 +127,7 @@ def _start_reading(
         return [FilterStage(every, *bind(_publish, SENSOR_ARGUMENTS, None), rng, source, values)]
     stages = []
     for part, place in zip(parts, robot.layout[first:last], strict=True):
-        rule = bind(sensor.rule, SENSOR_ARGUMENTS, sensor.start())
+        rule = bind(sensor.rule, SENSOR_ARGUMENTS, start_part(sensor.start))
         stages.append(FilterStage(every, *rule, rng, signals[part], readings[place]))
     return stages
 
@@ -159,7 +159,7 @@ def start_localization(
                 f"it does not depend on what comes before; remove "
                 f"{', '.join(list(controller.localization)[:index])}, or put it after"
             )
-        started = item.start_estimate(robot, controller.period_s)
+        started = start_part(item.start_estimate, robot, controller.period_s)
         rule, rng = bind(item.rule, ESTIMATOR_ARGUMENTS, started), draws(f"localization.{name}")
         stages = [FilterStage(1, *rule, rng, readings, pose)]
     return stages + _start_filters("localization", filters, channels, pose, 1, draws)
@@ -190,5 +190,6 @@ def _start_filter(
             f"{type(item).__name__}.effect: must be one of {', '.join(EFFECTS)}, not {effect!r}; "
             f"correct the class"
         )
-    rule = bind(item.rule, FILTER_ARGUMENTS, item.start(channels, onset, rng))
+    started = start_part(item.start, channels, onset, rng)
+    rule = bind(item.rule, FILTER_ARGUMENTS, started)
     return FilterStage(every, *rule, rng, NO_VALUES, values)

@@ -175,8 +175,8 @@ def meet_shape(
     x, y, z = origin
     dx, dy, dz = rays[i, 0], rays[i, 1], rays[i, 2]
     entered = -behind + cast_rays(
-        row, faces, frame, x - behind * dx, y - behind * dy, z - behind * dz,
-        rays, i, i + 1, math.inf, rays[i], -1,
+        row, faces, frame, (x - behind * dx, y - behind * dy, z - behind * dz),
+        rays[i : i + 1], math.inf, rays[i, :0],
     )  # fmt: skip
     if housing <= entered < math.inf:
         return entered
@@ -185,8 +185,8 @@ def meet_shape(
     if limit == math.inf:
         return math.inf
     left = _OUTSIDE_M - cast_rays(
-        row, faces, frame, x + _OUTSIDE_M * dx, y + _OUTSIDE_M * dy, z + _OUTSIDE_M * dz,
-        backward, i, i + 1, math.inf, rays[i], -1,
+        row, faces, frame, (x + _OUTSIDE_M * dx, y + _OUTSIDE_M * dy, z + _OUTSIDE_M * dz),
+        backward[i : i + 1], math.inf, rays[i, :0],
     )  # fmt: skip
     if left <= limit:
         return math.inf

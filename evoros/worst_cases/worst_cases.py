@@ -4,10 +4,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from evoros.base.checks import COUNT, NOT_NEGATIVE, WHOLE, Rule, checked, instance_of, is_number
+from evoros.base.checks import (
+    COUNT,
+    NOT_NEGATIVE,
+    NOT_NEGATIVES,
+    WHOLE,
+    Rule,
+    checked,
+    instance_of,
+    is_number,
+)
 from evoros.base.errors import InputError
 from evoros.certificate.validation import CONFIDENCE
-from evoros.failure.exhaustive import TIMES
 from evoros.filter.protocol import A_FILTER, Filter
 from evoros.filter.silence import Silence
 from evoros.mission.plan import MOST_REPEATS
@@ -29,7 +37,7 @@ class WorstCases:
     """
 
     most: Annotated[int, COUNT] = 6  # sensors that fail
-    times_s: Annotated[Sequence[float], TIMES] = (0.0, 40.0, 80.0)  # when all of a set fail
+    times_s: Annotated[Sequence[float], NOT_NEGATIVES] = (0.0, 40.0, 80.0)  # when all of a set fail
     latest_s: Annotated[float, NOT_NEGATIVE] = 80.0  # of mutants, from the first of times_s on
     max_cases: Annotated[int, COUNT] = 500  # of one size that are tried one by one
     rounds: Annotated[int, WHOLE] = 2  # of mutants, at each size

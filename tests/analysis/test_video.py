@@ -108,7 +108,7 @@ def looked() -> Iterator[LOOK]:
         def look(camera: Camera, x: float, y: float, yaw: float) -> Picture:
             robot.move((x, y, 0.0), Pose.from_rpy((0.0, 0.0, 0.0), 0.0, 0.0, yaw).quaternion, {})
             picture = scene.render(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
-            assert set(np.unique(picture.bodies)) == {-1, robot.number}
+            assert set(np.unique(picture.bodies)) == {-1, robot.body}
             return picture
 
         yield look
@@ -390,7 +390,7 @@ def test_links_that_show_meshes_show_what_collides_instead(urdf: str) -> None:
     for ranges_m in (urdf, urdf.replace(cylinder, mesh)):
         with open_scene([ranges_m], []) as scene:
             seen = scene.render(camera.view, camera.projection, camera.size, (0.0, 0.0, 1.0))
-        covered.append(int((seen.bodies == scene.robots[0].number).sum()))
+        covered.append(int((seen.bodies == scene.robots[0].body).sum()))
     assert covered[1] == pytest.approx(covered[0], rel=0.1)
     assert 3 * covered[0] > covered[1]
 

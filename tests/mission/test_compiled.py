@@ -33,6 +33,7 @@ from evoros.mission.mission import Mission
 from evoros.mission.rollout import run_mission
 from evoros.mission.start import collect_inputs
 from evoros.preflight.preflight import preflight
+from evoros.robot.model import Robot
 from evoros.simulator.engines.planar_rules import advance, observe
 from evoros.simulator.engines.planar_sensing import sense
 from evoros.simulator.protocol import RuleSimulation, SimulationRules
@@ -234,6 +235,12 @@ class Flat(Smooth):
 
 
 @dataclass(frozen=True)
+class Short(Smooth):
+    def start(self, channels: Channels, onset: Array, rng: Generator) -> Started:
+        return None, Memory()  # type: ignore[call-arg]
+
+
+@dataclass(frozen=True)
 class Vague(Smooth):
     effect: ClassVar[str] = "worsens"
 
@@ -249,6 +256,11 @@ class Vague(Smooth):
         (with_state, Smooth, "with_state: must take arguments of parameters, .* time, not state"),
         (smooth, Forgetful, "smooth: must not take memory, because its start returns none"),
         (smooth, Listed, r"smooth: its start must return the parameters as a named tuple.*\[0"),
+        (
+            smooth,
+            Short,
+            r"Short\.start: its Memory must have .* field \(missing .* 'before'\); correct",
+        ),
         (smooth, Flat, r"Memory\.before: must be an array of one dimension of float64"),
         (smooth, Vague, r"Vague\.effect: must be one of ends, alters, grows, not 'worsens'"),
     ],
@@ -258,6 +270,52 @@ def test_a_wrong_rule_is_refused_in_one_line(
 ) -> None:
     with pytest.raises(InputError, match=message) as error:
         preflight(with_filter(rule, kind))
+    assert "\n" not in str(error.value)
+
+
+class Lost(NamedTuple):
+    pose: Array
+    speed: float
+
+
+@dataclass(frozen=True)
+class Careless:
+    """A layer and an estimator, whose starts leave out a field."""
+
+    mode: ClassVar[str] = "avoiding"
+
+    def start(self, robot: Robot, period: float, rng: Generator) -> Started:
+        return Lost(speed=1.0)  # type: ignore[call-arg]
+
+    def start_estimate(self, robot: Robot, period: float) -> Started:
+        return Lost(np.zeros(2))  # type: ignore[call-arg]
+
+    @staticmethod
+    def rule() -> bool:
+        return False
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"avoidance": Careless()},
+            r"Careless\.start: its Lost must .* \(missing .* 'pose'\)",
+        ),
+        (
+            {"localization": {"own": Careless()}},
+            r"Careless\.start_estimate: its Lost must .* \(missing .* 'speed'\)",
+        ),
+    ],
+    ids=["layer", "localization"],
+)
+def test_a_start_that_leaves_out_a_field_is_refused_in_one_line(
+    changes: dict[str, Any], message: str
+) -> None:
+    experiment = experiment_of()
+    controller = replace(experiment.controller, **changes)  # type: ignore[type-var]
+    with pytest.raises(InputError, match=message) as error:
+        preflight(replace(experiment, controller=controller))
     assert "\n" not in str(error.value)
 
 
