@@ -1,4 +1,4 @@
-"""The text in the pictures of a replay: progress of the mission, and meanings of the colours."""
+"""The text in the pictures of a video: progress of the mission, and meanings of the colours."""
 
 from collections.abc import Sequence
 from functools import cache

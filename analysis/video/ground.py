@@ -1,4 +1,4 @@
-"""The ground of a replay, painted from above: grid, course, shadows, the path so far."""
+"""The ground of a video, painted from above: grid, course, shadows, the path so far."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence

@@ -48,7 +48,7 @@ def make_product(study: Study, options: argparse.Namespace) -> Product:
     encode = encode_gif if options.format == "gif" else encode_mp4
     video = encode(_show_progress(film(mission, chosen), count), chosen.fps)
     message = f"{record.name}: the champion in {name}, at {chosen.speed:g} times real time"
-    return Product(messages=[message], files={f"replay.{options.format}": video})
+    return Product(messages=[message], files={f"video.{options.format}": video})
 
 
 def _parse_options(options: argparse.Namespace, title: str) -> RenderOptions:
