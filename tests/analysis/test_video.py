@@ -484,7 +484,8 @@ def test_the_example_films_another_mission(
     (tmp_path / "outputs" / "mine").symlink_to(run.path)
     monkeypatch.chdir(tmp_path)
     less = block.replace("RenderOptions(", "RenderOptions(size=(64, 64), end_s=1.0, ")
-    exec(less.replace("int(row.trial)\n", f"int(row.trial), {str(USER_PARTS)!r}\n"), {})
+    assert "evoros.replay(run.path, key)" in less
+    exec(less.replace("run.path, key)", f"run.path, key, {str(USER_PARTS)!r})"), {})
     with av.open("worst.mp4") as container:
         assert container.streams.video[0].frames == 4  # 1 s of the mission in steps of 0.4 s
 

@@ -46,11 +46,12 @@ def obedient(
 def command(
     entry: str, *arguments: str, cwd: Path, **environment: str
 ) -> tuple[int, str, list[str]]:
-    """The exit status of a command, what it prints and the lines of its messages."""
+    """The exit status of a command, its output and its messages, without lines of progress."""
     code = f"from {entry} import main; main()"
     process = obedient(code, [*arguments], cwd, **environment)
     output, errors = process.communicate(timeout=LIMIT_S)
-    return process.returncode, output, errors.splitlines()
+    messages = [line for line in errors.splitlines() if " | after 0:" not in line]
+    return process.returncode, output, messages
 
 
 @contextmanager

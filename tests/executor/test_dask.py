@@ -202,7 +202,7 @@ def test_a_call_that_kills_the_process_beside_its_worker_is_lost_and_the_worker_
             pool.submit(kill_companion, tally).result(LIMIT_S)
         assert [pool.submit(square, n).result(LIMIT_S) for n in range(4)] == [0, 1, 4, 9]
     assert "\n" not in str(loss.value)
-    assert len(noted(tally)) == 2
+    assert len(noted(tally)) >= 2  # dask begins one more if the worker missed its heartbeats
     assert wait_until(lambda: not any(map(alive, noted(tally))), LIMIT_S)
 
 
